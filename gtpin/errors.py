@@ -1,0 +1,79 @@
+"""The one family of errors, each with what was wrong, where, and what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class GtpinError(Exception):
+    """Something that gtpin can't do with what it was given.
+
+    Parameters
+    ----------
+    what
+        What was wrong, in one sentence without a full stop.
+    file, row, column
+        Where: the file, its line (1 is the header of a table), its column or key.
+    hint
+        What to do about it.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        file: Path | str | None = None,
+        row: int | None = None,
+        column: str | None = None,
+        hint: str | None = None,
+    ) -> None:
+        self.what = what
+        self.file = file
+        self.row = row
+        self.column = column
+        self.hint = hint
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        where = [str(self.file)] if self.file is not None else []
+        where += [f"row {self.row}"] if self.row is not None else []
+        where += [f"column {self.column}"] if self.column is not None else []
+        text = f"{', '.join(where)}: {self.what}" if where else self.what
+        text = f"{text}; {self.hint}" if self.hint else text
+        return " ".join(text.split())
+
+
+class RobotError(GtpinError):
+    """A robot description that can't be read, or that is no robot."""
+
+
+class DatasetError(GtpinError):
+    """A dataset that can't be read, or whose numbers can't be what they claim to be."""
+
+
+class ModelError(GtpinError):
+    """A model file that can't be read, or that can't do what was asked."""
+
+
+class ClosureError(GtpinError):
+    """The loops can't be closed at the posture that was asked for."""
+
+
+class UnreachableError(ClosureError):
+    """No posture closes the loops there."""
+
+
+class SingularityError(ClosureError):
+    """The posture is, or the way to it passes, too near a singularity."""
+
+
+class AssemblyModeError(ClosureError):
+    """The posture belongs to another assembly mode than the robot's home."""
+
+
+class ConvergenceError(GtpinError):
+    """A solver that did not converge; its last iterate is not a result."""
+
+
+class GtpinWarning(UserWarning):
+    """Something that was noticed, set aside or assumed, and that the user should know."""
