@@ -1,0 +1,127 @@
+"""Identify a robot's geometry from a dataset."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.result import Calibration
+from gtpin.calibration.rounds import Progress, Rounds
+from gtpin.data import Dataset, check_plausible
+from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import from_quaternions
+from gtpin.model import Frame, Model
+from gtpin.robot.geometry import Geometry, Per
+from gtpin.robot.library import load_robot
+from gtpin.robot.robot import Robot
+
+Mask = npt.NDArray[np.bool_]
+
+
+def calibrate(
+    dataset: Dataset,
+    robot: Robot | None = None,
+    *,
+    directions: Per = "actuator",
+    scale: Per | None = None,
+    without: Iterable[str] = (),
+    progress: Progress | None = None,
+) -> Calibration:
+    """Identify joint offsets, rod lengths and track geometry by Gauss-Newton with manufacturing tolerances as priors.
+
+    Parameters
+    ----------
+    dataset
+        Measured poses.
+    robot
+        The nominal robot; the one that the dataset names by default.
+    directions, scale, without
+        Which parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
+        joints, lengths and one direction per cart.
+    progress
+        Called with what is being done, the iteration, and the size of the residuals in units of the noise.
+
+    Returns
+    -------
+    calibration
+        Values, sigmas, what was learned, and the calibrated model.
+
+    Raises
+    ------
+    DatasetError
+        If the dataset can't be one of this robot, or is too small.
+    ConvergenceError
+        If the fit does not converge.
+
+    Warns
+    -----
+    GtpinWarning
+        Of poses that are set aside, by name.
+    """
+    robot = load_robot(dataset.robot_reference) if robot is None else robot
+    geometry = Geometry.nominal(
+        robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=tuple(without)
+    )
+    nominal = Model(geometry)
+    poses = nominal.kinematics.forward(_with_actuators_of(robot, dataset).q)
+    reached = _plausible(dataset, nominal, poses)
+    kept, poses = dataset.take(reached), poses[reached]
+    measured = measured_poses(kept)
+    free = dataset.instrument.frame == "free"
+    _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
+    start = Model(geometry, rough_frame(poses, measured) if free else Frame())
+    settled = Rounds(start, measured, kept.visits, poses, kept.instrument, progress).run()
+    if not settled.used.all():
+        named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
+        warnings.warn(f"set aside as gross errors: poses {named}", GtpinWarning, stacklevel=2)
+    aside = np.ones(len(dataset), dtype=bool)
+    aside[np.flatnonzero(reached)[settled.used]] = False
+    rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
+    return Calibration.of(settled, start.seen(poses[settled.used]), rejected)
+
+
+def measured_poses(dataset: Dataset) -> Measured:
+    """A dataset's poses, with rotations as matrices."""
+    R = None if dataset.orientation is None else from_quaternions(dataset.orientation)
+    return Measured(dataset.q, dataset.position, R)
+
+
+def _with_actuators_of(robot: Robot, dataset: Dataset) -> Dataset:
+    if dataset.n_actuators != robot.n_actuators:
+        raise DatasetError(
+            f"{dataset.n_actuators} commands a pose, but {robot.name} has {robot.n_actuators} actuators",
+            file=dataset.file,
+            hint=f"give q1 .. q{robot.n_actuators}",
+        )
+    return dataset
+
+
+def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
+    """(N,) the rows that the robot can reach; an error where the data can't be the robot's."""
+    robot, geometry = nominal.robot, nominal.geometry
+    lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
+    return check_plausible(
+        dataset,
+        names=robot.sites,
+        lower=robot.lower,
+        upper=robot.upper,
+        revolute=robot.revolute,
+        predicted_position=poses.T,
+        predicted_rotation=poses.R,
+        reach=max(0.05, 50.0 * max(lengths, default=0.0)),
+    )
+
+
+def _check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:
+    numbers = len(measured.T) * measured.components
+    if numbers <= unknowns:
+        raise DatasetError(
+            f"{len(measured.T)} usable rows give {numbers} numbers for {unknowns} parameters",
+            file=dataset.file,
+            hint=f"measure at least {unknowns // measured.components + 1} poses, or leave parameters out",
+        )

@@ -1,0 +1,134 @@
+"""Gauss-Newton with priors, and Levenberg-Marquardt damping where a full step does not lower the cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from gtpin.calibration.problem import Point, Problem
+from gtpin.errors import ConvergenceError
+
+Floats = npt.NDArray[np.float64]
+
+MAX_ITERATIONS = 50
+MAX_DAMPING = 1e12
+STEP = 1e-7
+"""Step, in tolerances, at which the fit has converged."""
+DECREASE = 1e-10
+"""Decrease of the cost that a step promises, per unit of cost, at which the fit has converged."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A converged fit.
+
+    Parameters
+    ----------
+    problem
+        What was fitted.
+    point
+        Where the cost is smallest.
+    residual
+        (N, c) whitened measured less predicted.
+    weight
+        (N,) weights of the poses at the end.
+    information
+        (size, size) J'WJ of the data alone.
+    iterations
+        Steps taken.
+    """
+
+    problem: Problem
+    point: Point
+    residual: Floats
+    weight: Floats
+    information: Floats
+    iterations: int
+
+    @property
+    def covariance(self) -> Floats:
+        """(size, size) covariance of x given the data and the prior, for noise of unit weight."""
+        return np.asarray(np.linalg.inv(self.information + np.diag(self.problem.prior)))
+
+    @property
+    def taken(self) -> float:
+        """Freedoms that the fit took from the data: what was learned, summed over all directions."""
+        return float(len(self.information) - np.diag(self.covariance) @ self.problem.prior)
+
+
+def fit(
+    problem: Problem,
+    weigh: Callable[[Floats], Floats],
+    x: Floats | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
+    """Minimise the weighted squares of the whitened residuals plus the prior's.
+
+    Parameters
+    ----------
+    problem
+        What to fit.
+    weigh
+        Weights (N,) of the poses from whitened residuals (N, c): iteratively reweighted least squares.
+    x
+        Where to start: nominal by default.
+    progress
+        Called with the iteration and the root mean square of the weighted residuals.
+
+    Raises
+    ------
+    ConvergenceError
+        If the cost has no minimum that can be reached within 50 steps.
+    """
+    point = problem.point(np.zeros(problem.size) if x is None else x)
+    if not point.poses.reached.all():
+        raise ConvergenceError(
+            f"{np.count_nonzero(~point.poses.reached)} poses can't be reached by the geometry that the fit starts from",
+            hint="leave them out",
+        )
+    residual = problem.residual(point)
+    damping = 0.0
+    for iteration in range(MAX_ITERATIONS):
+        weight = weigh(residual)
+        information, gradient = problem.normal_equations(point, residual, weight)
+        gradient = gradient - problem.prior * point.x
+        cost = _cost(problem, point.x, residual, weight)
+        if progress is not None:
+            progress(iteration, float(np.sqrt((weight[:, None] * residual**2).mean())))
+        while True:
+            step = _step(information + np.diag(problem.prior), gradient, damping)
+            promised = float(step @ gradient) / 2.0
+            if damping == 0.0 and (np.abs(step).max() <= STEP or promised <= DECREASE * max(cost, 1.0)):
+                return Fit(problem, point, residual, weight, information, iteration)
+            trial = problem.point(point.x + step, point.poses)
+            if trial.poses.reached.all():
+                trial_residual = problem.residual(trial)
+                if _cost(problem, trial.x, trial_residual, weight) < cost:
+                    point, residual = trial, trial_residual
+                    damping = damping / 10.0 if damping > 1e-6 else 0.0
+                    break
+            if damping > MAX_DAMPING:
+                raise ConvergenceError("the fit has not converged: no step lowers its cost", hint=_HINT)
+            damping = max(10.0 * damping, 1e-3)
+    raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)
+
+
+_HINT = "check units and tolerances, and whether the poses are the robot's"
+
+
+def _cost(problem: Problem, x: Floats, residual: Floats, weight: Floats) -> float:
+    return float((weight[:, None] * residual**2).sum() + (problem.prior * x**2).sum()) / 2.0
+
+
+def _step(curvature: Floats, gradient: Floats, damping: float) -> Floats:
+    damped = curvature + damping * np.diag(np.diag(curvature))
+    try:
+        return np.asarray(cho_solve(cho_factor(damped), gradient))
+    except LinAlgError:
+        raise ConvergenceError(
+            "the fit has no unique minimum", hint="measure more poses, or leave parameters out"
+        ) from None

@@ -1,0 +1,185 @@
+"""The noise of measured poses: the instrument's, and the machine's own repeatability."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize, minimize_scalar
+
+Floats = npt.NDArray[np.float64]
+
+LEAST_CONTRASTS = 8
+"""Repeated visits, beyond the first of each pose, below which the scatter between them says too little."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One-sigma noise of every measured pose.
+
+    Parameters
+    ----------
+    position_sigma
+        Per axis, m; with a station, the root mean square over its axes at the mean range.
+    orientation_sigma
+        Per axis, rad.
+    repeatability
+        Of every actuator, in units of its command: the scatter of the machine itself.
+    sight
+        (N, 3) unit vectors from the instrument to the poses, or None where the station is not known.
+    reach
+        (N,) distance from the instrument over its mean, with ``sight``.
+    range_ratio
+        Noise along the line of sight over noise across it at the mean range.
+    source
+        Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
+    """
+
+    position_sigma: float
+    orientation_sigma: float
+    repeatability: float = 0.0
+    sight: Floats | None = None
+    reach: Floats | None = None
+    range_ratio: float = 1.0
+    source: str = "declared"
+
+    def covariance(self, command_jacobian: Floats, components: int) -> Floats:
+        """(N, c, c) covariance of the measured pose: position alone (c = 3) or with the rotation vector (c = 6).
+
+        Parameters
+        ----------
+        command_jacobian
+            (N, 6, n) derivative of the pose by the commands, in the frame that was measured in.
+        """
+        count = len(command_jacobian)
+        covariance = np.zeros((count, components, components))
+        covariance[:, :3, :3] = self.position_sigma**2 * self._shape(count)
+        if components == 6:
+            covariance[:, 3:, 3:] = self.orientation_sigma**2 * np.eye(3)
+        if self.repeatability > 0.0:
+            J = command_jacobian[:, :components]
+            covariance += self.repeatability**2 * (J @ np.swapaxes(J, 1, 2))
+        return covariance
+
+    def whitening(self, command_jacobian: Floats, components: int) -> Floats:
+        """(N, c, c) matrices W with W'W the inverse of the covariance."""
+        lower = np.linalg.cholesky(self.covariance(command_jacobian, components))
+        return np.asarray(np.linalg.inv(lower))
+
+    def scaled(self, factor: float) -> Noise:
+        """The same noise, every sigma larger by a factor."""
+        return replace(
+            self,
+            position_sigma=self.position_sigma * factor,
+            orientation_sigma=self.orientation_sigma * factor,
+            repeatability=self.repeatability * factor,
+        )
+
+    def take(self, rows: npt.NDArray[np.generic]) -> Noise:
+        """The noise of some of the poses."""
+        if self.sight is None or self.reach is None:
+            return self
+        return replace(self, sight=self.sight[rows], reach=self.reach[rows])
+
+    def _shape(self, count: int) -> Floats:
+        """(N, 3, 3) covariance of a position over position_sigma^2."""
+        if self.sight is None or self.reach is None:
+            return np.broadcast_to(np.eye(3), (count, 3, 3))
+        along = self.sight[:, :, None] * self.sight[:, None, :]
+        across = np.eye(3) - along
+        level = 3.0 / (self.range_ratio**2 + 2.0)
+        return np.asarray(level * (self.range_ratio**2 * along + self.reach[:, None, None] ** 2 * across))
+
+
+def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
+    """Unit vectors (N, 3) from a station to positions (N, 3), and the distances (N,) over their mean."""
+    sight = position - station
+    distance = np.linalg.norm(sight, axis=1)
+    return sight / distance[:, None], distance / distance.mean()
+
+
+def range_ratio(noise: Noise, residual: Floats) -> float:
+    """Noise along the line of sight over noise across it, by maximum likelihood from residuals (N, 3), m.
+
+    The level stays as declared: only residuals' directions are asked, which an unmodelled effect hardly steers.
+    """
+
+    def cost(log_ratio: float) -> float:
+        trial = replace(noise, range_ratio=float(np.exp(log_ratio)))
+        shape = trial._shape(len(residual))
+        mahalanobis = np.einsum("ni,nij,nj->n", residual, np.linalg.inv(shape), residual).sum()
+        # The level is profiled out, so that a lack of fit does not pose as a ratio.
+        return float(1.5 * len(residual) * np.log(mahalanobis) + 0.5 * np.linalg.slogdet(shape)[1].sum())
+
+    found = minimize_scalar(cost, bounds=(np.log(0.05), np.log(3.0)), method="bounded")
+    return float(np.exp(found.x))
+
+
+def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
+    """Differences between visits of one pose that are free of the pose itself.
+
+    Parameters
+    ----------
+    visits
+        (N,) index of each row's pose.
+    values
+        (N, c) measured less predicted.
+
+    Returns
+    -------
+    contrasts, rows
+        (k, c) each of the variance of a single visit and independent of the others (Helmert's), and (k,) one row of
+        its pose.
+    """
+    order = np.argsort(visits, kind="stable")
+    found, rows = [], []
+    boundaries = np.flatnonzero(np.diff(visits[order])) + 1
+    for group in np.split(order, boundaries):
+        for j in range(1, len(group)):
+            found.append((values[group[:j]].mean(axis=0) - values[group[j]]) * np.sqrt(j / (j + 1.0)))
+            rows.append(group[j])
+    return np.array(found).reshape(-1, values.shape[1]), np.array(rows, dtype=np.intp)
+
+
+def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, declared: tuple[bool, bool]) -> Noise:
+    """Noise whose repeatability, and whose sigmas that were not declared, explain the scatter between visits.
+
+    Maximum likelihood over contrasts (k, c), with the derivative (k, 6, n) of the pose by the commands.
+
+    Parameters
+    ----------
+    declared
+        Whether the position's and the orientation's sigma are known.
+    """
+    components = contrast.shape[1]
+    spread = np.median(np.abs(contrast), axis=0) / 0.6745
+    rough = np.array([max(np.median(spread[:3]), 1e-9), max(np.median(spread[3:]), 1e-9) if components == 6 else 1.0])
+    open_ = [i for i in range(2) if not declared[i] and (i == 0 or components == 6)]
+    base = replace(
+        noise,
+        position_sigma=noise.position_sigma if declared[0] else rough[0],
+        orientation_sigma=noise.orientation_sigma if declared[1] else rough[1],
+    )
+    # A unit of repeatability: what would move the TCP by the position's noise.
+    gain = float(np.sqrt((command_jacobian[:, :3] ** 2).sum(axis=(1, 2)).mean() / 3.0))
+    unit = base.position_sigma / max(gain, 1e-12)
+
+    def trial(x: Floats) -> Noise:
+        sigmas = [base.position_sigma, base.orientation_sigma]
+        for value, i in zip(x[1:], open_, strict=True):
+            sigmas[i] *= float(np.exp(value))
+        return replace(
+            base, position_sigma=sigmas[0], orientation_sigma=sigmas[1], repeatability=unit * float(np.sqrt(x[0]))
+        )
+
+    def cost(x: Floats) -> float:
+        covariance = trial(x).covariance(command_jacobian, components)
+        solved = np.linalg.solve(covariance, contrast[..., None])[..., 0]
+        return float(0.5 * (np.linalg.slogdet(covariance)[1].sum() + np.einsum("ni,ni->", contrast, solved)))
+
+    starts = [np.array([0.05] + [0.0] * len(open_)), np.array([1.0] + [-0.5] * len(open_))]
+    bounds = [(0.0, 1e4)] + [(-5.0, 5.0)] * len(open_)
+    found = [minimize(cost, start, bounds=bounds, method="L-BFGS-B") for start in starts]
+    best = trial(min(found, key=lambda result: float(result.fun)).x)
+    return replace(best, source="declared" if all(declared) else "repeats")

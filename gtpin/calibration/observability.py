@@ -1,0 +1,97 @@
+"""What the data say about the geometry: directions learned, directions that they can't see, observability indices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+UNSEEN = 0.5
+"""A direction counts as unobservable where the data took away less than this part of the tolerance's square."""
+NAMED = 0.1
+"""Smallest weight of a parameter that is named in a direction."""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction in parameter space.
+
+    Parameters
+    ----------
+    weights
+        By parameter, in units of tolerance, of a unit vector; the largest first, small ones left out.
+    learned
+        How much of the tolerance's square the data took away along it.
+    """
+
+    weights: dict[str, float]
+    learned: float
+
+
+@dataclass(frozen=True)
+class Observability:
+    """What the data say about the geometry, in units of tolerance.
+
+    Parameters
+    ----------
+    learned
+        (p,) how much of the tolerance's square was taken away along each principal direction, smallest first.
+    directions
+        (p, p) those directions, one a column.
+    indices
+        O1 to O5 of the scaled whitened Jacobian's singular values s_1 >= ... >= s_p of m rows: (prod s)^(1/p) / sqrt(m),
+        s_p / s_1, s_p, s_p^2 / s_1, 1 / sum(1 / s) (Borm and Menq 1991; Driels and Pathre 1990; Nahvi et al. 1994; Nahvi
+        and Hollerbach 1996; Sun and Hollerbach 2008).
+    """
+
+    learned: Floats
+    directions: Floats
+    indices: dict[str, float]
+
+    def unobservable(self, names: tuple[str, ...]) -> tuple[Direction, ...]:
+        """The directions that the data can't see, the least seen first."""
+        found = []
+        for k in np.flatnonzero(self.learned < UNSEEN):
+            vector = self.directions[:, k]
+            vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
+            order = np.argsort(-np.abs(vector))
+            weights = {names[i]: float(vector[i]) for i in order if abs(vector[i]) >= NAMED}
+            found.append(Direction(weights, float(self.learned[k])))
+        return tuple(found)
+
+
+def observability(information: Floats, n_geometry: int, rows: int) -> Observability:
+    """Analyse the information of the data.
+
+    Parameters
+    ----------
+    information
+        (size, size) J'J of the whitened data alone, the geometry first, in tolerances, then what has no prior.
+    n_geometry
+        How many belong to the geometry.
+    rows
+        Number of measured components.
+    """
+    own = information[:n_geometry, :n_geometry]
+    if len(information) > n_geometry:  # what the free frame takes for itself is not there for the geometry
+        cross, free = information[:n_geometry, n_geometry:], information[n_geometry:, n_geometry:]
+        own = own - cross @ np.linalg.solve(free, cross.T)
+    values, vectors = np.linalg.eigh((own + own.T) / 2.0)
+    values = np.maximum(values, 0.0)
+    return Observability(values / (1.0 + values), vectors, _indices(np.sqrt(values[::-1]), rows))
+
+
+def _indices(s: Floats, rows: int) -> dict[str, float]:
+    if not s.size:
+        return {}
+    regular = bool(s[-1] > 1e-12 * s[0])
+    return {
+        "O1": float(np.exp(np.log(s).mean()) / np.sqrt(rows)) if regular else 0.0,
+        "O2": float(s[-1] / s[0]) if s[0] > 0.0 else 0.0,
+        "O3": float(s[-1]),
+        "O4": float(s[-1] ** 2 / s[0]) if s[0] > 0.0 else 0.0,
+        "O5": float(1.0 / (1.0 / s).sum()) if regular else 0.0,
+    }

@@ -1,0 +1,172 @@
+"""The least-squares problem of a calibration: whitened pose residuals and their derivatives, in chunks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp, left_jacobian, skew
+from gtpin.model import Frame, Model
+
+Floats = npt.NDArray[np.float64]
+
+CHUNK = 4096
+"""Poses whose derivatives are held in memory at once."""
+FRAME_UNIT = 1e-3
+"""Unit, m and rad, of the instrument's pose in x: of the size of tolerances, so that x is evenly scaled."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Measured poses: commands q (N, n), positions (N, 3), m, rotations (N, 3, 3) or None; instrument's frame."""
+
+    q: Floats
+    T: Floats
+    R: Floats | None
+
+    @property
+    def components(self) -> int:
+        """Numbers measured per pose."""
+        return 3 if self.R is None else 6
+
+    def take(self, rows: npt.NDArray[np.generic]) -> Measured:
+        """Some of the poses."""
+        return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
+
+    def minus(self, predicted: Poses) -> Floats:
+        """(N, c) measured less predicted: position, m, and rotation vector, rad, instrument's frame."""
+        if self.R is None:
+            return self.T - predicted.T
+        return Poses(self.T, self.R).minus(predicted)
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point x on the way of the fit: the model there, and its poses in the base frame at the measured commands."""
+
+    x: Floats
+    model: Model
+    poses: Poses
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is fitted: x holds deviations of the geometry in tolerances, then the instrument's pose if that is free.
+
+    Parameters
+    ----------
+    start
+        Where x is zero: nominal geometry, and a first guess of the instrument's pose.
+    measured
+        The poses to be met.
+    whitening
+        (N, c, c) see :class:`~gtpin.calibration.noise.Noise`.
+    free_frame
+        Whether the instrument's pose is identified too.
+    """
+
+    start: Model
+    measured: Measured
+    whitening: Floats
+    free_frame: bool
+
+    @property
+    def n_geometry(self) -> int:
+        """Number of geometric parameters."""
+        return len(self.start.geometry.parameters)
+
+    @property
+    def size(self) -> int:
+        """Length of x."""
+        return self.n_geometry + (6 if self.free_frame else 0)
+
+    @property
+    def prior(self) -> Floats:
+        """(size,) weight of each x squared: one for a tolerance, none for the instrument's pose."""
+        return np.concatenate([np.ones(self.n_geometry), np.zeros(self.size - self.n_geometry)])
+
+    def point(self, x: Floats, near: Poses | None = None) -> Point:
+        """The model at x, and its poses; NaN where it can't reach one."""
+        geometry = self.start.geometry
+        model = Model(geometry.with_values(geometry.values + geometry.tolerance * x[: self.n_geometry]), self._frame(x))
+        return Point(x, model, model.kinematics.forward(self.measured.q, near))
+
+    def residual(self, point: Point) -> Floats:
+        """(N, c) whitened measured less predicted."""
+        return self.whiten(self.measured.minus(point.model.seen(point.poses)))
+
+    def whiten(self, values: Floats) -> Floats:
+        """(N, c) values in units of the noise."""
+        return np.asarray(np.einsum("nij,nj->ni", self.whitening, values))
+
+    def normal_equations(self, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
+        """J'WJ (size, size) and J'Wr (size,) of the data alone, J the derivative of the whitened prediction by x."""
+        information, gradient = np.zeros((self.size, self.size)), np.zeros(self.size)
+        for rows in self.chunks():
+            J = self.jacobian(point, rows) * np.sqrt(weight[rows])[:, None, None]
+            flat = J.reshape(-1, self.size)
+            information += flat.T @ flat
+            gradient += flat.T @ (residual[rows] * np.sqrt(weight[rows])[:, None]).ravel()
+        return information, gradient
+
+    def chunks(self) -> list[slice]:
+        """Slices of rows that fit in memory with their derivatives."""
+        return [slice(i, i + CHUNK) for i in range(0, len(self.measured.T), CHUNK)]
+
+    def jacobian(self, point: Point, rows: slice) -> Floats:
+        """(M, c, size) derivative of the whitened prediction by x, for some rows."""
+        model, poses = point.model, point.poses[rows]
+        J = model.kinematics.geometry_jacobian(self.measured.q[rows], poses) * model.geometry.tolerance
+        J = in_frame(J, model.frame)
+        if self.free_frame:
+            shift, vector = self._frame_change(point.x)
+            motion = np.zeros((len(poses), 6, 6))
+            motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
+            motion[:, :3, 3:] = -skew(model.seen(poses).T - self._pivot - shift)
+            motion[:, :, 3:] = motion[:, :, 3:] @ left_jacobian(vector)
+            J = np.concatenate([J, FRAME_UNIT * motion], axis=2)
+        return np.asarray(self.whitening[rows] @ J[:, : self.measured.components])
+
+    def _frame_change(self, x: Floats) -> tuple[Floats, Floats]:
+        """Shift (3,), m, and rotation vector (3,), rad, of the instrument's view of the robot since the start."""
+        return FRAME_UNIT * x[self.n_geometry : self.n_geometry + 3], FRAME_UNIT * x[self.n_geometry + 3 :]
+
+    @property
+    def _pivot(self) -> Floats:
+        """(3,) what the view turns about: amid the poses, where shift and turn are nearly independent."""
+        return np.asarray(self.measured.T.mean(axis=0))
+
+    def _frame(self, x: Floats) -> Frame:
+        if not self.free_frame:
+            return self.start.frame
+        shift, vector = self._frame_change(x)
+        turn, old = exp(vector), self.start.frame
+        return Frame(self._pivot + shift + turn @ (old.T - self._pivot), turn @ old.R)
+
+
+def in_frame(J: Floats, frame: Frame) -> Floats:
+    """Derivatives (N, 6, p) of poses in the base frame, as the instrument sees them."""
+    if frame.is_base:
+        return J
+    seen = np.empty_like(J)
+    seen[:, :3], seen[:, 3:] = frame.R @ J[:, :3], frame.R @ J[:, 3:]
+    return seen
+
+
+def rough_frame(predicted: Poses, measured: Measured) -> Frame:
+    """Where the base frame lies in the instrument's frame, by the best fit of the positions (Kabsch), or of the rotations
+    where the positions lie on a line.
+    """
+    a, b = predicted.T - predicted.T.mean(axis=0), measured.T - measured.T.mean(axis=0)
+    if measured.R is not None:
+        # Orientation tells the turn even where the positions don't; a metre of position counts as much as a radian.
+        turns = np.einsum("nij,nkj->ik", measured.R, predicted.R)
+    else:
+        turns = np.zeros((3, 3))
+    U, _, Vt = np.linalg.svd(b.T @ a + turns)
+    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    return Frame(measured.T.mean(axis=0) - R @ predicted.T.mean(axis=0), R)
+

@@ -1,0 +1,194 @@
+"""What a calibration found: values with sigmas, what was learned, what the data can't see, and how well it fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.noise import Noise
+from gtpin.calibration.observability import Direction, Observability, observability
+from gtpin.calibration.rounds import Settled
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+CORRELATED = 0.7
+"""Smallest absolute correlation of two parameters that is listed."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibrated model, and how much it can be believed.
+
+    Parameters
+    ----------
+    model
+        Predicts poses with the identified geometry.
+    covariance
+        (p, p) of the geometry's parameters, m, rad and m/m, given the data and the tolerances.
+    observability
+        Directions in parameter space, and indices.
+    noise
+        What the measurements' noise was taken to be.
+    enlarged
+        How many times larger than the noise the residuals are where chi-square shows a lack of fit, else 1; the
+        covariance admits it.
+    freedom
+        Degrees of freedom of the noise's tails; infinite for Gaussian noise.
+    poses, rejected
+        Number of rows that were used, and the ids of poses of which rows were set aside.
+    chi2, dof
+        Squares of the whitened residuals, and measured components less what was learned.
+    iterations
+        Steps of the last fit.
+    residual
+        (poses, 3 or 6) measured less predicted of the rows that were used, m and rad, instrument's frame.
+    residual_before
+        The same for the nominal geometry.
+    """
+
+    model: Model
+    covariance: Floats
+    observability: Observability
+    noise: Noise
+    enlarged: float
+    freedom: float
+    poses: int
+    rejected: tuple[str, ...]
+    chi2: float
+    dof: float
+    iterations: int
+    residual: Floats
+    residual_before: Floats
+
+    @staticmethod
+    def of(settled: Settled, before: Poses, rejected: tuple[str, ...]) -> Calibration:
+        """Sum up the rounds of a calibration.
+
+        Parameters
+        ----------
+        before
+            Nominal poses, as the instrument would see them, of the rows that were used.
+        rejected
+            Ids of the poses set aside.
+        """
+        judged, enlarged = settled.fit, settled.excess
+        final = settled.refit(enlarged) if enlarged > 1.0 else judged
+        problem, geometry = final.problem, final.point.model.geometry
+        components = problem.measured.components
+        information = final.information * settled.tails.kept(components)
+        x_covariance = np.linalg.inv(information + np.diag(problem.prior))
+        p, tolerance = problem.n_geometry, geometry.tolerance
+        return Calibration(
+            model=final.point.model,
+            covariance=x_covariance[:p, :p] * np.outer(tolerance, tolerance),
+            observability=observability(information, p, final.residual.size),
+            noise=settled.noise,
+            enlarged=enlarged,
+            freedom=settled.tails.freedom,
+            poses=len(final.residual),
+            rejected=rejected,
+            chi2=settled.chi2,
+            dof=settled.dof,
+            iterations=judged.iterations,
+            residual=problem.measured.minus(final.point.model.seen(final.point.poses)),
+            residual_before=problem.measured.minus(before),
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.model.geometry.names
+
+    @property
+    def values(self) -> Floats:
+        """(p,) identified values, m, rad, m/m."""
+        return self.model.geometry.values
+
+    @cached_property
+    def sigma(self) -> Floats:
+        """(p,) their standard deviations."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @cached_property
+    def learned(self) -> Floats:
+        """(p,) 1 - (sigma / tolerance)^2: how much of the tolerance the data took away."""
+        return np.asarray(1.0 - (self.sigma / self.model.geometry.tolerance) ** 2)
+
+    @cached_property
+    def correlation(self) -> Floats:
+        """(p, p) correlations of the parameters."""
+        return np.asarray(self.covariance / np.outer(self.sigma, self.sigma))
+
+    @property
+    def unobservable(self) -> tuple[Direction, ...]:
+        """Directions in parameter space that the data can't see, the least seen first."""
+        return self.observability.unobservable(self.names)
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Chi-square per degree of freedom: 1 for a model that fits data whose noise is known."""
+        return self.chi2 / self.dof
+
+    def correlated(self, least: float = CORRELATED) -> list[tuple[str, str, float]]:
+        """Pairs of parameters with at least such an absolute correlation, the strongest first."""
+        i, j = np.triu_indices(len(self.names), 1)
+        rho = self.correlation[i, j]
+        order = [k for k in np.argsort(-np.abs(rho), kind="stable") if abs(rho[k]) >= least]
+        return [(self.names[i[k]], self.names[j[k]], float(rho[k])) for k in order]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``calibration.json``."""
+        before, after = _rms(self.residual_before), _rms(self.residual)
+        return {
+            "schema": "gtpin-calibration/1",
+            "model": "model",
+            "poses": self.poses,
+            "rejected": list(self.rejected),
+            "position_rms_before": before[0],
+            "position_rms_after": after[0],
+            "orientation_rms_before": before[1],
+            "orientation_rms_after": after[1],
+            "chi2_per_dof": self.chi2_per_dof,
+            "iterations": self.iterations,
+            "parameters": [
+                {
+                    "name": p.name,
+                    "value": float(value),
+                    "sigma": float(sigma),
+                    "unit": p.unit,
+                    "nominal": p.nominal,
+                    "tolerance": p.tolerance,
+                    "learned": float(learned),
+                }
+                for p, value, sigma, learned in zip(
+                    self.model.geometry.parameters, self.values, self.sigma, self.learned, strict=True
+                )
+            ],
+            "unobservable": [{"direction": d.weights, "learned": d.learned} for d in self.unobservable],
+            "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in self.correlated()],
+            "observability": self.observability.indices,
+            "degrees_of_freedom": self.dof,
+            "noise": {
+                "position_sigma": self.noise.position_sigma,
+                "orientation_sigma": self.noise.orientation_sigma if self.residual.shape[1] == 6 else None,
+                "repeatability": self.noise.repeatability,
+                "range_ratio": self.noise.range_ratio if self.noise.sight is not None else None,
+                "source": self.noise.source,
+                "tail_freedom": self.freedom if np.isfinite(self.freedom) else None,
+                "enlarged": self.enlarged,
+            },
+        }
+
+
+def _rms(residual: Floats) -> tuple[float, float | None]:
+    """Root mean square length of position (m) and rotation (rad) residuals."""
+    position = float(np.sqrt((residual[:, :3] ** 2).sum(axis=1).mean()))
+    if residual.shape[1] == 3:
+        return position, None
+    return position, float(np.sqrt((residual[:, 3:] ** 2).sum(axis=1).mean()))

@@ -1,0 +1,203 @@
+"""The rounds of a calibration: fit, set gross errors aside, estimate the noise, until nothing changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2
+
+from gtpin.calibration import noise as noises
+from gtpin.calibration import weights
+from gtpin.calibration.gauss_newton import Fit, fit
+from gtpin.calibration.noise import Noise
+from gtpin.calibration.problem import Measured, Problem, in_frame
+from gtpin.data import Instrument
+from gtpin.errors import ConvergenceError
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Progress = Callable[[str, int, float], None]
+
+MAX_ROUNDS = 30
+SETTLED = 1e-3
+"""Relative change of an estimated sigma at which it has settled."""
+LACK_OF_FIT = 1e-3
+"""Chance of a larger chi-square below which the model counts as lacking something."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Where the rounds ended.
+
+    Parameters
+    ----------
+    fit
+        The last fit.
+    used
+        (N,) the poses that are no gross errors.
+    noise, tails
+        What the fit took the noise to be.
+    """
+
+    fit: Fit
+    used: Mask
+    noise: Noise
+    tails: weights.Tails
+
+    @property
+    def chi2(self) -> float:
+        """Squares of the whitened residuals, all counted in full."""
+        return float((self.fit.residual**2).sum())
+
+    @property
+    def dof(self) -> float:
+        """Measured components less what was learned."""
+        return self.fit.residual.size - self.fit.taken
+
+    @property
+    def excess(self) -> float:
+        """How many times larger than the noise the residuals are, where chi-square says that they are; else 1.
+
+        Heavy tails have a scale of their own, which the fit's weights hold already.
+        """
+        if self.tails.heavy or chi2.sf(self.chi2, self.dof) >= LACK_OF_FIT:
+            return 1.0
+        return float(np.sqrt(self.chi2 / self.dof))
+
+    def refit(self, factor: float) -> Fit:
+        """The fit with the noise larger by a factor: its covariance admits what the model lacks."""
+        problem = replace(self.fit.problem, whitening=self.fit.problem.whitening / factor)
+        return fit(problem, self.tails.weigh, self.fit.point.x)
+
+
+@dataclass(frozen=True)
+class Rounds:
+    """What every round starts from.
+
+    Parameters
+    ----------
+    start
+        The nominal model.
+    measured, visits
+        The poses, and (N,) the index of the commands that each visited.
+    near
+        Nominal poses in the base frame.
+    instrument
+        What the dataset declares.
+    progress
+        Called with what is being done, the iteration, and the size of the residuals in units of the noise.
+    """
+
+    start: Model
+    measured: Measured
+    visits: npt.NDArray[np.intp]
+    near: Poses
+    instrument: Instrument
+    progress: Progress | None
+
+    def run(self) -> Settled:
+        """Run until the poses set aside and the noise stay as they are.
+
+        Raises
+        ------
+        ConvergenceError
+            If a fit does not converge, or the rounds do not settle.
+        """
+        J = in_frame(self.start.kinematics.command_jacobian(self.measured.q, self.near), self.start.frame)
+        noise, used = self._first_noise(), np.ones(len(self.near), dtype=bool)
+        outcome = self._fit(used, noise, J, weights.huber, None, "rough fit")
+        for number in range(1, MAX_ROUNDS + 1):
+            left = self.measured.minus(self._predicted(outcome))
+            now_used = ~weights.gross(_whiten(noise, J, left), used)
+            now_noise = self._estimated(noise, outcome, now_used, left, J)
+            if number > 1 and (now_used == used).all() and _same(noise, now_noise):
+                return Settled(outcome, used, noise, tails)
+            used, noise = now_used, now_noise
+            tails = weights.Tails.of(_whiten(noise, J, left)[used])
+            outcome = self._fit(used, noise, J, tails.weigh, outcome.point.x, f"fit {number}")
+        raise ConvergenceError(
+            f"noise and gross errors have not settled in {MAX_ROUNDS} rounds", hint="declare the noise in dataset.toml"
+        )
+
+    @property
+    def _declared(self) -> tuple[bool, bool]:
+        positions_only = self.measured.components == 3
+        return (
+            self.instrument.position_sigma is not None,
+            positions_only or self.instrument.orientation_sigma is not None,
+        )
+
+    def _first_noise(self) -> Noise:
+        sight = reach = None
+        if self.instrument.station is not None:
+            sight, reach = noises.line_of_sight(self.measured.T, np.array(self.instrument.station))
+        # What is not declared starts at a tracker's usual size; only its share in the whole matters until it is estimated.
+        return Noise(
+            self.instrument.position_sigma or 2e-5, self.instrument.orientation_sigma or 5e-5, sight=sight, reach=reach
+        )
+
+    def _fit(
+        self, used: Mask, noise: Noise, J: Floats, weigh: Callable[[Floats], Floats], x: Floats | None, what: str
+    ) -> Fit:
+        def report(iteration: int, rms: float) -> None:
+            if self.progress is not None:
+                self.progress(what, iteration, rms)
+
+        measured = self.measured.take(used)
+        whitening = noise.take(used).whitening(J[used], measured.components)
+        problem = Problem(self.start, measured, whitening, self.instrument.frame == "free")
+        return fit(problem, weigh, x, report)
+
+    def _predicted(self, outcome: Fit) -> Poses:
+        """Poses of a fit's model at all commands, those set aside too."""
+        model = outcome.point.model
+        return model.seen(model.kinematics.forward(self.measured.q, self.near))
+
+    def _estimated(self, noise: Noise, outcome: Fit, used: Mask, left: Floats, J: Floats) -> Noise:
+        """The noise, as far as it is not declared, from repeated visits or else from the residuals."""
+        if noise.sight is not None:
+            noise = replace(noise, range_ratio=noises.range_ratio(noise.take(used), left[used, :3]))
+        contrast, rows = noises.contrasts(self.visits[used], left[used])
+        rows = np.flatnonzero(used)[rows]
+        if len(contrast) >= noises.LEAST_CONTRASTS:
+            told = noises.from_repeats(noise.take(rows), contrast, J[rows], self._declared)
+            return replace(told, sight=noise.sight, reach=noise.reach)
+        return noise if all(self._declared) else self._from_residuals(noise, outcome)
+
+    def _from_residuals(self, noise: Noise, outcome: Fit) -> Noise:
+        """Undeclared sigmas by the residuals' squares, over the freedoms that the fit left in each kind of component."""
+        taken, covariance = np.zeros(self.measured.components), outcome.covariance
+        for rows in outcome.problem.chunks():
+            J = outcome.problem.jacobian(outcome.point, rows) * np.sqrt(outcome.weight[rows])[:, None, None]
+            taken += np.einsum("nci,ij,ncj->c", J, covariance, J, optimize=True)
+        squares = (outcome.weight[:, None] * outcome.residual**2).sum(axis=0)
+        factors = [1.0, 1.0]
+        for i, kind in enumerate((slice(0, 3), slice(3, 6))):
+            freedoms = outcome.weight.sum() * len(taken[kind]) - taken[kind].sum()
+            if not self._declared[i]:
+                factors[i] = float(np.sqrt(squares[kind].sum() / max(freedoms, 1.0)))
+        return replace(
+            noise,
+            position_sigma=noise.position_sigma * factors[0],
+            orientation_sigma=noise.orientation_sigma * factors[1],
+            source="residuals",
+        )
+
+
+def _whiten(noise: Noise, J: Floats, values: Floats) -> Floats:
+    return np.asarray(np.einsum("nij,nj->ni", noise.whitening(J, values.shape[1]), values))
+
+
+def _same(one: Noise, two: Noise) -> bool:
+    pairs = (
+        (one.position_sigma, two.position_sigma),
+        (one.orientation_sigma, two.orientation_sigma),
+        (one.position_sigma + one.repeatability, two.position_sigma + two.repeatability),
+        (one.range_ratio, two.range_ratio),
+    )
+    return all(abs(a - b) <= SETTLED * abs(b) for a, b in pairs)

@@ -1,0 +1,24 @@
+"""Datasets: reading, checking, writing and splitting measured poses."""
+
+from gtpin.data.carts import CartMeasurements
+from gtpin.data.commands import Commands
+from gtpin.data.dataset import Dataset
+from gtpin.data.description import SCHEMA, Conditions, Description, Instrument
+from gtpin.data.plausible import check_commands, check_measurements, check_plausible
+from gtpin.data.split import by_region, by_session, random
+
+__all__ = [
+    "SCHEMA",
+    "CartMeasurements",
+    "Commands",
+    "Conditions",
+    "Dataset",
+    "Description",
+    "Instrument",
+    "by_region",
+    "by_session",
+    "check_commands",
+    "check_measurements",
+    "check_plausible",
+    "random",
+]

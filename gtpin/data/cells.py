@@ -1,0 +1,54 @@
+"""One cell, one row: what a number looks like in text, and what to say of text that is none."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from gtpin.data.names import kind_of
+from gtpin.errors import DatasetError
+
+_MISSING = {"", "na", "n/a", "nan", "<na>", "null", "none", "-"}
+_INFINITE = {"inf", "infinity"}
+_HUGE = re.compile(r"[+-]?[0-9.]+[eE][+]?[0-9]+")
+
+
+def number(text: str) -> float:
+    """Read a decimal number; NaN for what is none, is missing or is not finite."""
+    try:
+        value = float(text)
+    except ValueError:
+        return math.nan
+    # float() also takes Python's 1_000 and other scripts' digits, which nobody means in a table.
+    return value if math.isfinite(value) and "_" not in text and text.isascii() else math.nan
+
+
+def is_missing(text: str) -> bool:
+    """Say whether a cell stands for a number that is not there, or not finite, rather than for a word."""
+    plain = text.strip().lower()
+    return plain in _MISSING or plain.lstrip("+-") in _INFINITE
+
+
+def bad_cell(file: Path, names: Sequence[str], cells: Sequence[str], column: int, row: int) -> DatasetError:
+    """Explain a cell that should have held a number, by what the rest of its row looks like."""
+    text = cells[column].strip()
+    words = [i for i, c in enumerate(cells) if kind_of(names[i]) == "number" and math.isnan(number(c))]
+    numbers = sum(kind_of(name) == "number" for name in names)
+    if [c.strip() for c in cells] == [name.strip() for name in names]:
+        return DatasetError("a second header line", file=file, row=row, hint="delete this line")
+    if all(not c.strip() for c in cells):
+        return DatasetError("every cell of the row is blank", file=file, row=row, hint="delete this line")
+    if row == 2 and len(words) == numbers and not all(is_missing(cells[i]) for i in words):
+        what = "the line under the header has no numbers and looks like a line of units"
+        return DatasetError(what, file=file, row=row, hint="delete it; the units are m, rad, s, kg, N and degC")
+    if not text:
+        what, hint = "the cell is blank", "fill it in, or leave the row out"
+    elif is_missing(text) or _HUGE.fullmatch(text):
+        what, hint = f"{cells[column][:40]!r} is not a finite number", "fill it in, or leave the row out"
+    elif not math.isnan(number(text.replace(",", ".", 1))):
+        what, hint = f"{cells[column][:40]!r} is not a number", "write a decimal point, not a comma"
+    else:
+        what, hint = f"{cells[column][:40]!r} is not a number", "write a plain number in SI units, without its unit"
+    return DatasetError(what, file=file, row=row, column=names[column], hint=hint)

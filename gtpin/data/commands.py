@@ -1,0 +1,92 @@
+"""Commands without measurements: where a model is to be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtpin.data import columns
+from gtpin.data.checks import Rows, unnumbered
+from gtpin.data.files import placed_file, read_table, write_table
+from gtpin.data.ids import Ids
+from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
+from gtpin.data.table import Column, Floats
+from gtpin.errors import DatasetError
+
+
+@dataclass(frozen=True, eq=False)
+class Commands:
+    """N commanded poses of a robot with n actuators.
+
+    Parameters
+    ----------
+    pose
+        (N,) ids, `str`; rows that share one have the same commands.
+    q
+        (N, n) commands, m or rad.
+    covariates
+        By name, (N,) each: `session` as ids, everything else as float64 in SI units.
+    row
+        (N,) line of each row in its file; numbered from 2 where none are given.
+    file
+        Where the rows were read from.
+
+    Raises
+    ------
+    DatasetError
+        Where shapes do not fit, or a value is none that its column can have.
+    """
+
+    pose: Ids
+    q: Floats
+    covariates: Mapping[str, Column] = field(default_factory=dict)
+    row: NDArray[np.int64] = field(default_factory=unnumbered)
+    file: Path | None = None
+
+    def __post_init__(self) -> None:
+        rows = Rows.of(self.file, self.row, len(self.pose))
+        pose, q = rows.ids(self.pose, "pose"), rows.commands(self.q)
+        rows.same_commands(pose, q)
+        covariates = rows.covariates(self.covariates, q.shape[1], TAKEN_IN_POSES)
+        for name, value in {"pose": pose, "q": q, "covariates": covariates, "row": rows.line}.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    @property
+    def n_actuators(self) -> int:
+        """How many actuators the commands are for."""
+        return int(self.q.shape[1])
+
+    @classmethod
+    def read(cls, file: Path | str, n_actuators: int | None = None) -> Commands:
+        """Read a CSV or Parquet file of commands; FILE.parquet stands in for a FILE.csv that is not there.
+
+        Measured columns (`x y z qw qx qy qz`) are passed over, so that a dataset's poses.csv will do.
+        Raises `DatasetError` for a file that can't be read or, where `n_actuators` is given, has another number.
+        """
+        file = Path(file)
+        twin = file.with_suffix(".parquet") if file.name else file
+        if not file.exists() and file.suffix.lower() == ".csv" and twin.exists():
+            file = twin
+        table = read_table(file, ignore=(*POSITION, *ORIENTATION))
+        pose, q = table.column("pose"), columns.commands(table)
+        if n_actuators is not None and q.shape[1] != n_actuators:
+            what = f"the file has {q.shape[1]} columns of commands, the robot {n_actuators} actuators"
+            raise DatasetError(what, file=file, row=1, column=f"q{q.shape[1]}", hint="one for each, q1 .. qn")
+        taken = {"pose", *command_names(q.shape[1]), *POSITION, *ORIENTATION}
+        commands = cls(pose, q, columns.covariates(table, taken), table.row, file)
+        columns.warn_of_covariates(table, taken)
+        return commands
+
+    def write(self, file: Path | str) -> None:
+        """Write a CSV, or Parquet by the suffix, from which `read` gives the same again; whole or not at all."""
+        names = command_names(self.n_actuators)
+        table = {"pose": self.pose, **dict(zip(names, self.q.T, strict=True)), **self.covariates}
+        with placed_file(Path(file)) as beside:
+            write_table(beside, table)

@@ -1,0 +1,217 @@
+"""A dataset: measured poses of a robot, and under what conditions they were measured."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from gtpin.data import columns
+from gtpin.data.carts import CartMeasurements
+from gtpin.data.checks import Rows, unnumbered
+from gtpin.data.commands import Commands
+from gtpin.data.description import (
+    SCHEMA,
+    Conditions,
+    Description,
+    Instrument,
+    describe,
+    read_description,
+    write_description,
+)
+from gtpin.data.files import find_table, placed_folder, read_table, write_table
+from gtpin.data.ids import Ids
+from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
+from gtpin.data.table import Column, Floats
+from gtpin.errors import DatasetError, GtpinWarning
+
+_OWN_FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """N measured TCP poses of a robot with n actuators.
+
+    Parameters
+    ----------
+    robot
+        The robot's name or a path to its URDF, as dataset.toml has it.
+    pose
+        (N,) ids, `str`; rows that share one are visits to the same commands.
+    q
+        (N, n) commands, m or rad.
+    position
+        (N, 3) measured TCP in the instrument's frame, m.
+    orientation
+        (N, 4) unit quaternions, wxyz; None where only positions were measured.
+    covariates
+        By name, (N,) each: `session` as ids, everything else as float64 in SI units (temperatures in degC).
+    instrument, conditions, tolerance
+        What dataset.toml says of them.
+    carts
+        Cart poses, where they were measured.
+    path
+        The folder that holds the dataset.
+    row
+        (N,) line of each row in its file; numbered from 2 where none are given.
+    file
+        The table that the rows were read from.
+
+    Raises
+    ------
+    DatasetError
+        Where shapes do not fit, or a value is none that its column can have.
+    """
+
+    robot: str
+    pose: Ids
+    q: Floats
+    position: Floats
+    orientation: Floats | None = None
+    covariates: Mapping[str, Column] = field(default_factory=dict)
+    instrument: Instrument = field(default_factory=Instrument)
+    conditions: Conditions = field(default_factory=Conditions)
+    tolerance: Mapping[str, float] = field(default_factory=dict)
+    carts: CartMeasurements | None = None
+    path: Path | None = None
+    row: NDArray[np.int64] = field(default_factory=unnumbered)
+    file: Path | None = None
+
+    def __post_init__(self) -> None:
+        description = self._description(self.robot)
+        rows = Rows.of(self.file, self.row, len(self.pose))
+        pose, q = rows.ids(self.pose, "pose"), rows.commands(self.q)
+        rows.same_commands(pose, q)
+        values = {
+            "pose": pose,
+            "q": q,
+            "position": rows.floats(self.position, list(POSITION)),
+            "orientation": None if self.orientation is None else rows.quaternions(self.orientation),
+            "covariates": rows.covariates(self.covariates, q.shape[1], TAKEN_IN_POSES),
+            "robot": description.robot,
+            "tolerance": dict(description.tolerance),
+            "row": rows.line,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    @property
+    def n_actuators(self) -> int:
+        """How many actuators the robot was commanded with."""
+        return int(self.q.shape[1])
+
+    @property
+    def robot_reference(self) -> str | Path:
+        """The name of a robot that gtpin ships, or the absolute path of a URDF (relative paths start at `path`)."""
+        if "/" in self.robot or os.sep in self.robot or self.robot.lower().endswith(".urdf"):
+            return Path(os.path.abspath((self.path or Path()) / self.robot))
+        return self.robot
+
+    @cached_property
+    def visits(self) -> NDArray[np.intp]:
+        """(N,) index of each row's pose among the dataset's sorted pose ids; visits to one pose share it."""
+        visit, _ = pd.factorize(self.pose, sort=True)
+        return visit
+
+    @property
+    def commands(self) -> Commands:
+        """The commands and covariates without what was measured."""
+        return Commands(self.pose, self.q, self.covariates, self.row, self.file)
+
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.integer] | slice | list[int]) -> Dataset:
+        """Give the dataset of some rows, by mask or index, in the order given; carts stay whole."""
+        return replace(
+            self,
+            pose=self.pose[rows],
+            q=self.q[rows],
+            position=self.position[rows],
+            orientation=None if self.orientation is None else self.orientation[rows],
+            covariates={name: values[rows] for name, values in self.covariates.items()},
+            row=self.row[rows],
+        )
+
+    @classmethod
+    def read(cls, path: Path | str) -> Dataset:
+        """Read a dataset folder.
+
+        Raises `DatasetError`, with file, line, column and what to do, for anything that the format does not allow.
+        Warns of columns of words and of covariates that do not vary.
+        """
+        path = Path(path)
+        if path.exists() and not path.is_dir():
+            raise DatasetError("this is a file", file=path, hint="a dataset is the folder that holds dataset.toml")
+        description = read_description(path / "dataset.toml")
+        file = find_table(path, "poses") or path / "poses.csv"
+        table = read_table(file)
+        pose, q, position = table.column("pose"), columns.commands(table), table.matrix(POSITION)
+        taken = {"pose", *command_names(q.shape[1]), *POSITION, *ORIENTATION}
+        carts = find_table(path, "carts")
+        dataset = cls(
+            robot=description.robot,
+            pose=pose,
+            q=q,
+            position=position,
+            orientation=columns.orientation(table),
+            covariates=columns.covariates(table, taken),
+            instrument=description.instrument,
+            conditions=description.conditions,
+            tolerance=description.tolerance,
+            carts=CartMeasurements.read(carts, q.shape[1]) if carts else None,
+            path=path,
+            row=table.row,
+            file=file,
+        )
+        columns.warn_of_covariates(table, taken)
+        still = [name for name, values in dataset.covariates.items() if (values == values[0]).all()]
+        if still:
+            text = f"{file}: these covariates do not vary, so nothing can be told from them: {', '.join(still)}"
+            warnings.warn(text, GtpinWarning, stacklevel=2)
+        return dataset
+
+    def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv") -> None:
+        """Write a dataset folder from which `read` gives the same again, bit by bit; whole or not at all.
+
+        A dataset that is there already is replaced. A relative path to a URDF is rewritten to start at `folder`.
+        Raises `DatasetError` where the folder holds anything else or can't be written.
+        """
+        folder = Path(folder)
+        poses: dict[str, Column] = {"pose": self.pose}
+        poses |= dict(zip(command_names(self.n_actuators), self.q.T, strict=True))
+        poses |= dict(zip(POSITION, self.position.T, strict=True))
+        if self.orientation is not None:
+            poses |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
+        with placed_folder(folder, _OWN_FILES) as beside:
+            write_description(beside / "dataset.toml", self._description(self._robot_seen_from(folder)))
+            write_table(beside / f"poses.{table}", poses | dict(self.covariates))
+            if self.carts is not None:
+                self.carts.write(beside / f"carts.{table}")
+
+    def _description(self, robot: str) -> Description:
+        return describe(
+            {
+                "schema": SCHEMA,
+                "robot": robot,
+                "instrument": self.instrument,
+                "conditions": self.conditions,
+                "tolerance": dict(self.tolerance),
+            }
+        )
+
+    def _robot_seen_from(self, folder: Path) -> str:
+        reference = self.robot_reference
+        if isinstance(reference, str) or self.path is None or os.path.isabs(self.robot):
+            return self.robot
+        if os.path.abspath(folder) == os.path.abspath(self.path):
+            return self.robot
+        return Path(os.path.relpath(reference, os.path.abspath(folder))).as_posix()

@@ -1,0 +1,105 @@
+"""Files: what is read is read whole or refused, what is written appears whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import uuid
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from gtpin.data.csv_file import read_csv
+from gtpin.data.parquet_file import read_parquet
+from gtpin.data.table import Column, Table
+from gtpin.errors import DatasetError
+
+
+def read_bytes(file: Path) -> bytes:
+    """Read a file; raises `DatasetError` where it is missing, a folder or unreadable."""
+    try:
+        return file.read_bytes()
+    except FileNotFoundError:
+        raise DatasetError("the file is missing", file=file, hint="check the path") from None
+    except IsADirectoryError:
+        raise DatasetError("this is a folder, not a file", file=file, hint="check the path") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise DatasetError(f"the file can't be read ({reason})", file=file, hint="check the path and rights") from None
+
+
+def find_table(folder: Path, stem: str) -> Path | None:
+    """Find STEM.csv or STEM.parquet in a folder; None where neither is there, `DatasetError` where both are."""
+    found = [file for suffix in (".csv", ".parquet") if os.path.lexists(file := folder / f"{stem}{suffix}")]
+    if len(found) > 1:
+        what = f"both {stem}.csv and {stem}.parquet are there"
+        raise DatasetError(what, file=folder, hint="keep the one that is meant")
+    return found[0] if found else None
+
+
+def read_table(file: Path, ignore: Collection[str] = ()) -> Table:
+    """Read a CSV, or a Parquet file by its suffix; see `read_csv` and `read_parquet`."""
+    read = read_parquet if file.suffix.lower() == ".parquet" else read_csv
+    return read(file, read_bytes(file), ignore)
+
+
+def write_table(file: Path, columns: Mapping[str, Column]) -> None:
+    """Write columns as CSV, or as Parquet by the file's suffix, so that reading gives the same bits again."""
+    frame = pd.DataFrame(dict(columns))
+    if file.suffix.lower() == ".parquet":
+        frame.to_parquet(file, index=False)
+    else:
+        frame.to_csv(file, index=False, lineterminator="\n", encoding="utf-8")
+
+
+@contextlib.contextmanager
+def placed_file(target: Path) -> Iterator[Path]:
+    """Give a file beside `target` to write to, and move it into place once the block has ended well."""
+    beside = target.with_name(f".{uuid.uuid4().hex}{target.suffix}")
+    try:
+        with _writing(target):
+            yield beside
+            os.replace(beside, target)
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+
+
+@contextlib.contextmanager
+def placed_folder(target: Path, own: Collection[str]) -> Iterator[Path]:
+    """Give a folder beside `target` to write to, and move it into place once the block has ended well.
+
+    A folder that is there already is replaced if it holds nothing but files named in `own`; `DatasetError` otherwise.
+    """
+    target = target.absolute()
+    beside, old = (target.with_name(f".{uuid.uuid4().hex}") for _ in range(2))
+    try:
+        with _writing(target):
+            foreign = sorted(set(os.listdir(target)) - set(own)) if os.path.lexists(target) else []
+            if foreign:
+                what = f"the folder holds other files ({', '.join(foreign[:3])})"
+                raise DatasetError(what, file=target, hint="name a new folder")
+            beside.mkdir(parents=True)
+            yield beside
+            if target.exists():
+                os.replace(target, old)
+            try:
+                os.replace(beside, target)
+            except OSError:
+                if old.exists():
+                    os.replace(old, target)
+                raise
+            shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _writing(target: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DatasetError(f"can't be written ({reason})", file=target, hint="check the path and rights") from None

@@ -1,0 +1,52 @@
+"""Ids of poses and sessions: text, in which a number has one spelling however it was written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ids = NDArray[np.object_]
+
+# A leading zero makes a name ("007"), and so does an exponent without a sign ("1e3" may be a hash).
+_NUMBER = re.compile(r"([+-]?(?:0|[1-9][0-9]{0,300}))(?:\.(0*)([0-9]{0,300}))?([eE][+-][0-9]{1,4})?")
+
+
+def normal_id(value: object) -> str:
+    """Spell one id in its normal form: `2`, `2.0`, `"2"` and `"2.000000000"` all become `"2"`.
+
+    Raises `ValueError`, with a reason to show, for what is blank, not a number or not printable.
+    """
+    text = str(value).strip()
+    if not text:
+        raise ValueError("the cell is blank")
+    if text.lower() in ("nan", "<na>", "nat") or value is None:
+        raise ValueError("the id is missing")
+    if not text.isprintable():
+        raise ValueError("the id has unprintable characters")
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        return text
+    whole, _, fraction, exponent = match.groups()
+    if not fraction and not exponent:
+        return str(int(whole))
+    number = float(text)
+    if not np.isfinite(number):
+        return text
+    return str(int(number)) if number.is_integer() else repr(number)
+
+
+def normal_ids(values: Iterable[Any]) -> Ids:
+    """Spell ids in their normal form, as an (N,) array of `str`; raises `ValueError` like `normal_id`."""
+    known: dict[Any, str] = {}
+    result = []
+    for value in values:
+        if value not in known:
+            known[value] = normal_id(value)
+        result.append(known[value])
+    array = np.empty(len(result), dtype=object)
+    array[:] = result
+    return array

@@ -1,0 +1,66 @@
+"""The names that columns of a dataset may have, and what each name says about its cells."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal
+
+from gtpin.errors import DatasetError
+
+Kind = Literal["id", "number", "any"]
+
+POSITION = ("x", "y", "z")
+ORIENTATION = ("qw", "qx", "qy", "qz")
+IDS = ("pose", "session")
+
+_COVARIATE = re.compile(r"time|session|temp_frame|temp_link|payload|f[xyz]|(?:approach|speed)[1-9][0-9]*")
+# What else a table holds under a name that no covariate can have then.
+TAKEN_IN_POSES = re.compile(r"pose|q[0-9]+|[xyz]|q[wxyz]")
+TAKEN_IN_CARTS = re.compile(r"pose|cart|q|[xyz]|q[wxyz]")
+
+_NUMBERED = re.compile(r"(approach|speed)([0-9]+)")
+_COMMAND = re.compile(r"q([0-9]+)")
+_NUMBER = re.compile(r"q[0-9]*|[xyz]|q[wxyz]|cart|time|temp_frame|temp_link|payload|f[xyz]|(?:approach|speed)[0-9]+")
+
+
+def kind_of(name: str) -> Kind:
+    """Say what the cells of a column are: ids, numbers, or whatever is found there."""
+    if name in IDS:
+        return "id"
+    return "number" if _NUMBER.fullmatch(name) else "any"
+
+
+def is_command(name: str) -> bool:
+    """Say whether a column is one of q1 .. qn."""
+    return _COMMAND.fullmatch(name) is not None
+
+
+def command_names(n_actuators: int) -> list[str]:
+    """List q1 .. qn."""
+    return [f"q{i}" for i in range(1, n_actuators + 1)]
+
+
+def known_lookalike(name: str) -> str | None:
+    """Give the known covariate that a name equals but for case, spaces and dashes; None where it is none."""
+    plain = re.sub(r"[\s_-]+", "_", name.strip().lower())
+    return plain if plain != name and _COVARIATE.fullmatch(plain) else None
+
+
+def is_approach(name: str) -> bool:
+    """Say whether a column is one of approach1 .. approachn."""
+    return re.fullmatch(r"approach[0-9]+", name) is not None
+
+
+def check_covariate_name(name: str, n_actuators: int, taken: re.Pattern[str]) -> None:
+    """Raise `DatasetError` for a name that no covariate of a robot with that many actuators can have."""
+    if not name.strip() or not name.isprintable():
+        raise DatasetError("a covariate needs a printable name", column=repr(name))
+    if taken.fullmatch(name):
+        raise DatasetError("the name is taken by a column that is no covariate", column=name, hint="rename it")
+    numbered = _NUMBERED.fullmatch(name)
+    if numbered and numbered[2] not in {str(i) for i in range(1, n_actuators + 1)}:
+        raise DatasetError(
+            f"there is no actuator {numbered[2]}",
+            column=name,
+            hint=f"{numbered[1]} columns are numbered 1 to {n_actuators}, like q1 .. q{n_actuators}",
+        )

@@ -1,0 +1,91 @@
+"""Reading Parquet, to the same table as the CSV with the same columns."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+
+from gtpin.data.cells import bad_cell
+from gtpin.data.ids import normal_id
+from gtpin.data.names import kind_of
+from gtpin.data.table import Column, Floats, Table, check_header
+from gtpin.data.words import numbers_or_words
+from gtpin.errors import DatasetError
+
+
+def read_parquet(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table:
+    """Read the bytes of a Parquet file; rows are numbered as in a CSV, the first is 2.
+
+    Numbers may be integers, floats, decimals or text that spells them. Raises `DatasetError` like `read_csv`.
+    """
+    try:
+        table = pa.parquet.read_table(pa.BufferReader(data))
+    except (pa.ArrowException, OSError, ValueError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise DatasetError(f"not a Parquet file that can be read ({reason})", file=file, hint="write it anew") from None
+    # pandas keeps an index that is no plain range as a column of this name.
+    kept = [i for i, name in enumerate(table.column_names) if not name.startswith("__index_level_")]
+    table = table.select(kept)
+    names = table.column_names
+    check_header(names, file)
+    if table.num_rows == 0:
+        raise DatasetError("no rows", file=file, hint="it needs at least one")
+    columns: dict[str, Column] = {}
+    for name in names:
+        if name in ignore:
+            continue
+        if kind_of(name) == "id":
+            columns[name] = _ids(file, name, table[name])
+            continue
+        found: Floats | int | None = _floats(table[name])
+        if found is None:
+            found = numbers_or_words(_texts(table[name]))
+        if found is None and kind_of(name) == "any":
+            continue
+        if found is None or isinstance(found, int):
+            index = found or 0
+            cells = [_texts(table[other].slice(index, 1))[0] for other in names]
+            raise bad_cell(file, names, cells, names.index(name), index + 2)
+        columns[name] = found
+    return Table(file, tuple(names), np.arange(2, table.num_rows + 2), columns)
+
+
+def _floats(column: pa.ChunkedArray) -> Floats | None:
+    """Give a column of plain finite numbers as float64; None for any other."""
+    kind = column.type
+    if column.null_count or not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
+        return None
+    values = np.asarray(column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+    return values if np.isfinite(values).all() else None
+
+
+def _texts(column: pa.ChunkedArray) -> list[str]:
+    return ["" if value is None else str(value) for value in _values(column)]
+
+
+def _ids(file: Path, name: str, column: pa.ChunkedArray) -> Column:
+    ids = np.empty(len(column), dtype=object)
+    known: dict[object, str] = {}
+    for index, value in enumerate(_values(column)):
+        key = str(value)
+        if key not in known:
+            try:
+                known[key] = normal_id(value)
+            except ValueError as error:
+                hint = f"give every row a {name}"
+                raise DatasetError(str(error), file=file, row=index + 2, column=name, hint=hint) from None
+        ids[index] = known[key]
+    return ids
+
+
+def _values(column: pa.ChunkedArray) -> list[object]:
+    try:
+        values: list[object] = column.to_pylist()
+    except (pa.ArrowException, ValueError, OverflowError):
+        # Times beyond what Python's datetime holds: words all the same.
+        return ["?"] * len(column)
+    return values

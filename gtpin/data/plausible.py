@@ -1,0 +1,158 @@
+"""Whether a dataset can be of the robot that it names: ranges, units, the order of quaternions, reach."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from gtpin.data.commands import Commands
+from gtpin.data.dataset import Dataset
+from gtpin.data.table import Floats
+from gtpin.errors import DatasetError, GtpinWarning
+
+_NEARLY_ALL = 0.95
+_ROTATION_OFF = 0.2
+_ROTATION_SPREAD = 0.02
+
+
+def check_plausible(
+    dataset: Dataset,
+    *,
+    names: Sequence[str],
+    lower: ArrayLike,
+    upper: ArrayLike,
+    revolute: ArrayLike,
+    predicted_position: ArrayLike,
+    predicted_rotation: ArrayLike,
+    reach: float,
+) -> NDArray[np.bool_]:
+    """Check commands and measurements against a robot; give the (N,) mask of rows to keep.
+
+    See `check_commands` and `check_measurements`, which this calls in turn.
+    """
+    check_commands(dataset, names=names, lower=lower, upper=upper, revolute=revolute)
+    return check_measurements(
+        dataset, predicted_position=predicted_position, predicted_rotation=predicted_rotation, reach=reach
+    )
+
+
+def check_commands(
+    rows: Dataset | Commands, *, names: Sequence[str], lower: ArrayLike, upper: ArrayLike, revolute: ArrayLike
+) -> None:
+    """Check commands against the ranges of a robot's n actuators.
+
+    Parameters
+    ----------
+    names
+        The actuators' names, in the order of q.
+    lower, upper, revolute
+        (n,) ends of each range, m or rad, and whether the actuator turns.
+
+    Raises `DatasetError` for another number of actuators, and for a command further outside its range than the
+    range is wide, saying which unit it looks like. Warns of poses that are a little outside.
+    """
+    low, high, turns = np.asarray(lower, float), np.asarray(upper, float), np.asarray(revolute, bool)
+    if rows.n_actuators != len(names):
+        what = f"{rows.n_actuators} columns of commands, but the robot has {len(names)} actuators ({', '.join(names)})"
+        hint = "name the robot that was measured, or give one column for each actuator"
+        raise DatasetError(what, file=rows.file, column=f"q{rows.n_actuators}", hint=hint)
+    beyond = np.maximum(low - rows.q, rows.q - high)
+    far = beyond > high - low
+    if far.any():
+        index, actuator = (int(i) for i in np.argwhere(far)[0])
+        raise _far_outside(rows, index, actuator, names[actuator], low[actuator], high[actuator], turns[actuator])
+    outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
+    if outside.any():
+        text = f"commands a little outside the robot's range: {_poses(rows, outside)}"
+        warnings.warn(_located(rows, text), GtpinWarning, stacklevel=2)
+
+
+def check_measurements(
+    dataset: Dataset, *, predicted_position: ArrayLike, predicted_rotation: ArrayLike, reach: float
+) -> NDArray[np.bool_]:
+    """Check measurements against a nominal prediction; give the (N,) mask of rows that the robot can reach.
+
+    Parameters
+    ----------
+    predicted_position, predicted_rotation
+        (N, 3) m and (N, 3, 3): the TCP by the nominal model in the base frame, NaN where it can't reach.
+    reach
+        How far geometry within its tolerances may move the TCP, m.
+
+    Raises `DatasetError` for measurements that look like millimetres or quaternions that look like xyzw, and where
+    no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are let pass.
+    """
+    position, rotation = np.asarray(predicted_position, float), np.asarray(predicted_rotation, float)
+    keep: NDArray[np.bool_] = np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
+    if not keep.any():
+        hint = "check that dataset.toml names the robot that was measured"
+        raise DatasetError("the robot can reach none of the poses", file=dataset.file, hint=hint)
+    free = dataset.instrument.frame == "free"
+    if _looks_like_millimetres(dataset.position[keep], position[keep], reach, free):
+        hint = "divide x, y and z by 1000"
+        raise DatasetError("the measured position looks like millimetres", file=dataset.file, column="x y z", hint=hint)
+    if dataset.orientation is not None and _looks_like_xyzw(dataset.orientation[keep], rotation[keep], free):
+        hint = "write them scalar first, as qw qx qy qz"
+        what = "the measured orientation looks like xyzw quaternions"
+        raise DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
+    if not keep.all():
+        text = f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}"
+        warnings.warn(_located(dataset, text), GtpinWarning, stacklevel=2)
+    return keep
+
+
+def _far_outside(
+    rows: Dataset | Commands,
+    index: int,
+    actuator: int,
+    name: str,
+    low: float,
+    high: float,
+    turns: bool,
+) -> DatasetError:
+    right, other, factor = ("rad", "degrees", 180.0 / np.pi) if turns else ("m", "millimetres", 1000.0)
+    q = rows.q[:, actuator]
+    as_is, scaled = (float(np.mean((x >= low) & (x <= high))) for x in (q, q / factor))
+    # Where most commands fit as they stand, a few that do not are errors of their own and say nothing of units.
+    looks = f", and the column looks like {other}" if scaled >= _NEARLY_ALL and as_is < 0.5 else ""
+    what = f"{q[index]:g} is far outside the range of {name} ({low:g} to {high:g} {right})"
+    hint = f"write commands in {right}" if looks else "correct the row, or leave it out"
+    return DatasetError(what + looks, file=rows.file, row=int(rows.row[index]), column=f"q{actuator + 1}", hint=hint)
+
+
+def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, free: bool) -> bool:
+    if not free:
+        off = np.median(np.linalg.norm(measured - predicted, axis=1))
+        scaled = np.median(np.linalg.norm(measured / 1000.0 - predicted, axis=1))
+        return bool(off > reach and scaled <= reach)
+    # Medians, so that a gross error in a few rows does not pass for a unit.
+    spread = [np.median(np.linalg.norm(x - np.median(x, axis=0), axis=1)) for x in (measured, predicted)]
+    return bool(500.0 * spread[1] < spread[0] < 2000.0 * spread[1])
+
+
+def _looks_like_xyzw(quaternion: Floats, predicted: Floats, free: bool) -> bool:
+    expected = Rotation.from_matrix(predicted)
+    off = []
+    for scalar_last in (np.roll(quaternion, -1, axis=1), quaternion):  # read as wxyz, read as xyzw
+        difference = Rotation.from_quat(scalar_last) * expected.inv()
+        if free:  # the instrument's own rotation is the same in every row
+            difference = difference.mean().inv() * difference
+        off.append(float(np.median(difference.magnitude())))
+    if free:
+        return off[0] > _ROTATION_SPREAD and off[1] < off[0] / 5.0
+    return off[0] > _ROTATION_OFF and off[1] < off[0] / 2.0
+
+
+def _poses(rows: Any, mask: NDArray[np.bool_], shown: int = 10) -> str:
+    poses = list(dict.fromkeys(rows.pose[mask]))
+    more = f" and {len(poses) - shown} more" if len(poses) > shown else ""
+    return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:shown])}{more}"
+
+
+def _located(rows: Dataset | Commands, text: str) -> str:
+    return f"{rows.file}: {text}" if rows.file else text

@@ -1,0 +1,28 @@
+"""Columns that gtpin has no name for: kept where they hold numbers, left out where they hold words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtpin.data.cells import is_missing, number
+from gtpin.data.table import Floats
+
+
+def numbers_or_words(cells: Sequence[str]) -> Floats | int | None:
+    """Read a column of any kind.
+
+    Gives its numbers; or, where most cells that hold something are numbers but not all, the index of the first
+    that is none; or None for a column of words, or of nothing.
+    """
+    values = np.array([number(cell) for cell in cells])
+    bad = np.isnan(values)
+    if not bad.any():
+        return values
+    missing = sum(is_missing(cell) for cell, is_bad in zip(cells, bad, strict=True) if is_bad)
+    words, numbers = int(bad.sum()) - missing, int((~bad).sum())
+    blank = all(not cell.strip() for cell in cells)
+    if blank or (words > 0 and words >= numbers):
+        return None
+    return int(np.flatnonzero(bad)[0])

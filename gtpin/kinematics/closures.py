@@ -1,0 +1,155 @@
+"""The rods' closures for many poses at once: residual, Jacobian, Newton's method with continuation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp
+
+Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int_]
+
+MAX_STEPS = 12
+CONTRACTION = 0.25
+"""As for the single posture: see :mod:`gtpin.kinematics.newton`."""
+SMALLEST_STRIDE = 1.0 / 256.0
+
+
+@dataclass(frozen=True)
+class RodEnds:
+    """Where the rods of many poses end, and how long they are.
+
+    Parameters
+    ----------
+    P
+        Joints on the platform, TCP frame, m: (k, 3), or (N, k, 3) where they differ from pose to pose.
+    C
+        (N, k, 3) joints on the carriers, base frame, m.
+    L
+        Lengths, m: (N, k), or (1, k) where all poses have the same.
+    """
+
+    P: Floats
+    C: Floats
+    L: Floats
+
+    def take(self, rows: Rows) -> RodEnds:
+        """The ends at some of the poses."""
+        P = self.P if self.P.ndim == 2 else self.P[rows]
+        return RodEnds(P, self.C[rows], self.L if len(self.L) == 1 else self.L[rows])
+
+
+def rod_vectors(poses: Poses, ends: RodEnds) -> tuple[Floats, Floats]:
+    """d = T + R P - C and R P, both (N, k, 3), base frame, m."""
+    RP = ends.P @ np.swapaxes(poses.R, 1, 2)
+    return RP + poses.T[:, None, :] - ends.C, RP
+
+
+def pose_jacobian(d: Floats, RP: Floats) -> Floats:
+    """(N, k, 6) derivative of the closures (|d|^2 - L^2) / 2 by the TCP's position and rotation vector, base frame."""
+    jacobian = np.empty((*d.shape[:2], 6))
+    jacobian[..., :3] = d
+    # The cross product written out: numpy's own makes several passes over the whole array.
+    jacobian[..., 3] = RP[..., 1] * d[..., 2] - RP[..., 2] * d[..., 1]
+    jacobian[..., 4] = RP[..., 2] * d[..., 0] - RP[..., 0] * d[..., 2]
+    jacobian[..., 5] = RP[..., 0] * d[..., 1] - RP[..., 1] * d[..., 0]
+    return jacobian
+
+
+def newton(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, npt.NDArray[np.bool_]]:
+    """Close the rods by Newton's method.
+
+    Parameters
+    ----------
+    start
+        (N) poses to start from, base frame.
+    ends
+        The rods, as many as a pose has freedoms: six.
+    size
+        Magnitude of the coordinates, m: what rounding is relative to.
+
+    Returns
+    -------
+    poses, closed
+        The last iterates, and (N,) which of them close to rounding after steps that contracted all along.
+    """
+    T, R = start.T.copy(), start.R.copy()
+    closed = np.zeros(len(T), dtype=bool)
+    rows = np.arange(len(T))
+    last_step = np.full(len(T), np.inf)
+    rounding = 16.0 * np.finfo(float).eps * size
+    for step_number in range(MAX_STEPS + 1):
+        whole = len(rows) == len(T)
+        here = Poses(T, R) if whole else Poses(T[rows], R[rows])
+        now = ends if whole else ends.take(rows)
+        d, RP = rod_vectors(here, now)
+        gap = (np.einsum("nki,nki->nk", d, d) - now.L**2) / 2.0
+        done = np.abs(gap / now.L).max(axis=1) <= rounding
+        if step_number == MAX_STEPS or done.all():
+            closed[rows[done]] = True
+            break
+        if done.any():
+            closed[rows[done]] = True
+            rows, d, RP, gap, last_step = rows[~done], d[~done], RP[~done], gap[~done], last_step[~done]
+        step = solve_each(pose_jacobian(d, RP), -gap)
+        length = np.linalg.norm(step, axis=1)
+        # Below the square root of rounding steps no longer shrink, and the gap decides alone.
+        good = (length <= 1e-8) | (length <= CONTRACTION * last_step)
+        if not good.all():
+            rows, step, length = rows[good], step[good], length[good]
+        T[rows] += step[:, :3]
+        R[rows] = exp(step[:, 3:]) @ R[rows]
+        last_step = length
+    return Poses(T, R), closed
+
+
+def solve_each(matrices: Floats, right: Floats) -> Floats:
+    """(N, k) solutions of N square systems (N, k, k), (N, k); NaN where a matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:  # numpy gives up on all of them when one is singular
+        regular = np.linalg.matrix_rank(matrices) == matrices.shape[-1]
+        solution = np.full(right.shape, np.nan)
+        solution[regular] = np.linalg.solve(matrices[regular], right[regular][..., None])[..., 0]
+        return solution
+
+
+def follow(path: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Poses:
+    """Close the rods at the end of a path, keeping the assembly mode of its beginning.
+
+    Every pose takes the strides from which Newton's method contracts, all the way at once where it can.
+
+    Parameters
+    ----------
+    path
+        Gives the rods at fractions s (m,) in [0, 1] of the way, for pose numbers (m,).
+    start
+        (N) closed poses at s = 0.
+    size
+        As for :func:`newton`.
+
+    Returns
+    -------
+    poses
+        (N) closed poses at s = 1; NaN where the rods can't be closed on the way.
+    """
+    T, R = start.T.copy(), start.R.copy()
+    done, stride = np.zeros(len(T)), np.ones(len(T))
+    rows = np.arange(len(T))
+    while rows.size:
+        reach = np.minimum(1.0, done[rows] + stride[rows])
+        poses, closed = newton(Poses(T[rows], R[rows]), path(reach, rows), size)
+        there = rows[closed]
+        T[there], R[there] = poses.T[closed], poses.R[closed]
+        done[there] = reach[closed]
+        stride[there] *= 2.0
+        stride[rows[~closed]] /= 2.0
+        lost = stride < SMALLEST_STRIDE
+        T[lost], R[lost] = np.nan, np.nan
+        rows = np.flatnonzero((done < 1.0) & ~lost)
+    return Poses(T, R)

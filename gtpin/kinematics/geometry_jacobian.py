@@ -1,0 +1,182 @@
+"""Derivative of a closed posture by the geometry, from Pinocchio's kinematic regressor and constraint Jacobians."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import ModelError
+from gtpin.kinematics.posture import ClosedPosture
+from gtpin.robot.geometry import Geometry, Parameter, rotation_axes
+
+Floats = npt.NDArray[np.float64]
+
+
+def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
+    """(6, p) derivative of the TCP's pose by geometric parameters: position (m) and rotation vector (rad), base frame.
+
+    A parameter moves joint placements or loop anchors. What that does to the TCP along the tree is Pinocchio's
+    ``computeJointKinematicRegressor``; the gaps that it opens in the loops are closed by the passive coordinates.
+
+    Parameters
+    ----------
+    posture
+        Of the robot whose URDF holds the geometry.
+    geometry
+        Parameters of that robot, all at nominal where the robot has rods.
+
+    Raises
+    ------
+    ModelError
+        If the geometry is not that of the posture's robot.
+    """
+    robot = posture.robot
+    if robot.rods and np.any(geometry.deviation != 0.0):
+        raise ModelError("the posture is not of this geometry", hint="load the calibrated URDF and move its home there")
+    posture.refresh()
+    regressors = _Regressors(posture)
+    columns = [_KINDS[p.kind](posture, regressors, geometry, p) for p in geometry.parameters]
+    jacobian = np.array(columns).reshape(-1, 6).T
+    jacobian.flags.writeable = False
+    return jacobian
+
+
+class _Regressors:
+    """Motion of the TCP, and of each loop's gap, by twists of joint placements."""
+
+    def __init__(self, posture: ClosedPosture) -> None:
+        robot = posture.robot
+        self.tcp = self._regressor(posture, robot.tcp_joint, robot.tcp_placement)
+        gaps = np.zeros((3 * len(robot.constraints), self.tcp.shape[1]))
+        for i, constraint in enumerate(robot.constraints):
+            first = self._regressor(posture, constraint.joint1_id, constraint.joint1_placement)
+            second = self._regressor(posture, constraint.joint2_id, constraint.joint2_placement)
+            gaps[3 * i : 3 * i + 3] = to_gap(posture, i, second[:3] - first[:3])
+        self.closed: Floats = self.tcp + posture.passive_response @ gaps
+
+    @staticmethod
+    def _regressor(posture: ClosedPosture, joint: int, placement: object) -> Floats:
+        robot = posture.robot
+        if joint == 0:
+            return np.zeros((6, 6 * (robot.model.njoints - 1)))
+        return np.array(
+            pin.computeJointKinematicRegressor(robot.model, robot.data, joint, pin.LOCAL_WORLD_ALIGNED, placement)
+        )
+
+    def twist(self, joint: int, twist: Floats) -> Floats:
+        """(6,) motion of the TCP by a twist (6,) of a joint's placement, in the placement's own frame."""
+        return np.asarray(self.closed[:, 6 * (joint - 1) : 6 * joint] @ twist)
+
+
+def to_gap(posture: ClosedPosture, loop: int, motion: Floats) -> Floats:
+    """Motion (3, ...) of a loop's second anchor in the base frame, as its gap in the first anchor's frame sees it."""
+    constraint = posture.robot.constraints[loop]
+    rotation = posture.robot.data.oMi[constraint.joint1_id].rotation @ constraint.joint1_placement.rotation
+    return np.asarray(rotation.T @ motion)
+
+
+def _seat(posture: ClosedPosture, rod_index: int, motion: Floats) -> Floats:
+    """(6,) motion of the TCP by a motion (3,) of a rod's joint on its carrier, base frame, m."""
+    rod = posture.robot.rods[rod_index]
+    sign = 1.0 if rod.rod_end == 0 else -1.0
+    rows = slice(3 * rod.loop, 3 * rod.loop + 3)
+    return posture.passive_response[:, rows] @ (sign * to_gap(posture, rod.loop, motion))
+
+
+def _length(posture: ClosedPosture, _: _Regressors, __: Geometry, p: Parameter) -> Floats:
+    robot = posture.robot
+    rod = robot.rods[p.owner]
+    constraint = robot.constraints[rod.loop]
+    joint, tip = (
+        (constraint.joint1_id, constraint.joint1_placement)
+        if rod.rod_end == 0
+        else (constraint.joint2_id, constraint.joint2_placement)
+    )
+    along = (robot.data.oMi[joint] * tip).translation - robot.data.oMi[rod.joint_id].translation
+    # Lengthening the rod moves its own end, which opens the gap the other way round than moving the seat.
+    return -_seat(posture, p.owner, along / np.linalg.norm(along))
+
+
+def _platform_joint(posture: ClosedPosture, regressors: _Regressors, _: Geometry, p: Parameter) -> Floats:
+    robot = posture.robot
+    rod = robot.rods[p.owner]
+    placement = robot.model.jointPlacements[rod.joint_id]
+    axis = placement.rotation.T @ robot.tcp_placement.rotation @ np.eye(3)[p.component]
+    return regressors.twist(rod.joint_id, np.concatenate([axis, np.zeros(3)]))
+
+
+def _at_zero(posture: ClosedPosture, rod_index: int) -> Floats:
+    """(3, 3) rotation, base frame, of a rod's carrier since its command was zero."""
+    robot = posture.robot
+    carrier = robot.rods[rod_index].carrier
+    if carrier is None or not robot.actuators[carrier].revolute:
+        return np.eye(3)
+    return np.asarray(pin.exp3(robot.actuators[carrier].axis * posture.q[carrier]))
+
+
+def _carrier_joint(posture: ClosedPosture, _: _Regressors, __: Geometry, p: Parameter) -> Floats:
+    return _seat(posture, p.owner, _at_zero(posture, p.owner)[:, p.component])
+
+
+def _direction(posture: ClosedPosture, regressors: _Regressors, geometry: Geometry, p: Parameter) -> Floats:
+    robot = posture.robot
+    if p.per == "rod":
+        moved = [p.owner]
+        carrier = robot.rods[p.owner].carrier
+    else:
+        moved = [i for i, rod in enumerate(robot.rods) if rod.carrier == p.owner]
+        carrier = p.owner
+    assert carrier is not None
+    actuator = robot.actuators[carrier]
+    turn = rotation_axes(actuator.axis)[p.component]
+    if p.per == "rod":  # no joint of the tree turns: the rod's own seat strays from the common track
+        constraint = robot.constraints[robot.rods[p.owner].loop]
+        seat = _seat_position(posture, constraint, robot.rods[p.owner].rod_end)
+        motion = np.cross(turn, seat - actuator.origin)
+        motion -= _at_zero(posture, p.owner) @ np.cross(turn, robot.rods[p.owner].C - actuator.origin)
+        return _seat(posture, p.owner, motion)
+    # The joint's placement turns, and the seats turn back as they were at zero: only the direction has changed.
+    placement = robot.model.jointPlacements[actuator.joint_id]
+    result = regressors.twist(actuator.joint_id, np.concatenate([np.zeros(3), placement.rotation.T @ turn]))
+    for i in moved:
+        back = _at_zero(posture, i) @ np.cross(turn, robot.rods[i].C - actuator.origin)
+        result = result - _seat(posture, i, back)
+    return result
+
+
+def _seat_position(posture: ClosedPosture, constraint: object, rod_end: int) -> Floats:
+    data = posture.robot.data
+    if rod_end == 0:
+        return np.asarray((data.oMi[constraint.joint2_id] * constraint.joint2_placement).translation)  # type: ignore[attr-defined]
+    return np.asarray((data.oMi[constraint.joint1_id] * constraint.joint1_placement).translation)  # type: ignore[attr-defined]
+
+
+def _scale(posture: ClosedPosture, _: _Regressors, __: Geometry, p: Parameter) -> Floats:
+    robot = posture.robot
+    if p.per == "actuator":
+        return np.asarray(posture.jacobian[:, p.owner] * posture.q[p.owner])
+    rod = robot.rods[p.owner]
+    driver = rod.carrier if rod.carrier is not None else rod.extension
+    assert driver is not None
+    velocity = robot.actuators[driver].index_v
+    rows = slice(3 * rod.loop, 3 * rod.loop + 3)
+    gap = posture.constraint_jacobian[rows, velocity] * posture.q[driver]
+    return np.asarray(posture.passive_response[:, rows] @ gap)
+
+
+def _placement(posture: ClosedPosture, regressors: _Regressors, geometry: Geometry, p: Parameter) -> Floats:
+    twist = geometry.deviations("placement", "joint", (posture.robot.model.njoints, 6))[p.owner]
+    return regressors.twist(p.owner, np.asarray(pin.Jexp6(twist))[:, p.component])
+
+
+_KINDS: dict[str, Callable[[ClosedPosture, _Regressors, Geometry, Parameter], Floats]] = {
+    "length": _length,
+    "platform_joint": _platform_joint,
+    "carrier_joint": _carrier_joint,
+    "direction": _direction,
+    "scale": _scale,
+    "placement": _placement,
+}

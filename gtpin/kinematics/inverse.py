@@ -1,0 +1,122 @@
+"""Inverse kinematics: the commands that bring the TCP where it is wanted."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ClosureError, UnreachableError
+from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.posture import ClosedPosture
+from gtpin.kinematics.rotations import log
+
+Floats = npt.NDArray[np.float64]
+
+MAX_STEPS = 40
+TOLERANCE = 1e-12
+"""Error, m and rad, at which the TCP counts as being there."""
+
+
+def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = None) -> ClosedPosture:
+    """Move a robot until its TCP is at T, and turned by R if that is given, by Newton's method on the commands.
+
+    Parameters
+    ----------
+    posture
+        Where to start; the assembly mode is kept.
+    T
+        (3,) wanted position, base frame, m.
+    R
+        (3, 3) wanted rotation; left out, the orientation is free, as it must be for the Gantry-Tau.
+
+    Raises
+    ------
+    UnreachableError
+        If the TCP can't be brought there.
+    """
+    T = np.asarray(T, dtype=float)
+    R = None if R is None else np.asarray(R, dtype=float)
+    error, stride = _error(posture, T, R), 1.0
+    for _ in range(MAX_STEPS):
+        if np.abs(error).max() <= TOLERANCE * max(1.0, posture.robot.size):
+            return posture
+        step = np.linalg.lstsq(posture.jacobian[: error.size], error, rcond=None)[0]
+        try:
+            trial = posture.moved_to(posture.q + stride * step)
+        except ClosureError:
+            stride /= 2.0
+            continue
+        new = _error(trial, T, R)
+        if np.linalg.norm(new) < np.linalg.norm(error):
+            posture, error, stride = trial, new, min(1.0, 2.0 * stride)
+        elif np.abs(error).max() <= 100.0 * TOLERANCE * posture.robot.size:
+            return posture  # as near as rounding lets it come
+        else:
+            stride /= 2.0
+    where = ", ".join(f"{value:.6g}" for value in T)
+    raise UnreachableError(
+        f"{posture.robot.name} can't bring its TCP to ({where}){' with that rotation' if R is not None else ''}",
+        hint="stay inside the workspace, and leave the orientation free unless there are six actuators",
+    )
+
+
+def commands_for(
+    kinematics: Kinematics, T: Floats, R: Floats | None = None, start: Floats | None = None
+) -> tuple[Floats, Poses]:
+    """Commands that bring the TCP to many positions.
+
+    Parameters
+    ----------
+    T
+        (N, 3) wanted positions, base frame, m.
+    R
+        (N, 3, 3) wanted rotations, or None where the orientation is free.
+    start
+        (N, n) commands to start from; home by default.
+
+    Returns
+    -------
+    q, poses
+        (N, n) commands and the (N) poses there; NaN where the TCP can't be brought there.
+    """
+    home_q = kinematics.geometry.robot.home_q
+    q = np.tile(home_q, (len(T), 1)) if start is None else start.copy()
+    poses = kinematics.forward(q)
+    rows = np.flatnonzero(poses.reached)
+    stride = np.ones(len(T))
+    scale = max(1.0, kinematics.geometry.robot.size)
+    for _ in range(MAX_STEPS):
+        error = _errors(poses[rows], T[rows], None if R is None else R[rows])
+        far = np.abs(error).max(axis=1) > TOLERANCE * scale
+        rows, error = rows[far], error[far]
+        if not rows.size:
+            break
+        jacobian = kinematics.command_jacobian(q[rows], poses[rows])[:, : error.shape[1]]
+        step = np.einsum("nij,nj->ni", np.linalg.pinv(jacobian), error)
+        trial = q[rows] + stride[rows, None] * step
+        moved = kinematics.forward(trial)
+        better = np.zeros(len(rows), dtype=bool)
+        reached = moved.reached
+        left = _errors(moved[reached], T[rows[reached]], None if R is None else R[rows[reached]])
+        better[reached] = np.linalg.norm(left, axis=1) < np.linalg.norm(error[reached], axis=1)
+        q[rows[better]], poses.T[rows[better]], poses.R[rows[better]] = trial[better], moved.T[better], moved.R[better]
+        stride[rows[better]] = np.minimum(1.0, 2.0 * stride[rows[better]])
+        stride[rows[~better]] /= 2.0
+    final = np.full(len(T), np.inf)
+    there = np.flatnonzero(poses.reached)
+    final[there] = np.abs(_errors(poses[there], T[there], None if R is None else R[there])).max(axis=1)
+    lost = final > 100.0 * TOLERANCE * scale
+    q[lost], poses.T[lost], poses.R[lost] = np.nan, np.nan, np.nan
+    return q, poses
+
+
+def _error(posture: ClosedPosture, T: Floats, R: Floats | None) -> Floats:
+    return _errors(Poses(posture.T[None], posture.R[None]), T[None], None if R is None else R[None])[0]
+
+
+def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:
+    position = T - poses.T
+    if R is None:
+        return position
+    return np.hstack([position, log(R @ np.swapaxes(poses.R, 1, 2))])

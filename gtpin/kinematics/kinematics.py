@@ -1,0 +1,37 @@
+"""The kinematics that fit a robot: arrays where it has rods, Pinocchio pose by pose where it has none."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+
+
+class Kinematics(Protocol):
+    """What both kinds can do. All poses and derivatives are in the base frame."""
+
+    @property
+    def geometry(self) -> Geometry:
+        """The geometry that it is of."""
+
+    def forward(self, q: Floats, start: Poses | None = None) -> Poses:
+        """Poses at commands q (N, n); NaN where the loops can't be closed."""
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, n) derivative of the TCP's position (m) and rotation vector (rad) by the commands."""
+
+    def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, p) derivative of the TCP's position (m) and rotation vector (rad) by the parameters."""
+
+
+def kinematics(geometry: Geometry) -> Kinematics:
+    """The kinematics of a geometry."""
+    return RodKinematics(geometry) if geometry.robot.rods else ChainKinematics(geometry)

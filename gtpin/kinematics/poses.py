@@ -1,0 +1,49 @@
+"""Poses of the TCP, many at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.kinematics.rotations import log, to_quaternions
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a frame that the maker names.
+
+    A pose that could not be computed is NaN throughout.
+    """
+
+    T: Floats
+    R: Floats
+
+    def __len__(self) -> int:
+        return len(self.T)
+
+    def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> Poses:
+        return Poses(self.T[rows], self.R[rows])
+
+    @property
+    def reached(self) -> npt.NDArray[np.bool_]:
+        """(N,) which poses are there."""
+        return np.isfinite(self.T[:, 0])
+
+    @property
+    def quaternions(self) -> Floats:
+        """(N, 4) unit quaternions, scalar first; NaN where a pose is not there."""
+        wxyz = np.full((len(self), 4), np.nan)
+        wxyz[self.reached] = to_quaternions(self.R[self.reached])
+        return wxyz
+
+    def moved(self, T: Floats, R: Floats) -> Poses:
+        """The same poses in a frame in which the present one lies at T (3,), turned by R (3, 3)."""
+        return Poses(self.T @ R.T + T, R @ self.R)
+
+    def minus(self, other: Poses) -> Floats:
+        """(N, 6) these poses less others: position, m, and rotation vector, rad, both in the common frame."""
+        return np.hstack([self.T - other.T, log(self.R @ np.swapaxes(other.R, 1, 2))])

@@ -1,0 +1,225 @@
+"""A closed posture: forward kinematics and its derivatives, from Pinocchio."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import AssemblyModeError, SingularityError, UnreachableError
+from gtpin.kinematics import newton
+from gtpin.kinematics.assembly import assemble
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+SMALLEST_STEP = 1.0 / 256.0
+SINGULAR = 1e3
+"""A posture counts as near a singularity where closing the loops amplifies an error this many times more than at home."""
+
+
+class ClosedPosture:
+    """A posture of a robot with its loops closed. It exists only where they are.
+
+    Get one from :func:`home`, move it by :meth:`moved_to`. Nothing in it can be written to.
+
+    Parameters
+    ----------
+    robot
+    configuration
+        Pinocchio configuration at which the loops close.
+    jacobian
+        (m, nv) constraint Jacobian there.
+    reference
+        The home posture, whose assembly mode this one shares; None for the home posture itself.
+    steps
+        Newton steps that the last solve took.
+    """
+
+    def __init__(
+        self, robot: Robot, configuration: Floats, jacobian: Floats, reference: ClosedPosture | None, steps: int
+    ) -> None:
+        self.robot = robot
+        self.steps = steps
+        self._configuration = configuration.copy()
+        self._configuration.flags.writeable = False
+        self._jacobian = jacobian
+        self._jacobian.flags.writeable = False
+        self._home = self if reference is None else reference
+
+    @property
+    def configuration(self) -> Floats:
+        """(nq,) Pinocchio configuration, read-only."""
+        return self._configuration
+
+    @cached_property
+    def q(self) -> Floats:
+        """(n,) commands, m or rad."""
+        model = self.robot.model
+        values = [
+            np.arctan2(*self._configuration[a.index_q : a.index_q + 2][::-1])
+            if model.nqs[a.joint_id] == 2
+            else self._configuration[a.index_q]
+            for a in self.robot.actuators
+        ]
+        return _frozen(np.array(values, dtype=float))
+
+    @cached_property
+    def tcp(self) -> Any:
+        """The TCP frame in the base frame, a ``pinocchio.SE3``."""
+        return self.placement(self.robot.tcp_joint) * self.robot.tcp_placement
+
+    @property
+    def T(self) -> Floats:
+        """(3,) TCP position in the base frame, m."""
+        return _frozen(np.array(self.tcp.translation))
+
+    @property
+    def R(self) -> Floats:
+        """(3, 3) rotation from the TCP frame to the base frame."""
+        return _frozen(np.array(self.tcp.rotation))
+
+    def placement(self, joint_id: int) -> Any:
+        """Placement of a Pinocchio joint in the base frame at this posture."""
+        pin.forwardKinematics(self.robot.model, self.robot.data, self._configuration)
+        return self.robot.data.oMi[joint_id].copy()
+
+    def refresh(self) -> Any:
+        """Pinocchio's data with joint placements and Jacobians of this posture."""
+        pin.computeJointJacobians(self.robot.model, self.robot.data, self._configuration)
+        return self.robot.data
+
+    @property
+    def constraint_jacobian(self) -> Floats:
+        """(m, nv) derivative of the loops' gaps (m, in each first anchor's frame) by Pinocchio velocities."""
+        return self._jacobian
+
+    @cached_property
+    def tcp_jacobian(self) -> Floats:
+        """(6, nv) derivative of the TCP by Pinocchio velocities: position and rotation vector, base frame."""
+        data = self.refresh()
+        frame = pin.getFrameJacobian(
+            self.robot.model, data, self.robot.tcp_joint, self.robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED
+        )
+        return _frozen(np.array(frame))
+
+    @cached_property
+    def passive_response(self) -> Floats:
+        """(6, m) motion of the TCP that closes a unit gap of each loop equation, the actuators held; base frame."""
+        return _frozen(-self.tcp_jacobian[:, self.robot.passive] @ self.passive_inverse)
+
+    @cached_property
+    def jacobian(self) -> Floats:
+        """(6, n) derivative of the TCP's pose by the commands: position (m) and rotation vector (rad), base frame."""
+        driven = [actuator.index_v for actuator in self.robot.actuators]
+        return _frozen(self.tcp_jacobian[:, driven] + self.passive_response @ self._jacobian[:, driven])
+
+    @property
+    def passive_inverse(self) -> Floats:
+        """(p, m) inverse of the constraint Jacobian's passive columns."""
+        return self._passive.inverse
+
+    @cached_property
+    def _passive(self) -> newton.PassiveInverse:
+        return newton.invert(self._jacobian[:, self.robot.passive])
+
+    @property
+    def amplification(self) -> float:
+        """Motion of the passive coordinates by unit gaps (Frobenius norm): infinite at a singularity."""
+        return self._passive.norm
+
+    def moved_to(self, q: npt.ArrayLike) -> ClosedPosture:
+        """Move the actuators to ``q`` along the straight line of commands, and close the loops there.
+
+        The way is walked in steps from each of which Newton's method contracts, so that the assembly mode is kept.
+
+        Parameters
+        ----------
+        q
+            (n,) commands, m or rad.
+
+        Raises
+        ------
+        UnreachableError
+            If the loops can't be closed on the way; the message says how far it got.
+        SingularityError
+            If the way comes too near a singularity.
+        AssemblyModeError
+            If the posture that was reached belongs to another assembly mode.
+        """
+        robot = self.robot
+        target = _commands(robot, q)
+        start = self.q
+        done, stride = 0.0, 1.0
+        configuration, closing = self._configuration, None
+        while done < 1.0:
+            reach = min(1.0, done + stride)
+            trial = robot.with_commands(configuration, start + reach * (target - start))
+            closing = newton.close(robot, trial)
+            if closing.closed:
+                done, configuration, stride = reach, closing.configuration, 2.0 * stride
+            elif (stride := stride / 2.0) < SMALLEST_STEP:
+                self._give_up(configuration, start + done * (target - start), target)
+        assert closing is not None
+        posture = ClosedPosture(robot, configuration, closing.jacobian, self._home, closing.steps)
+        posture._check_mode()
+        return posture
+
+    def _check_mode(self) -> None:
+        if self.amplification > SINGULAR * self._home.amplification:
+            raise SingularityError(
+                f"commands {_text(self.q)} are too near a singularity of {self.robot.name}", hint="keep away from it"
+            )
+        if self._passive.orientation != self._home._passive.orientation:
+            raise AssemblyModeError(
+                f"commands {_text(self.q)} would put {self.robot.name} into another assembly mode than home's",
+                hint="approach them from home",
+            )
+
+    def _give_up(self, configuration: Floats, reached: Floats, target: Floats) -> None:
+        last = newton.close(self.robot, configuration)
+        stuck = ClosedPosture(self.robot, configuration, last.jacobian, self._home, last.steps)
+        where = f"commands {_text(target)} can't be reached by {self.robot.name}: the loops open at {_text(reached)}"
+        if stuck.amplification > 10.0 * self._home.amplification:
+            raise SingularityError(f"{where}, near a singularity", hint="stay on this side of it")
+        raise UnreachableError(where, hint="stay inside the workspace")
+
+    def __repr__(self) -> str:
+        return f"ClosedPosture({self.robot.name!r}, q={_text(self.q)}, T={_text(self.T)})"
+
+
+def home(robot: Robot) -> ClosedPosture:
+    """Close a robot's loops at its home, which fixes the assembly mode.
+
+    Raises
+    ------
+    UnreachableError
+        If the loops don't close there.
+    """
+    closing = newton.close(robot, assemble(robot), contraction=1.0)
+    if not closing.closed:
+        raise UnreachableError(
+            f"the loops of {robot.name} don't close at its home", hint="mend <home> or the loops' anchors"
+        )
+    return ClosedPosture(robot, closing.configuration, closing.jacobian, None, closing.steps)
+
+
+def _commands(robot: Robot, q: npt.ArrayLike) -> Floats:
+    values = np.asarray(q, dtype=float)
+    if values.shape != (robot.n_actuators,) or not np.isfinite(values).all():
+        raise UnreachableError(
+            f"commands {values.tolist()} for {robot.name}", hint=f"give {robot.n_actuators} finite numbers"
+        )
+    return values
+
+
+def _frozen(array: Floats) -> Floats:
+    array.flags.writeable = False
+    return array
+
+
+def _text(values: Floats) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

@@ -1,0 +1,284 @@
+"""Forward kinematics and derivatives of a robot with rods, for many poses at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ModelError
+from gtpin.kinematics.closures import RodEnds, follow, pose_jacobian, rod_vectors
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.posture import home
+from gtpin.kinematics.rotations import exp, left_jacobian
+from gtpin.robot.geometry import Geometry, rotation_axes
+from gtpin.robot.rods import Rod
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RodKinematics:
+    """The closures of one geometry (Dressler et al. 2010, eqs. 2 and 5), in arrays.
+
+    Parameters
+    ----------
+    geometry
+        Of a robot with six rods.
+
+    Raises
+    ------
+    ModelError
+        If the robot does not have six rods.
+    """
+
+    geometry: Geometry
+
+    def __post_init__(self) -> None:
+        rods = self.geometry.robot.rods
+        if len(rods) != 6:
+            raise ModelError(f"{self.geometry.robot.name} has {len(rods)} rods", hint="six hold a platform")
+
+    # ------------------------------------------------------------------------------------- the geometry, in arrays
+
+    @cached_property
+    def P(self) -> Floats:
+        """(k, 3) joints on the platform, TCP frame, m."""
+        return np.array([rod.P for rod in self._rods]) + self.geometry.deviations("platform_joint", "rod", (self._k, 3))
+
+    @cached_property
+    def C0(self) -> Floats:
+        """(k, 3) joints on the carriers with all commands zero, base frame, m."""
+        return np.array([rod.C for rod in self._rods]) + self.geometry.deviations("carrier_joint", "rod", (self._k, 3))
+
+    @cached_property
+    def L0(self) -> Floats:
+        """(k,) lengths with all commands zero, m."""
+        return np.array([rod.L for rod in self._rods]) + self.geometry.deviations("length", "rod", (self._k, 1))[:, 0]
+
+    @cached_property
+    def v(self) -> Floats:
+        """(k, 3) directions of the carriers' tracks or axes, unit vectors, base frame; zero where nothing moves them."""
+        v = np.zeros((self._k, 3))
+        for i, rod in enumerate(self._rods):
+            if rod.carrier is not None:
+                axis = self.geometry.robot.actuators[rod.carrier].axis
+                v[i] = exp(self._turns[i] @ rotation_axes(axis)) @ axis
+        return v
+
+    @cached_property
+    def scale(self) -> Floats:
+        """(k,) travel per commanded unit."""
+        geometry = self.geometry
+        by_actuator = geometry.deviations("scale", "actuator", (geometry.robot.n_actuators, 1))[:, 0]
+        driver = self._driver
+        shared = np.where(driver >= 0, by_actuator[driver], 0.0)
+        return 1.0 + shared + geometry.deviations("scale", "rod", (self._k, 1))[:, 0]
+
+    # ------------------------------------------------------------------------------------------------- kinematics
+
+    def ends(self, q: Floats) -> RodEnds:
+        """The rods' ends at commands q (N, n): the paper's C(q), and lengths where actuators change them."""
+        travel = self._travel(q)
+        C = self.C0 + travel[..., None] * (self.v * self._slides[:, None])
+        for i in np.flatnonzero(self._turns_carrier):
+            origin = self._origin[i]
+            C[:, i] = origin + exp(travel[:, i, None] * self.v[i]) @ (self.C0[i] - origin)
+        if not self._extends.any():
+            return RodEnds(self.P, C, self.L0[None, :])
+        return RodEnds(self.P, C, self.L0 + travel * self._extends)
+
+    def forward(self, q: Floats, start: Poses | None = None) -> Poses:
+        """Poses at commands q (N, n), in the base frame, on the assembly mode of home.
+
+        Parameters
+        ----------
+        q
+            (N, n) commands, m or rad.
+        start
+            (N) poses of a neighbouring geometry at the same commands, which save the way from home.
+
+        Returns
+        -------
+        poses
+            NaN where the loops can't be closed.
+        """
+        if start is not None and start.reached.all():
+            before = self._ends_that_close(start, q)
+            after = self.ends(q)
+            return follow(lambda s, rows: _between(before, after, s, rows), start, self._size)
+        q_home = self.geometry.robot.home_q
+        T, R = self.home.T[0], self.home.R[0]
+        begin = Poses(np.tile(T, (len(q), 1)), np.tile(R, (len(q), 1, 1)))
+        return follow(lambda s, rows: self.ends(q_home + s[:, None] * (q[rows] - q_home)), begin, self._size)
+
+    @cached_property
+    def home(self) -> Poses:
+        """(1) pose at the home commands, followed from the nominal robot's home."""
+        robot = self.geometry.robot
+        posture = home(robot)
+        nominal = RodKinematics(Geometry(robot, (), np.zeros(0)))
+        q = robot.home_q[None, :]
+        before, after = nominal.ends(q), self.ends(q)
+        start = Poses(posture.T[None, :].copy(), posture.R[None, :, :].copy())
+        return follow(lambda s, rows: _between(before, after, s, rows), start, self._size)
+
+    def pose_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, k, 6) derivative of the closures (|d|^2 - L^2) / 2 by the TCP's pose, base frame."""
+        return pose_jacobian(*rod_vectors(poses, self.ends(q)))
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, n) derivative of the TCP's pose by the commands: position and rotation vector, base frame."""
+        ends = self.ends(q)
+        d, RP = rod_vectors(poses, ends)
+        gradient = np.zeros((len(q), self._k, q.shape[1]))
+        rate = self.scale * self._by_travel(ends, d, self._travel(q))
+        for i, actuator in enumerate(self._driver):
+            if actuator >= 0:
+                gradient[:, i, actuator] = rate[:, i]
+        return -np.linalg.solve(pose_jacobian(d, RP), gradient)
+
+    def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, p) derivative of the TCP's pose by the geometry's parameters: position and rotation vector, base frame."""
+        parameters = self.geometry.parameters
+        if not parameters:
+            return np.zeros((len(q), 6, 0))
+        ends = self.ends(q)
+        d, RP = rod_vectors(poses, ends)
+        slots = [(column, i) for column, p in enumerate(parameters) for i in self._owned(p.per, p.kind, p.owner)]
+        gradient = self._gradient(q, poses, ends, d, slots)
+        # A parameter opens the gaps of its own rods only: the response to each gap times the gap, summed by parameter.
+        response = -np.linalg.inv(pose_jacobian(d, RP))
+        product = response[:, :, [i for _, i in slots]] * gradient[:, None, :]
+        columns = np.array([column for column, _ in slots])
+        first = np.flatnonzero(np.diff(columns, prepend=-1))
+        return product if len(first) == len(slots) else np.add.reduceat(product, first, axis=2)
+
+    def _gradient(
+        self, q: Floats, poses: Poses, ends: RodEnds, d: Floats, slots: list[tuple[int, int]]
+    ) -> Floats:
+        """(N, s) derivative of one rod's closure by one parameter, for pairs of parameter and rod."""
+        travel = self._travel(q)
+        by_travel = self._by_travel(ends, d, travel)
+        along = d @ poses.R  # the rods in the TCP frame
+        gradient = np.empty((len(q), len(slots)))
+        for slot, (column, i) in enumerate(slots):
+            parameter = self.geometry.parameters[column]
+            c = parameter.component
+            if parameter.kind == "length":
+                gradient[:, slot] = -ends.L[:, i]
+            elif parameter.kind == "platform_joint":
+                gradient[:, slot] = along[:, i, c]
+            elif parameter.kind == "carrier_joint":
+                gradient[:, slot] = -np.einsum("ni,ni->n", d[:, i], self._seat_axis(i, c, travel))
+            elif parameter.kind == "direction":
+                gradient[:, slot] = -np.einsum("ni,ni->n", d[:, i], self._by_direction(i, c, travel, ends))
+            else:
+                gradient[:, slot] = by_travel[:, i] * q[:, self._driver[i]]
+        return gradient
+
+    # --------------------------------------------------------------------------------------------------- inside
+
+    @property
+    def _rods(self) -> tuple[Rod, ...]:
+        return self.geometry.robot.rods
+
+    @property
+    def _k(self) -> int:
+        return len(self._rods)
+
+    @cached_property
+    def _driver(self) -> npt.NDArray[np.int_]:
+        """(k,) the actuator that moves a rod's seat or changes its length; -1 where none does."""
+        return np.array([_first(rod.carrier, rod.extension) for rod in self._rods])
+
+    @cached_property
+    def _extends(self) -> npt.NDArray[np.bool_]:
+        return np.array([rod.extension is not None for rod in self._rods])
+
+    @cached_property
+    def _turns_carrier(self) -> npt.NDArray[np.bool_]:
+        actuators = self.geometry.robot.actuators
+        return np.array([rod.carrier is not None and actuators[rod.carrier].revolute for rod in self._rods])
+
+    @cached_property
+    def _slides(self) -> npt.NDArray[np.bool_]:
+        return ~self._turns_carrier & np.array([rod.carrier is not None for rod in self._rods])
+
+    @cached_property
+    def _origin(self) -> Floats:
+        actuators = self.geometry.robot.actuators
+        return np.array([np.zeros(3) if r.carrier is None else actuators[r.carrier].origin for r in self._rods])
+
+    @cached_property
+    def _turns(self) -> Floats:
+        """(k, 2) rotations a and b of each rod's track direction, rad."""
+        by_actuator = self.geometry.deviations("direction", "actuator", (self.geometry.robot.n_actuators, 2))
+        own = self.geometry.deviations("direction", "rod", (self._k, 2))
+        return own + np.array([np.zeros(2) if r.carrier is None else by_actuator[r.carrier] for r in self._rods])
+
+    @cached_property
+    def _size(self) -> float:
+        return max(self.geometry.robot.size, float(np.abs(self.C0).max()), float(self.L0.max()))
+
+    def _travel(self, q: Floats) -> Floats:
+        """(N, k) travel of each rod's own actuator, m or rad; zero where it has none."""
+        return np.asarray(np.where(self._driver >= 0, q[:, self._driver], 0.0) * self.scale)
+
+    def _by_travel(self, ends: RodEnds, d: Floats, travel: Floats) -> Floats:
+        """(N, k) derivative of each closure by the travel of its own actuator."""
+        rate = -np.einsum("nki,ki->nk", d, self.v * self._slides[:, None])
+        for i in np.flatnonzero(self._turns_carrier):
+            rate[:, i] = -np.einsum("ni,ni->n", d[:, i], np.cross(self.v[i], ends.C[:, i] - self._origin[i]))
+        return np.asarray(np.where(self._extends, -ends.L, rate))
+
+    def _seat_axis(self, i: int, component: int, travel: Floats) -> Floats:
+        """(N, 3) where a base axis, fixed to the carrier of rod i at zero, points at each travel."""
+        if self._turns_carrier[i]:
+            return exp(travel[:, i, None] * self.v[i])[:, :, component]
+        return np.broadcast_to(np.eye(3)[component], (len(travel), 3))
+
+    def _by_direction(self, i: int, component: int, travel: Floats, ends: RodEnds) -> Floats:
+        """(N, 3) derivative of C by the small rotation a or b of the direction of rod i's carrier."""
+        carrier = self._rods[i].carrier
+        assert carrier is not None
+        axes = rotation_axes(self.geometry.robot.actuators[carrier].axis)
+        turn = left_jacobian(self._turns[i] @ axes) @ axes[component]
+        if self._turns_carrier[i]:
+            # Turning the axis turns the arm about its origin, less the same turn of the arm at zero.
+            origin = self._origin[i]
+            undone = exp(travel[:, i, None] * self.v[i]) @ np.cross(turn, self.C0[i] - origin)
+            return np.cross(turn, ends.C[:, i] - origin) - undone
+        return travel[:, i, None] * np.cross(turn, self.v[i])
+
+    def _owned(self, per: str, kind: str, owner: int) -> list[int]:
+        """The rods that a parameter moves."""
+        if per == "rod":
+            return [owner]
+        if kind == "direction":
+            return [i for i, rod in enumerate(self._rods) if rod.carrier == owner]
+        return [i for i in range(self._k) if self._driver[i] == owner]
+
+    def _ends_that_close(self, poses: Poses, q: Floats) -> RodEnds:
+        """Rods of the present geometry but of the lengths that the poses imply: they close there by construction."""
+        ends = self.ends(q)
+        d, _ = rod_vectors(poses, ends)
+        return RodEnds(ends.P, ends.C, np.linalg.norm(d, axis=2))
+
+
+def _first(carrier: int | None, extension: int | None) -> int:
+    if carrier is not None:
+        return carrier
+    return -1 if extension is None else extension
+
+
+def _between(before: RodEnds, after: RodEnds, s: Floats, rows: npt.NDArray[np.int_]) -> RodEnds:
+    """Rods at fractions s (m,) of the way from one set of ends to another."""
+    one, two = before.take(rows), after.take(rows)
+    if (s == 1.0).all():
+        return two
+    w = s[:, None]
+    P = one.P if one.P is two.P else one.P + w[..., None] * (two.P - one.P)
+    return RodEnds(P, one.C + w[..., None] * (two.C - one.C), one.L + w * (two.L - one.L))

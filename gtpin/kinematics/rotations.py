@@ -1,0 +1,63 @@
+"""Rotations in arrays: vectors, matrices and quaternions, for many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+Floats = npt.NDArray[np.float64]
+
+
+def skew(vectors: Floats) -> Floats:
+    """(..., 3, 3) matrices of the cross products with vectors (..., 3)."""
+    matrices = np.zeros((*vectors.shape, 3))
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    matrices[..., 0, 1], matrices[..., 0, 2], matrices[..., 1, 2] = -z, y, -x
+    matrices[..., 1, 0], matrices[..., 2, 0], matrices[..., 2, 1] = z, -y, x
+    return matrices
+
+
+def exp(vectors: Floats) -> Floats:
+    """(..., 3, 3) rotation matrices of rotation vectors (..., 3), rad (Rodrigues)."""
+    angle2 = np.einsum("...i,...i->...", vectors, vectors)
+    angle = np.sqrt(angle2)
+    small = angle2 < 1e-8
+    safe = np.where(small, 1.0, angle)
+    sine = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
+    versine = np.where(small, 0.5 - angle2 / 24.0, 2.0 * (np.sin(safe / 2.0) / safe) ** 2)
+    K = skew(vectors)
+    result: Floats = np.eye(3) + sine[..., None, None] * K + versine[..., None, None] * (K @ K)
+    return result
+
+
+def log(matrices: Floats) -> Floats:
+    """(..., 3) rotation vectors, rad, of rotation matrices (..., 3, 3)."""
+    flat = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
+    return np.asarray(flat).reshape(matrices.shape[:-1])
+
+
+def left_jacobian(vector: Floats) -> Floats:
+    """(3, 3) matrix that takes a change of a rotation vector (3,) to the rotation vector, in the fixed frame, of the change."""
+    angle = float(np.linalg.norm(vector))
+    K = skew(vector)
+    if angle < 1e-4:
+        return np.asarray(np.eye(3) + K / 2.0 + K @ K / 6.0)
+    return np.asarray(
+        np.eye(3) + (1.0 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * (K @ K)
+    )
+
+
+def from_quaternions(wxyz: Floats) -> Floats:
+    """(N, 3, 3) rotation matrices of unit quaternions (N, 4), scalar first."""
+    return np.asarray(Rotation.from_quat(wxyz, scalar_first=True).as_matrix())
+
+
+def to_quaternions(matrices: Floats) -> Floats:
+    """(N, 4) unit quaternions, scalar first and of one sign along the array, of rotation matrices (N, 3, 3)."""
+    wxyz = np.asarray(Rotation.from_matrix(matrices).as_quat(scalar_first=True))
+    if len(wxyz):
+        # q and -q are one rotation; a table in which the sign jumps can't be plotted or interpolated.
+        lead = wxyz[0] if abs(wxyz[0] @ wxyz[0]) > 0 else np.array([1.0, 0.0, 0.0, 0.0])
+        wxyz[wxyz @ lead < 0.0] *= -1.0
+    return wxyz

@@ -1,0 +1,172 @@
+"""Static forces in the rods and actuators under gravity and a load on the tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import ModelError, SingularityError
+from gtpin.kinematics.closures import pose_jacobian, rod_vectors
+from gtpin.kinematics.geometry_jacobian import to_gap
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.posture import ClosedPosture
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StaticForces:
+    """What holds a posture still.
+
+    Parameters
+    ----------
+    loops
+        (m, 3) force of the second anchor's body on the first's through each loop, base frame, N.
+    rods
+        (k,) axial force at each rod's middle, N, tension positive.
+    actuators
+        (n,) force (N) or torque (N m) that each actuator must bring up, in the sense of its command.
+    """
+
+    loops: Floats
+    rods: Floats
+    actuators: Floats
+
+
+def static_forces(
+    posture: ClosedPosture,
+    force: npt.ArrayLike = (0.0, 0.0, 0.0),
+    moment: npt.ArrayLike = (0.0, 0.0, 0.0),
+    payload: float = 0.0,
+) -> StaticForces:
+    """Static forces by Pinocchio: gravity of all bodies, a force and moment on the tool, and a payload.
+
+    The passive coordinates' balance J' lambda = g - J_tcp' w gives the loops' forces, the driven ones' the actuators'.
+
+    Parameters
+    ----------
+    force, moment
+        (3,) on the tool at the TCP, base frame, N and N m.
+    payload
+        Mass held at the TCP, kg.
+
+    Raises
+    ------
+    ModelError
+        If the robot's loops are redundant, so that statics alone does not give their forces.
+    """
+    robot = posture.robot
+    model, data = robot.model, robot.data
+    J = posture.constraint_jacobian
+    if J.shape[0] != len(robot.passive):
+        raise ModelError(f"the loops of {robot.name} are redundant", hint="static forces need as many as there are freedoms")
+    gravity = np.array(pin.computeGeneralizedGravity(model, data, posture.configuration))
+    wrench = np.concatenate([np.asarray(force, float) + payload * model.gravity.linear, np.asarray(moment, float)])
+    load = gravity - posture.tcp_jacobian.T @ wrench
+    multipliers = posture.passive_inverse.T @ load[robot.passive]
+    driven = [actuator.index_v for actuator in robot.actuators]
+    posture.refresh()
+    world = [_from_gap(posture, i, multipliers[3 * i : 3 * i + 3]) for i in range(len(robot.constraints))]
+    loops = -np.array(world).reshape(-1, 3)
+    return StaticForces(loops, _axial(posture, loops), load[driven] - J[:, driven].T @ multipliers)
+
+
+def _from_gap(posture: ClosedPosture, loop: int, multiplier: Floats) -> Floats:
+    """Force on a loop's second anchor, base frame, of a multiplier in the first anchor's frame."""
+    return to_gap(posture, loop, np.eye(3)).T @ multiplier
+
+
+def _axial(posture: ClosedPosture, loops: Floats) -> Floats:
+    """(k,) axial force at the middle of each rod, tension positive."""
+    robot = posture.robot
+    forces = np.zeros(len(robot.rods))
+    for i, rod in enumerate(robot.rods):
+        constraint = robot.constraints[rod.loop]
+        ends = (
+            (robot.data.oMi[constraint.joint1_id] * constraint.joint1_placement).translation,
+            (robot.data.oMi[constraint.joint2_id] * constraint.joint2_placement).translation,
+        )
+        along = ends[rod.rod_end] - robot.data.oMi[rod.joint_id].translation
+        u = along / np.linalg.norm(along)
+        on_rod = loops[rod.loop] if rod.rod_end == 0 else -loops[rod.loop]
+        mass, fraction = rod_mass(robot, i)
+        # Between its middle and its seat the rod's own weight adds to the pull, over the part of its mass there.
+        forces[i] = on_rod @ u + mass * fraction * (robot.model.gravity.linear @ u)
+    return forces
+
+
+def rod_mass(robot: Robot, rod_index: int) -> tuple[float, float]:
+    """Mass of a rod, kg, and where along it (0 on the platform, 1 on the carrier) its centre lies."""
+    rod = robot.rods[rod_index]
+    model = robot.model
+    constraint = robot.constraints[rod.loop]
+    tip = constraint.joint1_id if rod.rod_end == 0 else constraint.joint2_id
+    chain = list(model.supports[tip])
+    chain = chain[chain.index(rod.joint_id) :]
+    mass = sum(model.inertias[joint].mass for joint in chain)
+    if mass == 0.0:
+        return 0.0, 0.5
+    # Placements along a rod only turn or slide it, so distances from its root are those of its joints' frames.
+    moment, placement = 0.0, pin.SE3.Identity()
+    for number, joint in enumerate(chain):
+        placement = placement * model.jointPlacements[joint] if number else placement
+        moment += model.inertias[joint].mass * float(np.linalg.norm(placement.act(model.inertias[joint].lever)))
+    return mass, moment / (mass * rod.L)
+
+
+def rod_forces(
+    kinematics: RodKinematics,
+    q: Floats,
+    poses: Poses,
+    force: Floats | None = None,
+    payload: Floats | None = None,
+) -> Floats:
+    """Axial forces at the middle of the rods for many poses: J' f = w over the closures, in arrays.
+
+    Parameters
+    ----------
+    q, poses
+        (N, n) commands and the (N) poses there, base frame.
+    force
+        (N, 3) force on the tool at the TCP, base frame, N.
+    payload
+        (N,) mass held at the TCP, kg.
+
+    Returns
+    -------
+    forces
+        (N, k) N, tension positive.
+
+    Raises
+    ------
+    SingularityError
+        If rods can't hold a platform at some pose.
+    """
+    robot = kinematics.geometry.robot
+    d, RP = rod_vectors(poses, kinematics.ends(q))
+    gravity = robot.model.gravity.linear
+    inertia = robot.tcp_placement.inverse() * robot.model.inertias[robot.tcp_joint]
+    wrench = np.zeros((len(q), 6))
+    wrench[:, :3] = inertia.mass * gravity
+    wrench[:, 3:] = np.cross(poses.R @ inertia.lever, inertia.mass * gravity)
+    for i in range(len(robot.rods)):
+        mass, fraction = rod_mass(robot, i)
+        weight = (1.0 - fraction) * mass * gravity
+        wrench[:, :3] += weight
+        wrench[:, 3:] += np.cross(RP[:, i], weight)
+    if force is not None:
+        wrench[:, :3] += force
+    if payload is not None:
+        wrench[:, :3] += payload[:, None] * gravity
+    length = np.linalg.norm(d, axis=2)
+    # d points from the carrier to the platform: a rod in tension pulls the platform back along it.
+    directions = pose_jacobian(d, RP) / length[..., None]
+    try:
+        return np.asarray(np.linalg.solve(np.swapaxes(directions, 1, 2), wrench[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        raise SingularityError("the rods can't hold the platform at one of the poses", hint="leave it out") from None

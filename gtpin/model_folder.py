@@ -1,0 +1,149 @@
+"""Models on disk: a folder with ``model.json`` and the URDFs, or anything else that names a model."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gtpin.errors import GtpinError, ModelError
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rotations import from_quaternions, to_quaternions
+from gtpin.model import Frame, Model
+from gtpin.robot.description import Description
+from gtpin.robot.export import placements_to_urdf, to_urdf
+from gtpin.robot.geometry import Geometry, Per
+from gtpin.robot.library import load_robot
+from gtpin.robot.robot import Robot
+
+SCHEMA = "gtpin-model/1"
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _FrameFile(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    position: Annotated[list[Finite], Field(min_length=3, max_length=3)]
+    orientation: Annotated[list[Finite], Field(min_length=4, max_length=4)]
+
+
+class _ModelFile(BaseModel):
+    """What ``model.json`` holds."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+
+    schema_: Literal["gtpin-model/1"] = Field(alias="schema")
+    robot: str
+    nominal_urdf: str
+    tcp: str
+    directions: Per
+    scale: Per | None
+    parameters: dict[str, Finite]
+    tolerance: dict[str, Annotated[float, Field(gt=0.0, allow_inf_nan=False)]]
+    base_in_instrument: _FrameFile | None
+
+
+def calibrated_urdf(model: Model) -> str:
+    """URDF of a model's robot with the model's geometry, as far as a URDF can carry it."""
+    geometry = model.geometry
+    if not geometry.robot.rods:
+        return placements_to_urdf(geometry)
+    rods = RodKinematics(geometry)
+    return to_urdf(geometry, rods.P, rods.C0, rods.L0, rods.v, (rods.home.T[0], rods.home.R[0]))
+
+
+def write_model(model: Model, folder: Path) -> None:
+    """Write ``model.json``, ``robot.urdf`` (the model's geometry) and ``nominal.urdf`` into a folder.
+
+    ``read_model`` gives the same model again. In ``model.json`` stands what a URDF can't carry too.
+    """
+    geometry = model.geometry
+    frame = model.frame
+    kinds = {p.kind: p.per for p in geometry.parameters}
+    told = _ModelFile(
+        schema="gtpin-model/1",
+        robot=geometry.robot.name,
+        nominal_urdf="nominal.urdf",
+        tcp=geometry.robot.tcp_frame,
+        directions="rod" if kinds.get("direction") == "rod" else "actuator",
+        scale=kinds.get("scale"),  # type: ignore[arg-type]
+        parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
+        tolerance={p.name: p.tolerance for p in geometry.parameters},
+        base_in_instrument=None
+        if frame.is_base
+        else _FrameFile(
+            position=frame.T.tolist(), orientation=to_quaternions(frame.R[None])[0].tolist()
+        ),
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
+    (folder / "robot.urdf").write_text(calibrated_urdf(model), encoding="utf-8")
+    (folder / "nominal.urdf").write_text(geometry.robot.description.xml, encoding="utf-8")
+
+
+def read_model(reference: str | Path) -> Model:
+    """Read a model.
+
+    Parameters
+    ----------
+    reference
+        A folder that holds ``model.json``, or whose ``model/`` does; the name of a robot that gtpin ships, or the path of a
+        URDF, both of which give nominal geometry.
+
+    Raises
+    ------
+    GtpinError
+        If there is no such model, or it can't be read.
+    """
+    path = Path(reference)
+    if path.is_dir():
+        for folder in (path, path / "model"):
+            if (folder / "model.json").is_file():
+                return _read_folder(folder)
+        raise ModelError("no model.json here", file=path, hint="give a folder that calibrate or diagnose wrote")
+    if path.is_file() and path.suffix == ".json":
+        return _read_folder(path.parent)
+    return Model(Geometry.nominal(load_robot(reference)))
+
+
+def _read_folder(folder: Path) -> Model:
+    file = folder / "model.json"
+    try:
+        told = _ModelFile.model_validate(json.loads(file.read_text(encoding="utf-8-sig")))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f"can't be read ({error})", file=file, hint="write the model again") from None
+    except json.JSONDecodeError as error:
+        raise ModelError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint="write the model again") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise ModelError(first["msg"], file=file, column=key, hint="write the model again") from None
+    robot = Robot(Description.read(folder / told.nominal_urdf), told.tcp)
+    try:
+        return Model(_geometry(robot, told), _frame(told))
+    except GtpinError as error:
+        raise ModelError(error.what, file=file, hint="write the model again") from None
+
+
+def _geometry(robot: Robot, told: _ModelFile) -> Geometry:
+    # Tolerances are told by parameter, so those of the kinds, which the URDF may not know, do not matter here.
+    full = Geometry.nominal(robot, directions=told.directions, scale=told.scale)
+    unknown = sorted(set(told.parameters) - set(full.names))
+    if unknown:
+        raise ModelError(f"no parameter is called {unknown[0]!r}")
+    kept = tuple(p for p in full.parameters if p.name in told.parameters)
+    values = np.array([told.parameters[p.name] for p in kept])
+    return Geometry(robot, tuple(p.with_tolerance(told.tolerance.get(p.name, p.tolerance)) for p in kept), values)
+
+
+def _frame(told: _ModelFile) -> Frame:
+    if told.base_in_instrument is None:
+        return Frame()
+    wxyz = np.array(told.base_in_instrument.orientation)
+    if abs(np.linalg.norm(wxyz) - 1.0) > 1e-3:
+        raise ModelError("base_in_instrument.orientation is no unit quaternion")
+    return Frame(np.array(told.base_in_instrument.position), from_quaternions(wxyz[None])[0])
+

@@ -1,0 +1,235 @@
+"""The closed chain as Pinocchio sees it: a tree, point-anchor constraints, and what drives it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import RobotError
+from gtpin.robot.description import ActuatorElement, Anchor, Description, parse_xml
+from gtpin.robot.urdf_parser import build_model
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A driven joint of one degree of freedom.
+
+    Parameters
+    ----------
+    joint, site
+        The URDF joint, and the name of what it moves (``cart1``, ``leg3``).
+    joint_id, index_q, index_v
+        Where Pinocchio keeps it.
+    lower, upper
+        Range of its command, m or rad; infinite where the URDF gives none.
+    revolute
+        Whether it turns (rad) instead of sliding (m).
+    axis
+        Its direction at zero, a unit vector in the base frame.
+    origin
+        A point of its axis at zero, base frame, m.
+    """
+
+    joint: str
+    site: str
+    joint_id: int
+    index_q: int
+    index_v: int
+    lower: float
+    upper: float
+    revolute: bool
+    axis: Floats
+    origin: Floats
+
+
+class Chain:
+    """A robot's kinematic chains as Pinocchio sees them, built from the URDF alone.
+
+    The tree is Pinocchio's; every ``<loop_joint>`` is a ``PointAnchorConstraintModel``. The base frame is the URDF's root
+    link's. Commands ``q`` are in the order of the ``<actuator>`` elements, whatever order Pinocchio uses inside. A robot
+    without loops and without a ``<gtpin>`` element works too: every moving joint is then an actuator, in document order.
+
+    Parameters
+    ----------
+    description
+        What the URDF says.
+    tcp
+        The link or frame whose pose is the robot's pose; by default the one that ``<platform>`` names, or the end of the
+        longest chain.
+
+    Attributes
+    ----------
+    model : pinocchio.Model
+    constraints : tuple of pinocchio.PointAnchorConstraintModel
+        In the order of the loops.
+    actuators : tuple of Actuator
+    passive : (p,) int array
+        Velocity indices of the coordinates that no actuator drives.
+    tcp_joint, tcp_placement
+        The joint that carries the TCP frame, and the frame's placement on it.
+
+    Raises
+    ------
+    RobotError
+        If the URDF does not make a robot.
+    """
+
+    def __init__(self, description: Description, tcp: str | None = None) -> None:
+        self.description = description
+        self.name = description.name
+        self.tolerance: Mapping[str, float] = MappingProxyType(dict(description.tolerance))
+        self.model: Any = build_model(description.xml, description.source)
+        self.model.gravity.linear = np.array(description.gravity)
+        self.data: Any = self.model.createData()
+        """Scratch memory of the kinematics; one thread at a time."""
+        self.neutral: Floats = pin.neutral(self.model)
+        pin.computeJointJacobians(self.model, self.data, self.neutral)
+        self.actuators = tuple(self._actuator(element) for element in self._actuator_elements())
+        driven = [actuator.index_v for actuator in self.actuators]
+        if len(set(driven)) != len(driven):
+            raise RobotError("two actuators drive one joint", file=description.source, hint="name each joint once")
+        self.passive = np.setdiff1d(np.arange(self.model.nv), driven)
+        self.tcp_frame = tcp or description.tcp or description.platform or self._tip()
+        self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
+        self.constraints = tuple(
+            pin.PointAnchorConstraintModel(
+                self.model, *self._placement(loop.anchor1), *self._placement(loop.anchor2)
+            )
+            for loop in description.loops
+        )
+        self.constraint_data: tuple[Any, ...] = tuple(constraint.createData() for constraint in self.constraints)
+        self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
+        """Magnitude of the coordinates, m: what rounding is relative to."""
+        self._check_freedom()
+
+    @property
+    def n_actuators(self) -> int:
+        """Number of commands."""
+        return len(self.actuators)
+
+    @property
+    def sites(self) -> tuple[str, ...]:
+        """Names of the actuators' sites, in the order of q."""
+        return tuple(actuator.site for actuator in self.actuators)
+
+    @property
+    def lower(self) -> Floats:
+        """(n,) lower ends of the commands' ranges, m or rad."""
+        return np.array([actuator.lower for actuator in self.actuators])
+
+    @property
+    def upper(self) -> Floats:
+        """(n,) upper ends of the commands' ranges, m or rad."""
+        return np.array([actuator.upper for actuator in self.actuators])
+
+    @property
+    def revolute(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether each actuator turns instead of sliding."""
+        return np.array([actuator.revolute for actuator in self.actuators])
+
+    @property
+    def home_q(self) -> Floats:
+        """(n,) commands of the home posture; zero where the URDF names none."""
+        home = self.description.home
+        return np.array(home.q) if home else np.zeros(self.n_actuators)
+
+    def with_commands(self, configuration: Floats, q: Floats) -> Floats:
+        """Pinocchio configuration with the actuators at ``q`` (n,) and everything else as in ``configuration``."""
+        changed = configuration.copy()
+        for actuator, value in zip(self.actuators, q, strict=True):
+            if self.model.nqs[actuator.joint_id] == 2:  # Pinocchio keeps a continuous joint as cosine and sine
+                changed[actuator.index_q : actuator.index_q + 2] = np.cos(value), np.sin(value)
+            else:
+                changed[actuator.index_q] = value
+        return changed
+
+    # ------------------------------------------------------------------------------------------------ building
+
+    def _actuator_elements(self) -> tuple[ActuatorElement, ...]:
+        if self.description.actuators:
+            return self.description.actuators
+        if self.description.loops:
+            raise RobotError(
+                "loops but no actuators", file=self.description.source, hint="name them in a <gtpin> element"
+            )
+        root = parse_xml(self.description.xml, self.description.source)
+        names = [
+            joint.get("name", "")
+            for joint in root.findall("joint")
+            if joint.get("type") in ("revolute", "continuous", "prismatic")
+        ]
+        if not names:
+            raise RobotError("nothing moves", file=self.description.source, hint="give the robot a moving joint")
+        return tuple(ActuatorElement(name, name) for name in names)
+
+    def _actuator(self, element: ActuatorElement) -> Actuator:
+        model = self.model
+        source = self.description.source
+        if not model.existJointName(element.joint):
+            raise RobotError(f"no moving joint is called {element.joint}", file=source, hint="mend the <actuator>")
+        joint_id = int(model.getJointId(element.joint))
+        if model.nvs[joint_id] != 1:
+            raise RobotError(
+                f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom", file=source, hint="drive one"
+            )
+        index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
+        column = pin.getJointJacobian(model, self.data, joint_id, pin.LOCAL_WORLD_ALIGNED)[:, index_v]
+        revolute = bool(np.linalg.norm(column[3:]) > 0.5)
+        continuous = model.nqs[joint_id] == 2
+        lower = -np.inf if continuous else float(model.lowerPositionLimit[index_q])
+        upper = np.inf if continuous else float(model.upperPositionLimit[index_q])
+        if not lower < upper:
+            lower, upper = -np.inf, np.inf
+        return Actuator(
+            element.joint,
+            element.site,
+            joint_id,
+            index_q,
+            index_v,
+            lower,
+            upper,
+            revolute,
+            column[3:].copy() if revolute else column[:3].copy(),
+            self.data.oMi[joint_id].translation.copy(),
+        )
+
+    def _placement(self, anchor: Anchor) -> tuple[int, Any]:
+        if not self.model.existFrame(anchor.link):
+            raise RobotError(
+                f"no link is called {anchor.link}", file=self.description.source, hint="mend the loop or the platform"
+            )
+        frame = self.model.frames[self.model.getFrameId(anchor.link)]
+        local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
+        return int(frame.parentJoint), frame.placement * local
+
+    def _tip(self) -> str:
+        """The link at the end of the longest chain of moving joints, the last of its fixed appendages."""
+        depth = [len(path) for path in self.model.supports]
+        bodies = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
+        deepest = max(depth[frame.parentJoint] for frame in bodies)
+        first = next(frame.parentJoint for frame in bodies if depth[frame.parentJoint] == deepest)
+        return str([frame.name for frame in bodies if frame.parentJoint == first][-1])
+
+    def _check_freedom(self) -> None:
+        equations = 3 * len(self.constraints)
+        if len(self.passive) > equations:
+            raise RobotError(
+                f"{len(self.passive)} passive coordinates but only {equations} closure equations",
+                file=self.description.source,
+                hint="close every loop by a <loop_joint>, leave out spins that move nothing, name every actuator",
+            )
+        home = self.description.home
+        if home and len(home.q) != self.n_actuators:
+            raise RobotError(
+                f"home has {len(home.q)} commands for {self.n_actuators} actuators",
+                file=self.description.source,
+                hint="mend <home q>",
+            )

@@ -1,0 +1,215 @@
+"""What a robot's URDF says beyond the tree: loops, actuators, rods, platform, home, gravity, tolerances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from xml.etree.ElementTree import Element, ParseError
+
+from defusedxml import DefusedXmlException
+from defusedxml.ElementTree import fromstring
+
+from gtpin.errors import RobotError
+
+Vector = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A point fixed to a link: its place (m) and orientation (rad, roll pitch yaw) in the link's frame."""
+
+    link: str
+    xyz: Vector
+    rpy: Vector
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A spherical joint that closes a loop: two anchors that coincide."""
+
+    name: str
+    anchor1: Anchor
+    anchor2: Anchor
+
+
+@dataclass(frozen=True)
+class ActuatorElement:
+    """A driven joint, and the name of the site that it moves."""
+
+    joint: str
+    site: str
+
+
+@dataclass(frozen=True)
+class RodElement:
+    """A rod: the link that carries the loop's end of it, the loop that ends it, and its site."""
+
+    link: str
+    loop: str
+    site: str
+
+
+@dataclass(frozen=True)
+class Home:
+    """The assembly mode: commands, and the TCP's pose (m, rotation vector in rad) in the base frame."""
+
+    q: Vector
+    tcp_xyz: Vector
+    tcp_rotvec: Vector
+
+
+@dataclass(frozen=True)
+class Description:
+    """A URDF's text, and what its ``<loop_joint>`` and ``<gtpin>`` elements say.
+
+    Parameters
+    ----------
+    xml
+        The URDF as it was read.
+    source
+        Where it came from, for messages.
+    """
+
+    xml: str
+    source: str
+    name: str
+    loops: tuple[Loop, ...]
+    actuators: tuple[ActuatorElement, ...]
+    platform: str | None
+    tcp: str | None
+    rods: tuple[RodElement, ...]
+    home: Home | None
+    gravity: Vector
+    tolerance: Mapping[str, float]
+
+    @staticmethod
+    def read(path: Path) -> Description:
+        """Read a URDF file.
+
+        Raises
+        ------
+        RobotError
+            If the file can't be read, or is not a URDF that gtpin understands.
+        """
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except FileNotFoundError:
+            raise RobotError("no such file", file=path, hint="give the path of a URDF file") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise RobotError(f"can't be read ({error})", file=path, hint="give a readable UTF-8 file") from None
+        return Description.parse(text, source=str(path))
+
+    @staticmethod
+    def parse(xml: str, source: str = "URDF") -> Description:
+        """Read a URDF from its text; see :meth:`read`."""
+        root = parse_xml(xml, source)
+        if root.tag != "robot":
+            raise RobotError(f"the outer element is <{root.tag}>", file=source, hint="a URDF's is <robot>")
+        reader = _Reader(source)
+        loops = tuple(reader.loop(element) for element in root.findall("loop_joint"))
+        elements = root.findall("gtpin")
+        if len(elements) > 1:
+            raise RobotError("there are two <gtpin> elements", file=source, hint="keep one")
+        own = elements[0] if elements else Element("gtpin")
+        platform = own.find("platform")
+        home = own.find("home")
+        gravity = own.find("gravity")
+        tolerance = own.find("tolerance")
+        return Description(
+            xml=xml,
+            source=source,
+            name=root.get("name", "robot"),
+            loops=loops,
+            actuators=tuple(
+                ActuatorElement(reader.text(e, "joint"), e.get("site", reader.text(e, "joint")))
+                for e in own.findall("actuator")
+            ),
+            platform=None if platform is None else reader.text(platform, "link"),
+            tcp=None if platform is None else platform.get("tcp"),
+            rods=tuple(
+                RodElement(reader.text(e, "link"), reader.text(e, "loop"), e.get("site", reader.text(e, "link")))
+                for e in own.findall("rod")
+            ),
+            home=None
+            if home is None
+            else Home(
+                reader.numbers(home, "q", None), reader.numbers(home, "tcp_xyz", 3), reader.numbers(home, "tcp_rotvec", 3)
+            ),
+            gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
+            tolerance=MappingProxyType({} if tolerance is None else reader.tolerance(tolerance)),
+        )
+
+
+def parse_xml(xml: str, source: str) -> Element:
+    """Parse XML from outside, safely.
+
+    Raises
+    ------
+    RobotError
+        If the text is not well-formed XML, or uses entities.
+    """
+    try:
+        # Bytes, because a declared encoding in a text is an error to the parser.
+        root: Element = fromstring(xml.encode("utf-8"))
+    except ParseError as error:
+        raise RobotError(
+            f"not well-formed XML ({error})", file=source, row=error.position[0], hint="mend it there"
+        ) from None
+    except (DefusedXmlException, ValueError, LookupError) as error:
+        raise RobotError(f"XML that can't be accepted ({error})", file=source, hint="write plain UTF-8 XML") from None
+    return root
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Attributes of the elements, checked."""
+
+    source: str
+
+    def text(self, element: Element, key: str) -> str:
+        value = element.get(key)
+        if not value:
+            raise RobotError(f"<{element.tag}> lacks the attribute {key}", file=self.source, hint=f'write {key}="..."')
+        return value
+
+    def numbers(self, element: Element, key: str, count: int | None) -> Vector:
+        text = self.text(element, key)
+        try:
+            values = tuple(float(word) for word in text.split())
+        except ValueError:
+            values = (math.nan,)
+        if not all(map(math.isfinite, values)) or (count is not None and len(values) != count):
+            wanted = "finite numbers" if count is None else f"{count} finite numbers"
+            raise RobotError(f'<{element.tag} {key}="{text}">', file=self.source, hint=f"give {wanted}")
+        return values
+
+    def anchor(self, loop: Element, tag: str) -> Anchor:
+        element = loop.find(tag)
+        if element is None:
+            raise RobotError(
+                f"loop {loop.get('name', '')} lacks <{tag}>", file=self.source, hint="give both <link1> and <link2>"
+            )
+        zero = (0.0, 0.0, 0.0)
+        return Anchor(
+            self.text(element, "link"),
+            self.numbers(element, "xyz", 3) if element.get("xyz") else zero,
+            self.numbers(element, "rpy", 3) if element.get("rpy") else zero,
+        )
+
+    def loop(self, element: Element) -> Loop:
+        name = self.text(element, "name")
+        if element.get("type", "spherical") != "spherical":
+            raise RobotError(
+                f"loop {name} is of type {element.get('type')}", file=self.source, hint="only spherical loops are known"
+            )
+        return Loop(name, self.anchor(element, "link1"), self.anchor(element, "link2"))
+
+    def tolerance(self, element: Element) -> dict[str, float]:
+        values = {kind: self.numbers(element, kind, 1)[0] for kind in element.attrib}
+        for kind, value in values.items():
+            if value <= 0.0:
+                raise RobotError(f"tolerance {kind} is {value:g}", file=self.source, hint="give a positive 1-sigma value")
+        return values

@@ -1,0 +1,133 @@
+"""A geometry written back into its robot's URDF."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, indent, tostring
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import RobotError
+from gtpin.robot.description import parse_xml
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+
+def to_urdf(
+    geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, home: tuple[Floats, Floats]
+) -> str:
+    """URDF of a robot with rods, with its joints where a geometry puts them.
+
+    Every link keeps its name, its shape and its inertia, and the URDF's zero stays its home if it was. Drive scales have no
+    place in a URDF, nor have directions of single rods: a carrier gets the mean of its rods'.
+
+    Parameters
+    ----------
+    geometry
+        What to write.
+    P, C0, L0, v
+        Joints on the platform (TCP frame) and on the carriers (base frame, commands zero), m, lengths, m, and directions
+        of the carriers of the rods: :class:`~gtpin.kinematics.rod_kinematics.RodKinematics` has them.
+    home
+        The TCP's position (3,), m, and rotation (3, 3) at the home commands, base frame.
+    """
+    robot = geometry.robot
+    root = parse_xml(robot.description.xml, robot.description.source)
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    loops = {loop.get("name", ""): loop for loop in root.findall("loop_joint")}
+    pin.forwardKinematics(robot.model, robot.data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
+    for a, actuator in enumerate(robot.actuators):
+        carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == a]
+        if carried:
+            frame = robot.data.oMi[actuator.joint_id].rotation
+            mean = v[carried].mean(axis=0)
+            _child(joints[actuator.joint], "axis").set("xyz", _text(frame.T @ (mean / np.linalg.norm(mean))))
+    for i, rod in enumerate(robot.rods):
+        loop = robot.description.loops[rod.loop]
+        own, seat = (loop.anchor1, loop.anchor2) if rod.rod_end == 0 else (loop.anchor2, loop.anchor1)
+        element = loops[loop.name]
+        own_element = _child(element, "link1" if rod.rod_end == 0 else "link2")
+        seat_element = _child(element, "link2" if rod.rod_end == 0 else "link1")
+        stretched = np.array(own.xyz) + (L0[i] - rod.L) * _own_direction(robot, own.link, own.xyz, rod.joint_id)
+        own_element.set("xyz", _text(stretched))
+        seat_element.set("xyz", _text(_link_placement(robot, seat.link).actInv(C0[i])))
+        _hang(robot, joints[robot.model.names[rod.joint_id]], rod.joint_id, P[i])
+    _rehome(robot, root, joints, home)
+    indent(root)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def placements_to_urdf(geometry: Geometry) -> str:
+    """URDF of a robot without rods, with its joints' placements moved."""
+    robot = geometry.robot
+    root = parse_xml(robot.description.xml, robot.description.source)
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    twists = geometry.deviations("placement", "joint", (robot.model.njoints, 6))
+    for joint_id in range(1, robot.model.njoints):
+        element = joints[robot.model.names[joint_id]]
+        # The URDF's origin starts at its parent link, Pinocchio's placement at its parent joint: fixed links lie between.
+        parent = robot.model.frames[robot.model.getFrameId(_child(element, "parent").get("link", ""))].placement
+        moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
+        _set_origin(element, moved)
+    indent(root)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _own_direction(robot: Robot, link: str, xyz: tuple[float, ...], root: int) -> Floats:
+    """Unit vector along a rod, from its joint on the platform to its own end, in its link's frame."""
+    placement = _link_placement(robot, link)
+    along = placement.act(np.array(xyz)) - robot.data.oMi[root].translation
+    return np.asarray(placement.rotation.T @ (along / np.linalg.norm(along)))
+
+
+def _link_placement(robot: Robot, link: str) -> pin.SE3:
+    frame = robot.model.frames[robot.model.getFrameId(link)]
+    return robot.data.oMi[frame.parentJoint] * frame.placement
+
+
+def _hang(robot: Robot, joint: Element, joint_id: int, P: Floats) -> None:
+    """Put a rod's joint at P (TCP frame, m) on the platform, its axes as they were."""
+    parent = robot.model.frames[robot.model.getFrameId(_child(joint, "parent").get("link", ""))].placement
+    placement = robot.model.jointPlacements[joint_id]
+    moved = pin.SE3(placement.rotation, robot.tcp_placement.act(P))
+    _set_origin(joint, parent.inverse() * moved)
+
+
+def _rehome(robot: Robot, root: Element, joints: dict[str, Element], home: tuple[Floats, Floats]) -> None:
+    """Tell the new home pose, and let the platform's zero be there if it was."""
+    own = root.find("gtpin")
+    told = None if own is None else own.find("home")
+    if told is None or robot.description.home is None:
+        return
+    T, R = home
+    told.set("tcp_xyz", _text(T))
+    told.set("tcp_rotvec", _text(pin.log3(R)))
+    platform = robot.model.names[robot.tcp_joint]
+    was = pin.SE3(pin.exp3(np.array(robot.description.home.tcp_rotvec)), np.array(robot.description.home.tcp_xyz))
+    now = robot.data.oMi[robot.tcp_joint] * robot.tcp_placement
+    if platform in joints and joints[platform].get("type") == "floating" and was.isApprox(now, 1e-6):
+        _set_origin(joints[platform], pin.SE3(R, T) * robot.tcp_placement.inverse())
+
+
+def _set_origin(joint: Element, placement: pin.SE3) -> None:
+    origin = joint.find("origin")
+    if origin is None:
+        origin = Element("origin")
+        joint.insert(0, origin)
+    origin.set("xyz", _text(placement.translation))
+    origin.set("rpy", _text(pin.rpy.matrixToRpy(placement.rotation)))
+
+
+def _child(element: Element, tag: str) -> Element:
+    child = element.find(tag)
+    if child is None:
+        raise RobotError(f"<{element.tag} {element.get('name', '')}> lacks <{tag}>", hint="complete the URDF")
+    return child
+
+
+def _text(values: Floats) -> str:
+    """Numbers that read back bit by bit."""
+    return " ".join(repr(float(value) + 0.0) for value in values)

@@ -1,0 +1,66 @@
+"""The robot: its closed chain, its rods, and the names of its sites."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.robot.chain import Chain
+from gtpin.robot.description import Description
+from gtpin.robot.rods import Rod, rods
+
+Floats = npt.NDArray[np.float64]
+
+
+class Robot(Chain):
+    """A robot, built from its URDF alone.
+
+    Parameters
+    ----------
+    description, tcp
+        As for :class:`~gtpin.robot.chain.Chain`.
+
+    Attributes
+    ----------
+    rods : tuple of Rod
+        In the order of the URDF's ``<rod>`` elements; empty for a robot without rods.
+
+    Raises
+    ------
+    RobotError
+        If the URDF does not make a robot.
+    """
+
+    def __init__(self, description: Description, tcp: str | None = None) -> None:
+        super().__init__(description, tcp)
+        self.rods: tuple[Rod, ...] = rods(self)
+
+    @staticmethod
+    def from_urdf(path: str | Path, tcp: str | None = None) -> Robot:
+        """Build the robot of a URDF file; see the class."""
+        return Robot(Description.read(Path(path)), tcp)
+
+    @property
+    def rod_sites(self) -> tuple[str, ...]:
+        """Names of the rods' sites."""
+        return tuple(rod.site for rod in self.rods)
+
+    def with_placements(self, twists: Floats) -> Robot:
+        """A copy with joints moved: each placement times the exponential of its twist (njoints, 6), m and rad."""
+        other = copy.copy(self)
+        other.model = self.model.copy()
+        for joint_id in range(1, self.model.njoints):
+            other.model.jointPlacements[joint_id] = self.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
+        other.data = other.model.createData()
+        other.constraint_data = tuple(constraint.createData() for constraint in self.constraints)
+        return other
+
+    def __reduce__(self) -> tuple[type[Robot], tuple[Description, str]]:
+        return Robot, (self.description, self.tcp_frame)
+
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}, {self.n_actuators} actuators, {len(self.constraints)} loops)"

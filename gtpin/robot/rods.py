@@ -1,0 +1,144 @@
+"""The rods: what closes the loops between the platform and what the actuators move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import RobotError
+from gtpin.robot.description import Loop, RodElement
+from gtpin.robot.chain import Chain
+
+Floats = npt.NDArray[np.float64]
+
+ALIGNED = 1e-9
+"""Largest gap (m) or misalignment at which joints count as meeting in one point or as being in line."""
+
+
+@dataclass(frozen=True)
+class Rod:
+    """A link between a joint on the platform and a joint on its carrier, both spherical.
+
+    Its closure is \\|T + R P - C(q)\\| = L(q) (Dressler et al. 2010, eq. 5).
+
+    Parameters
+    ----------
+    name
+        The site without the word ``link``: ``2a`` of ``link2a``.
+    site, link
+        The site's name and the URDF link.
+    loop
+        Index of its loop among the robot's constraints.
+    joint_id
+        The Pinocchio joint by which it hangs on the platform.
+    P
+        (3,) its joint on the platform, TCP frame, m.
+    C
+        (3,) its joint on the carrier with all commands zero, base frame, m.
+    L
+        Its length with all commands zero, m.
+    carrier
+        Index of the actuator that moves its joint on the carrier, or None where that is fixed to the base.
+    extension
+        Index of the actuator that changes its length, or None.
+    rod_end
+        0 or 1: which anchor of the loop is the rod's own end.
+    """
+
+    name: str
+    site: str
+    link: str
+    loop: int
+    joint_id: int
+    P: Floats
+    C: Floats
+    L: float
+    carrier: int | None
+    extension: int | None
+    rod_end: int
+
+
+def rods(robot: Chain) -> tuple[Rod, ...]:
+    """The rods that the URDF names, in document order; none where it names none.
+
+    Raises
+    ------
+    RobotError
+        If a rod does not hang on the platform by a universal joint and end at a loop on the base or on the link of one
+        actuator.
+    """
+    loops = {loop.name: (index, loop) for index, loop in enumerate(robot.description.loops)}
+    found = []
+    pin.computeJointJacobians(
+        robot.model, robot.data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators))
+    )
+    for element in robot.description.rods:
+        if element.loop not in loops:
+            raise _error(robot, element, f"its loop {element.loop} does not exist")
+        found.append(_rod(robot, element, *loops[element.loop]))
+    if found and len(found) != len(robot.constraints):
+        raise RobotError(
+            f"{len(robot.constraints)} loops but {len(found)} rods", file=robot.description.source, hint="name every rod"
+        )
+    return tuple(found)
+
+
+def _rod(robot: Chain, element: RodElement, index: int, loop: Loop) -> Rod:
+    model, placements = robot.model, robot.data.oMi
+    constraint = robot.constraints[index]
+    ends = ((constraint.joint1_id, constraint.joint1_placement), (constraint.joint2_id, constraint.joint2_placement))
+    names = (loop.anchor1.link, loop.anchor2.link)
+    if element.link not in names:
+        raise _error(robot, element, f"its loop {loop.name} does not touch it")
+    rod_end = names.index(element.link)
+    tip_joint, tip = ends[rod_end]
+    carrier_joint, seat = ends[1 - rod_end]
+
+    chain = [joint for joint in model.supports[tip_joint] if joint not in set(model.supports[robot.tcp_joint])]
+    if robot.tcp_joint not in model.supports[tip_joint] or not chain:
+        raise _error(robot, element, "it does not hang on the platform")
+    tcp = placements[robot.tcp_joint] * robot.tcp_placement
+    root = placements[chain[0]].translation
+    driven = {actuator.joint_id: number for number, actuator in enumerate(robot.actuators)}
+    extension = None
+    end = (placements[tip_joint] * tip).translation
+    local = tip  # the rod's end seen from its joint on the platform, by its own placements: exact, whatever the posture
+    for joint in chain[:0:-1]:
+        local = model.jointPlacements[joint] * local
+    L = float(np.linalg.norm(local.translation))
+    for joint in chain:
+        if joint in driven:
+            column = pin.getJointJacobian(model, robot.data, joint, pin.LOCAL_WORLD_ALIGNED)[:, model.idx_vs[joint]]
+            if extension is not None or np.linalg.norm(column[:3] * L - (end - root)) > ALIGNED * max(1.0, L):
+                raise _error(robot, element, f"its actuator {model.names[joint]} does not change its length")
+            extension = driven[joint]
+        elif extension is None and np.linalg.norm(placements[joint].translation - root) > ALIGNED:
+            raise _error(robot, element, "its joints on the platform do not meet in one point")
+    carriers = [joint for joint in model.supports[carrier_joint] if joint != 0]
+    if len(carriers) > 1 or any(joint not in driven for joint in carriers):
+        raise _error(robot, element, "its carrier is moved by something else than one actuator")
+    name = element.site.removeprefix("link")
+    return Rod(
+        name=name if name else element.site,
+        site=element.site,
+        link=element.link,
+        loop=index,
+        joint_id=int(chain[0]),
+        P=tcp.actInv(root),
+        C=(placements[carrier_joint] * seat).translation,
+        L=L,
+        carrier=driven[carriers[0]] if carriers else None,
+        extension=extension,
+        rod_end=rod_end,
+    )
+
+
+def _error(robot: Chain, element: RodElement, what: str) -> RobotError:
+    return RobotError(
+        f"rod {element.link}: {what}",
+        file=robot.description.source,
+        hint="let it hang on the platform by a universal joint and end at a loop on the base or on one actuator's link",
+    )

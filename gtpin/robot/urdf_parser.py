@@ -1,0 +1,45 @@
+"""Pinocchio's URDF parser, with what it writes to standard error put into the error that is raised."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import IO, Any
+
+import pinocchio as pin
+
+from gtpin.errors import RobotError
+
+
+@contextmanager
+def _standard_error_kept() -> Iterator[IO[bytes]]:
+    """Keep what C++ code writes to standard error; a user is owed one line, not three."""
+    with tempfile.TemporaryFile() as kept:
+        saved = os.dup(2)
+        os.dup2(kept.fileno(), 2)
+        try:
+            yield kept
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+
+
+def build_model(xml: str, source: str) -> Any:
+    """Build the Pinocchio model of a URDF's text.
+
+    Raises
+    ------
+    RobotError
+        If Pinocchio can't make a model of it; the message carries the parser's own words.
+    """
+    with _standard_error_kept() as kept:
+        try:
+            return pin.buildModelFromXML(xml)
+        except (RuntimeError, ValueError) as error:
+            kept.seek(0)
+            said = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
+            reason = said[0].strip() if said else str(error)
+    raise RobotError(f"not a valid URDF ({reason})", file=source, hint="mend the URDF")

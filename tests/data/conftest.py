@@ -1,0 +1,113 @@
+"""Ways to write the small dataset, to spoil it, and to compare what was read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_dataset import HEADER, LINES, TOML
+
+from gtpin.data import Dataset
+from gtpin.errors import DatasetError
+
+Make = Callable[..., Path]
+Fails = Callable[..., DatasetError]
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Make:
+    """Write a dataset folder; the default is the valid one."""
+
+    def write(poses: str | bytes | None = None, toml: str | bytes | None = TOML, **tables: str | bytes) -> Path:
+        folder = tmp_path / "set"
+        folder.mkdir(exist_ok=True)
+        tables["poses"] = "\n".join((HEADER, *LINES, "")) if poses is None else poses
+        contents = {f"{name}.csv": text for name, text in tables.items()}
+        if toml is not None:
+            contents["dataset.toml"] = toml
+        for name, text in contents.items():
+            (folder / name).write_bytes(text.encode() if isinstance(text, str) else text)
+        return folder
+
+    return write
+
+
+@pytest.fixture
+def with_column(make: Make) -> Callable[..., Path]:
+    """Write the valid dataset with one more column, or with a column's cells replaced."""
+
+    def write(name: str, *cells: str) -> Path:
+        rows = [line.split(",") for line in (HEADER, *LINES)]
+        if name not in rows[0]:
+            for row in rows:
+                row.append(name)
+        at = rows[0].index(name)
+        for row, cell in zip(rows[1:], cells, strict=True):
+            row[at] = cell
+        return make("\n".join(",".join(row) for row in rows))
+
+    return write
+
+
+@pytest.fixture
+def without_columns(make: Make) -> Callable[..., Path]:
+    """Write the valid dataset without some of its columns."""
+
+    def write(*names: str) -> Path:
+        rows = [line.split(",") for line in (HEADER, *LINES)]
+        kept = [i for i, name in enumerate(rows[0]) if name not in names]
+        return make("\n".join(",".join(row[i] for i in kept) for row in rows))
+
+    return write
+
+
+@pytest.fixture
+def fails() -> Fails:
+    """Read a folder that can't be read, and give its error after checking where it points."""
+
+    def read(folder: Path, row: int | None = None, column: str | None = None, file: str = "poses.csv") -> DatasetError:
+        with pytest.raises(DatasetError) as caught:
+            Dataset.read(folder)
+        assert Path(str(caught.value.file)) == folder / file
+        assert (caught.value.row, caught.value.column) == (row, column)
+        assert "\n" not in str(caught.value)
+        assert caught.value.hint
+        return caught.value
+
+    return read
+
+
+@pytest.fixture
+def same() -> Callable[[Dataset, Dataset], None]:
+    """Assert that two datasets hold the same bits."""
+
+    def compare(one: Dataset, other: Dataset) -> None:
+        assert one.robot == other.robot
+        assert (one.instrument, one.conditions, one.tolerance) == (other.instrument, other.conditions, other.tolerance)
+        _same_rows(one, other, ("pose", "q", "position", "orientation"))
+        assert (one.carts is None) == (other.carts is None)
+        if one.carts is not None:
+            _same_rows(one.carts, other.carts, ("cart", "q", "position", "orientation"))
+
+    return compare
+
+
+def _same_rows(one: object, other: object, fields: tuple[str, ...]) -> None:
+    for name in fields:
+        _same_bits(getattr(one, name), getattr(other, name))
+    mine, theirs = one.covariates, other.covariates  # type: ignore[attr-defined]
+    assert list(mine) == list(theirs)
+    for name in mine:
+        _same_bits(mine[name], theirs[name])
+
+
+def _same_bits(one: np.ndarray | None, other: np.ndarray | None) -> None:
+    if one is None or other is None:
+        assert one is other
+    elif one.dtype == object:
+        assert one.tolist() == other.tolist()
+    else:
+        assert one.shape == other.shape
+        assert one.astype(one.dtype, order="C").tobytes() == other.astype(one.dtype, order="C").tobytes()

@@ -1,0 +1,176 @@
+"""Data that can't be of the robot that they name are told apart from data that are merely bad."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gtpin.data import Dataset, Instrument, check_commands, check_plausible
+from gtpin.errors import DatasetError, GtpinWarning
+
+N = 60
+NAMES = ("cart1", "cart2", "turn")
+LOWER, UPPER, REVOLUTE = np.array([-0.6, -0.6, -0.8]), np.array([0.6, 0.6, 0.8]), np.array([False, False, True])
+
+
+def nominal(spread=1.0, tilt=0.6):
+    rng = np.random.default_rng(1)
+    q = rng.uniform(LOWER, UPPER, (N, 3))
+    position = np.array([-1.2, -4.3, 0.1]) + spread * rng.uniform(-0.5, 0.5, (N, 3))
+    return q, position, Rotation.from_rotvec([2.0, 0.1, 0.0]) * Rotation.from_rotvec(rng.uniform(-tilt, tilt, (N, 3)))
+
+
+def measured(frame="robot", **kwargs):
+    q, position, rotation = nominal(**kwargs)
+    rng = np.random.default_rng(2)
+    there = position + rng.normal(0, 0.005, (N, 3))
+    turned = rotation * Rotation.from_rotvec(rng.normal(0, 0.005, (N, 3)))
+    if frame == "free":
+        stand = Rotation.from_rotvec([0.3, -1.0, 2.0])
+        there, turned = stand.apply(there) + np.array([30.0, 2.0, -1.0]), stand * turned
+    pose = [f"p{i}" for i in range(N)]
+    instrument = Instrument(frame=frame)
+    return Dataset("r", pose, q, there, turned.as_quat(scalar_first=True), instrument=instrument)
+
+
+def check(dataset, unreachable=(), **kwargs):
+    _, position, rotation = nominal(**kwargs)
+    matrix = rotation.as_matrix()
+    position[list(unreachable)], matrix[list(unreachable)] = np.nan, np.nan
+    return check_plausible(
+        dataset,
+        names=NAMES,
+        lower=LOWER,
+        upper=UPPER,
+        revolute=REVOLUTE,
+        predicted_position=position,
+        predicted_rotation=matrix,
+        reach=0.08,
+    )
+
+
+def with_q(dataset, row, column, value):
+    q = dataset.q.copy()
+    q[row, column] = value
+    return replace(dataset, q=q)
+
+
+FRAMES = pytest.mark.parametrize("frame", ["robot", "free"])
+
+
+@FRAMES
+def test_plausible_data_are_kept_without_a_word(frame):
+    assert check(measured(frame)).all()
+
+
+@FRAMES
+def test_positions_without_orientations_are_kept(frame):
+    assert check(replace(measured(frame), orientation=None)).all()
+
+
+@pytest.mark.parametrize("columns", [0, 2])
+def test_another_number_of_actuators_is_refused(columns):
+    data = measured()
+    q = np.hstack([data.q, data.q])[:, : columns or 5]
+    with pytest.raises(DatasetError, match="the robot has 3 actuators"):
+        check(replace(data, q=q))
+
+
+@pytest.mark.parametrize(("column", "factor", "unit"), [(0, 1000.0, "millimetres"), (2, 180 / np.pi, "degrees")])
+def test_commands_in_another_unit_are_recognised(column, factor, unit):
+    data = measured()
+    with pytest.raises(DatasetError, match=f"looks like {unit}") as caught:
+        check(with_q(data, slice(None), column, data.q[:, column] * factor))
+    assert caught.value.column == f"q{column + 1}"
+
+
+def test_a_command_far_outside_is_reported_with_its_row_and_without_a_guess():
+    with pytest.raises(DatasetError, match="far outside the range of cart2") as caught:
+        check(with_q(measured(), 7, 1, 1.9))
+    assert (caught.value.row, caught.value.column) == (9, "q2")
+    assert "looks" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("value", "far"), [(1.79, False), (1.81, True), (-1.79, False), (-1.81, True)])
+def test_far_outside_means_more_than_the_range_is_wide(value, far):
+    data = with_q(measured(), 7, 1, value)
+    with pytest.raises(DatasetError) if far else pytest.warns(GtpinWarning):
+        check(data)
+
+
+def test_commands_a_little_outside_are_named_and_kept():
+    with pytest.warns(GtpinWarning, match="a little outside.*: poses p3, p5$") as caught:
+        keep = check(with_q(measured(), [3, 5], 0, -0.61))
+    assert keep.all()
+    assert len(caught) == 1
+
+
+def test_commands_at_the_very_ends_of_the_range_are_inside():
+    check_commands(
+        with_q(with_q(measured(), 0, 0, -0.6), 1, 0, 0.6).commands,
+        names=NAMES,
+        lower=LOWER,
+        upper=UPPER,
+        revolute=REVOLUTE,
+    )
+
+
+def test_an_actuator_without_end_takes_any_command():
+    data = with_q(measured(), 0, 2, 1e3)
+    upper = np.array([0.6, 0.6, np.inf])
+    check_commands(data, names=NAMES, lower=-upper, upper=upper, revolute=REVOLUTE)
+
+
+def test_poses_out_of_reach_are_named_and_set_aside():
+    with pytest.warns(GtpinWarning, match="reach them: poses p4, p9$"):
+        keep = check(measured(), unreachable=(4, 9))
+    assert np.flatnonzero(~keep).tolist() == [4, 9]
+
+
+def test_many_poses_are_named_in_part_and_counted():
+    with pytest.warns(GtpinWarning, match="p0, .*p9 and 10 more$"):
+        check(measured(), unreachable=range(20))
+
+
+def test_a_robot_that_reaches_nothing_is_refused():
+    with pytest.raises(DatasetError, match="none of the poses"):
+        check(measured(), unreachable=range(N))
+
+
+@FRAMES
+def test_positions_in_millimetres_are_recognised(frame):
+    data = measured(frame)
+    with pytest.raises(DatasetError, match="position looks like millimetres") as caught:
+        check(replace(data, position=data.position * 1000.0))
+    assert caught.value.column == "x y z"
+
+
+@FRAMES
+def test_scalar_last_quaternions_are_recognised(frame):
+    data = measured(frame)
+    with pytest.raises(DatasetError, match="looks like xyzw") as caught:
+        check(replace(data, orientation=np.roll(data.orientation, -1, axis=1)))
+    assert caught.value.column == "qw qx qy qz"
+
+
+def test_scalar_last_quaternions_of_a_platform_that_hardly_turns_are_recognised():
+    data = measured(tilt=0.001)
+    with pytest.raises(DatasetError, match="looks like xyzw"):
+        check(replace(data, orientation=np.roll(data.orientation, -1, axis=1)), tilt=0.001)
+
+
+@FRAMES
+def test_gross_errors_in_a_few_rows_are_no_units_and_no_reason_to_refuse(frame):
+    data = measured(frame)
+    position, orientation = data.position.copy(), data.orientation.copy()
+    position[[3, 30]] *= 1000.0
+    orientation[[4, 40]] = np.roll(orientation[[4, 40]], -1, axis=1)
+    assert check(replace(data, position=position, orientation=orientation)).all()
+
+
+def test_data_that_fit_in_no_unit_and_no_order_are_left_to_the_calibration():
+    data = measured()
+    turned = np.random.default_rng(5).normal(size=(N, 4))
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    assert check(replace(data, position=data.position + 0.5, orientation=turned)).all()
