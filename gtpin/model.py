@@ -26,7 +26,7 @@ class Frame:
     @property
     def is_base(self) -> bool:
         """Whether the instrument measures in the base frame."""
-        return not self.T.any() and bool((self.R == np.eye(3)).all())
+        return not self.T.any() and bool((np.eye(3) == self.R).all())
 
 
 @dataclass(frozen=True)

@@ -74,9 +74,7 @@ def write_model(model: Model, folder: Path) -> None:
         tolerance={p.name: p.tolerance for p in geometry.parameters},
         base_in_instrument=None
         if frame.is_base
-        else _FrameFile(
-            position=frame.T.tolist(), orientation=to_quaternions(frame.R[None])[0].tolist()
-        ),
+        else _FrameFile(position=frame.T.tolist(), orientation=to_quaternions(frame.R[None])[0].tolist()),
     )
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
@@ -146,4 +144,3 @@ def _frame(told: _ModelFile) -> Frame:
     if abs(np.linalg.norm(wxyz) - 1.0) > 1e-3:
         raise ModelError("base_in_instrument.orientation is no unit quaternion")
     return Frame(np.array(told.base_in_instrument.position), from_quaternions(wxyz[None])[0])
-

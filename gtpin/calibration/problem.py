@@ -161,12 +161,8 @@ def rough_frame(predicted: Poses, measured: Measured) -> Frame:
     where the positions lie on a line.
     """
     a, b = predicted.T - predicted.T.mean(axis=0), measured.T - measured.T.mean(axis=0)
-    if measured.R is not None:
-        # Orientation tells the turn even where the positions don't; a metre of position counts as much as a radian.
-        turns = np.einsum("nij,nkj->ik", measured.R, predicted.R)
-    else:
-        turns = np.zeros((3, 3))
+    # Orientation tells the turn even where the positions don't; a metre of position counts as much as a radian.
+    turns = np.zeros((3, 3)) if measured.R is None else np.einsum("nij,nkj->ik", measured.R, predicted.R)
     U, _, Vt = np.linalg.svd(b.T @ a + turns)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     return Frame(measured.T.mean(axis=0) - R @ predicted.T.mean(axis=0), R)
-

@@ -109,7 +109,7 @@ class Rounds:
             If a fit does not converge, or the rounds do not settle.
         """
         J = in_frame(self.start.kinematics.command_jacobian(self.measured.q, self.near), self.start.frame)
-        noise, used = self._first_noise(), np.ones(len(self.near), dtype=bool)
+        noise, used, tails = self._first_noise(), np.ones(len(self.near), dtype=bool), weights.Tails()
         outcome = self._fit(used, noise, J, weights.huber, None, "rough fit")
         for number in range(1, MAX_ROUNDS + 1):
             left = self.measured.minus(self._predicted(outcome))

@@ -29,17 +29,21 @@ def assemble(robot: Chain) -> Floats:
     if robot.description.home and platform.nv == 6:
         start = _with_platform_at_home(robot, start)
         free = np.setdiff1d(free, np.arange(platform.idx_v, platform.idx_v + 6))
+
+    def gap(x: Floats) -> Floats:
+        return _gap_vector(robot, _turned(robot, start, free, x))
+
     rng = np.random.default_rng(0)
     best, smallest = start, np.inf
     for attempt in range(ATTEMPTS):
         guess = np.zeros(free.size) if attempt == 0 else rng.uniform(-np.pi, np.pi, free.size)
         configuration = _turned(robot, start, free, guess)
         if _gap(robot, configuration).max(initial=0.0) > NEAR:
-            found = least_squares(lambda x: _gap_vector(robot, _turned(robot, start, free, x)), guess, max_nfev=100)
+            found = least_squares(gap, guess, max_nfev=100)
             configuration = _turned(robot, start, free, found.x)
-        gap = _gap(robot, configuration).max(initial=0.0)
-        if gap < smallest:
-            best, smallest = configuration, gap
+        largest = _gap(robot, configuration).max(initial=0.0)
+        if largest < smallest:
+            best, smallest = configuration, largest
         if smallest <= NEAR:
             break
     return best

@@ -116,7 +116,5 @@ def _error(posture: ClosedPosture, T: Floats, R: Floats | None) -> Floats:
 
 
 def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:
-    position = T - poses.T
-    if R is None:
-        return position
-    return np.hstack([position, log(R @ np.swapaxes(poses.R, 1, 2))])
+    position: Floats = T - poses.T
+    return position if R is None else np.hstack([position, log(R @ np.swapaxes(poses.R, 1, 2))])

@@ -121,7 +121,7 @@ def invert(matrix: Floats) -> PassiveInverse:
     if matrix.size == 0:
         return PassiveInverse(np.zeros(matrix.shape[::-1]), 1.0, 1.0)
     if matrix.shape[0] != matrix.shape[1]:
-        inverse = np.linalg.pinv(matrix)
+        inverse = np.asarray(np.linalg.pinv(matrix), dtype=np.float64)
         return PassiveInverse(inverse, float(np.linalg.norm(inverse)), 1.0)
     lu, pivots, info = lapack.dgetrf(matrix)
     if info != 0:

@@ -138,7 +138,7 @@ class RodKinematics:
         for i, actuator in enumerate(self._driver):
             if actuator >= 0:
                 gradient[:, i, actuator] = rate[:, i]
-        return -np.linalg.solve(pose_jacobian(d, RP), gradient)
+        return np.asarray(-np.linalg.solve(pose_jacobian(d, RP), gradient), dtype=np.float64)
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the TCP's pose by the geometry's parameters: position and rotation vector, base frame."""
@@ -156,9 +156,7 @@ class RodKinematics:
         first = np.flatnonzero(np.diff(columns, prepend=-1))
         return product if len(first) == len(slots) else np.add.reduceat(product, first, axis=2)
 
-    def _gradient(
-        self, q: Floats, poses: Poses, ends: RodEnds, d: Floats, slots: list[tuple[int, int]]
-    ) -> Floats:
+    def _gradient(self, q: Floats, poses: Poses, ends: RodEnds, d: Floats, slots: list[tuple[int, int]]) -> Floats:
         """(N, s) derivative of one rod's closure by one parameter, for pairs of parameter and rod."""
         travel = self._travel(q)
         by_travel = self._by_travel(ends, d, travel)
@@ -205,7 +203,7 @@ class RodKinematics:
 
     @cached_property
     def _slides(self) -> npt.NDArray[np.bool_]:
-        return ~self._turns_carrier & np.array([rod.carrier is not None for rod in self._rods])
+        return np.asarray(~self._turns_carrier & np.array([rod.carrier is not None for rod in self._rods]))
 
     @cached_property
     def _origin(self) -> Floats:
@@ -217,7 +215,8 @@ class RodKinematics:
         """(k, 2) rotations a and b of each rod's track direction, rad."""
         by_actuator = self.geometry.deviations("direction", "actuator", (self.geometry.robot.n_actuators, 2))
         own = self.geometry.deviations("direction", "rod", (self._k, 2))
-        return own + np.array([np.zeros(2) if r.carrier is None else by_actuator[r.carrier] for r in self._rods])
+        shared = [np.zeros(2) if rod.carrier is None else by_actuator[rod.carrier] for rod in self._rods]
+        return np.asarray(own + np.array(shared))
 
     @cached_property
     def _size(self) -> float:

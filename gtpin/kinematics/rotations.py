@@ -43,9 +43,7 @@ def left_jacobian(vector: Floats) -> Floats:
     K = skew(vector)
     if angle < 1e-4:
         return np.asarray(np.eye(3) + K / 2.0 + K @ K / 6.0)
-    return np.asarray(
-        np.eye(3) + (1.0 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * (K @ K)
-    )
+    return np.asarray(np.eye(3) + (1.0 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * (K @ K))
 
 
 def from_quaternions(wxyz: Floats) -> Floats:

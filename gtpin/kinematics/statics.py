@@ -64,7 +64,9 @@ def static_forces(
     model, data = robot.model, robot.data
     J = posture.constraint_jacobian
     if J.shape[0] != len(robot.passive):
-        raise ModelError(f"the loops of {robot.name} are redundant", hint="static forces need as many as there are freedoms")
+        raise ModelError(
+            f"the loops of {robot.name} are redundant", hint="static forces need as many as there are freedoms"
+        )
     gravity = np.array(pin.computeGeneralizedGravity(model, data, posture.configuration))
     wrench = np.concatenate([np.asarray(force, float) + payload * model.gravity.linear, np.asarray(moment, float)])
     load = gravity - posture.tcp_jacobian.T @ wrench

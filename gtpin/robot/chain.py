@@ -100,9 +100,7 @@ class Chain:
         self.tcp_frame = tcp or description.tcp or description.platform or self._tip()
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
         self.constraints = tuple(
-            pin.PointAnchorConstraintModel(
-                self.model, *self._placement(loop.anchor1), *self._placement(loop.anchor2)
-            )
+            pin.PointAnchorConstraintModel(self.model, *self._placement(loop.anchor1), *self._placement(loop.anchor2))
             for loop in description.loops
         )
         self.constraint_data: tuple[Any, ...] = tuple(constraint.createData() for constraint in self.constraints)

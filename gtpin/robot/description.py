@@ -136,7 +136,9 @@ class Description:
             home=None
             if home is None
             else Home(
-                reader.numbers(home, "q", None), reader.numbers(home, "tcp_xyz", 3), reader.numbers(home, "tcp_rotvec", 3)
+                reader.numbers(home, "q", None),
+                reader.numbers(home, "tcp_xyz", 3),
+                reader.numbers(home, "tcp_rotvec", 3),
             ),
             gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
             tolerance=MappingProxyType({} if tolerance is None else reader.tolerance(tolerance)),
@@ -211,5 +213,7 @@ class _Reader:
         values = {kind: self.numbers(element, kind, 1)[0] for kind in element.attrib}
         for kind, value in values.items():
             if value <= 0.0:
-                raise RobotError(f"tolerance {kind} is {value:g}", file=self.source, hint="give a positive 1-sigma value")
+                raise RobotError(
+                    f"tolerance {kind} is {value:g}", file=self.source, hint="give a positive 1-sigma value"
+                )
         return values

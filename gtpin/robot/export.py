@@ -16,9 +16,7 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 
-def to_urdf(
-    geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, home: tuple[Floats, Floats]
-) -> str:
+def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, home: tuple[Floats, Floats]) -> str:
     """URDF of a robot with rods, with its joints where a geometry puts them.
 
     Every link keeps its name, its shape and its inertia, and the URDF's zero stays its home if it was. Drive scales have no

@@ -134,7 +134,7 @@ class Geometry:
     @property
     def deviation(self) -> Floats:
         """(p,) values less nominal."""
-        return self.values - np.array([p.nominal for p in self.parameters])
+        return np.asarray(self.values - np.array([p.nominal for p in self.parameters]))
 
     def with_values(self, values: Floats) -> Geometry:
         """The same parameters at other values (p,)."""
@@ -188,9 +188,7 @@ def _rod_parameters(
 ) -> list[Parameter]:
     found = []
     for i, rod in enumerate(robot.rods):
-        found.append(
-            Parameter(f"length[{rod.name}]", "length", i, 0, "rod", "m", rod.L, tolerances["link_length"])
-        )
+        found.append(Parameter(f"length[{rod.name}]", "length", i, 0, "rod", "m", rod.L, tolerances["link_length"]))
     for kind, points in (("platform_joint", "P"), ("carrier_joint", "C")):
         for i, rod in enumerate(robot.rods):
             word = kind if kind == "platform_joint" else _carrier_kind(robot, rod)

@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.robot.description import Loop, RodElement
 from gtpin.robot.chain import Chain
+from gtpin.robot.description import Loop, RodElement
 
 Floats = npt.NDArray[np.float64]
 
@@ -72,16 +72,16 @@ def rods(robot: Chain) -> tuple[Rod, ...]:
     """
     loops = {loop.name: (index, loop) for index, loop in enumerate(robot.description.loops)}
     found = []
-    pin.computeJointJacobians(
-        robot.model, robot.data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators))
-    )
+    pin.computeJointJacobians(robot.model, robot.data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
     for element in robot.description.rods:
         if element.loop not in loops:
             raise _error(robot, element, f"its loop {element.loop} does not exist")
         found.append(_rod(robot, element, *loops[element.loop]))
     if found and len(found) != len(robot.constraints):
         raise RobotError(
-            f"{len(robot.constraints)} loops but {len(found)} rods", file=robot.description.source, hint="name every rod"
+            f"{len(robot.constraints)} loops but {len(found)} rods",
+            file=robot.description.source,
+            hint="name every rod",
         )
     return tuple(found)
 
