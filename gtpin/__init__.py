@@ -1,5 +1,7 @@
 """Closed-chain kinematics, calibration and diagnosis of the Gantry-Tau parallel robot and its kin, on Pinocchio."""
 
+from importlib.metadata import version
+
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
@@ -15,6 +17,8 @@ from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot, robot_names
 from gtpin.robot.robot import Robot
 
+__version__ = version("gtpin")
+
 __all__ = [
     "Calibration",
     "ClosedPosture",
@@ -27,6 +31,7 @@ __all__ = [
     "Model",
     "Poses",
     "Robot",
+    "__version__",
     "calibrate",
     "commands_for",
     "geometry_jacobian",

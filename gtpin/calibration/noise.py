@@ -7,11 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize, minimize_scalar
+from scipy.stats import chi2
 
 Floats = npt.NDArray[np.float64]
 
 LEAST_CONTRASTS = 8
 """Repeated visits, beyond the first of each pose, below which the scatter between them says too little."""
+
+SHOWN = 3.84
+"""Twice the gain in log likelihood from which on repeatability is believed (chance of 2.5 % where there is none): what
+scatter alone mimics would make every noise look larger than it is.
+"""
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,8 @@ class Noise:
         Noise along the line of sight over noise across it at the mean range.
     source
         Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
+    dof
+        Degrees of freedom that the sigmas were estimated with; infinite where they are declared.
     """
 
     position_sigma: float
@@ -43,6 +51,7 @@ class Noise:
     reach: Floats | None = None
     range_ratio: float = 1.0
     source: str = "declared"
+    dof: float = np.inf
 
     def covariance(self, command_jacobian: Floats, components: int) -> Floats:
         """(N, c, c) covariance of the measured pose: position alone (c = 3) or with the rotation vector (c = 6).
@@ -145,7 +154,8 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
 def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, declared: tuple[bool, bool]) -> Noise:
     """Noise whose repeatability, and whose sigmas that were not declared, explain the scatter between visits.
 
-    Maximum likelihood over contrasts (k, c), with the derivative (k, 6, n) of the pose by the commands.
+    Maximum likelihood over contrasts (k, c), with the derivative (k, 6, n) of the pose by the commands. Repeatability is
+    left at zero where the scatter does not show it. Contrasts far outside the others count as if they were at the edge.
 
     Parameters
     ----------
@@ -153,6 +163,7 @@ def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, decla
         Whether the position's and the orientation's sigma are known.
     """
     components = contrast.shape[1]
+    contrast = _tamed(contrast)
     spread = np.median(np.abs(contrast), axis=0) / 0.6745
     rough = np.array([max(np.median(spread[:3]), 1e-9), max(np.median(spread[3:]), 1e-9) if components == 6 else 1.0])
     open_ = [i for i in range(2) if not declared[i] and (i == 0 or components == 6)]
@@ -181,5 +192,19 @@ def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, decla
     starts = [np.array([0.05] + [0.0] * len(open_)), np.array([1.0] + [-0.5] * len(open_))]
     bounds = [(0.0, 1e4)] + [(-5.0, 5.0)] * len(open_)
     found = [minimize(cost, start, bounds=bounds, method="L-BFGS-B") for start in starts]
-    best = trial(min(found, key=lambda result: float(result.fun)).x)
-    return replace(best, source="declared" if all(declared) else "repeats")
+    best = min(found, key=lambda result: float(result.fun))
+    without = minimize(lambda x: cost(np.append(0.0, x)), np.zeros(len(open_)), bounds=bounds[1:]) if open_ else None
+    simpler = np.append(0.0, without.x) if without is not None else np.zeros(1)
+    chosen = best.x if 2.0 * (cost(simpler) - float(best.fun)) > SHOWN else simpler
+    if all(declared):
+        return replace(trial(chosen), source="declared")
+    return replace(trial(chosen), source="repeats", dof=float(3 * len(contrast)))
+
+
+def _tamed(contrast: Floats) -> Floats:
+    """Contrasts (k, c), those beyond the 97.5 % point of what the median of their size implies drawn back to it."""
+    scaled = contrast / np.maximum(np.median(np.abs(contrast), axis=0), 1e-300)
+    norms = (scaled**2).sum(axis=1)
+    c = contrast.shape[1]
+    limit = chi2.ppf(0.975, c) * np.median(norms) / chi2.median(c)
+    return np.asarray(contrast * np.sqrt(np.minimum(1.0, limit / np.maximum(norms, 1e-300)))[:, None])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from gtpin.calibration import noise as noises
 from gtpin.calibration import weights
@@ -24,6 +24,8 @@ Mask = npt.NDArray[np.bool_]
 Progress = Callable[[str, int, float], None]
 
 MAX_ROUNDS = 30
+FREE_ROUNDS = 8
+"""Rounds after which no more poses are set aside and tails only become heavier, lest two readings of the data take turns."""
 SETTLED = 1e-3
 """Relative change of an estimated sigma at which it has settled."""
 LACK_OF_FIT = 1e-3
@@ -65,7 +67,9 @@ class Settled:
 
         Heavy tails have a scale of their own, which the fit's weights hold already.
         """
-        if self.tails.heavy or chi2.sf(self.chi2, self.dof) >= LACK_OF_FIT:
+        known = np.isinf(self.noise.dof)
+        chance = chi2.sf(self.chi2, self.dof) if known else f.sf(self.chi2 / self.dof, self.dof, self.noise.dof)
+        if self.tails.heavy or chance >= LACK_OF_FIT:
             return 1.0
         return float(np.sqrt(self.chi2 / self.dof))
 
@@ -115,10 +119,13 @@ class Rounds:
             left = self.measured.minus(self._predicted(outcome))
             now_used = ~weights.gross(_whiten(noise, J, left), used)
             now_noise = self._estimated(noise, outcome, now_used, left, J)
+            late = number > FREE_ROUNDS
+            now_used = now_used | used if late else now_used
             if number > 1 and (now_used == used).all() and _same(noise, now_noise):
                 return Settled(outcome, used, noise, tails)
             used, noise = now_used, now_noise
-            tails = weights.Tails.of(_whiten(noise, J, left)[used])
+            now_tails = weights.Tails.of(_whiten(noise, J, left)[used])
+            tails = min(tails, now_tails, key=lambda t: t.freedom) if late else now_tails
             outcome = self._fit(used, noise, J, tails.weigh, outcome.point.x, f"fit {number}")
         raise ConvergenceError(
             f"noise and gross errors have not settled in {MAX_ROUNDS} rounds", hint="declare the noise in dataset.toml"
@@ -166,7 +173,12 @@ class Rounds:
         rows = np.flatnonzero(used)[rows]
         if len(contrast) >= noises.LEAST_CONTRASTS:
             told = noises.from_repeats(noise.take(rows), contrast, J[rows], self._declared)
-            return replace(told, sight=noise.sight, reach=noise.reach)
+            told = replace(told, sight=noise.sight, reach=noise.reach)
+            if all(self._declared) or told.repeatability > 0.0:
+                return told
+            # A few repeats tell the noise roughly, all the residuals well: theirs holds unless it is larger.
+            fitted = self._from_residuals(noise, outcome)
+            return told if _larger(fitted, told) else fitted
         return noise if all(self._declared) else self._from_residuals(noise, outcome)
 
     def _from_residuals(self, noise: Noise, outcome: Fit) -> Noise:
@@ -185,8 +197,16 @@ class Rounds:
             noise,
             position_sigma=noise.position_sigma * factors[0],
             orientation_sigma=noise.orientation_sigma * factors[1],
+            repeatability=0.0,
             source="residuals",
+            dof=outcome.residual.size / 2.0,
         )
+
+
+def _larger(one: Noise, two: Noise) -> bool:
+    """Whether one estimate of the noise is larger than another by more than chance (F test of each sigma)."""
+    ratios = (one.position_sigma / two.position_sigma, one.orientation_sigma / two.orientation_sigma)
+    return any(float(f.sf(ratio**2, one.dof, two.dof)) < LACK_OF_FIT for ratio in ratios)
 
 
 def _whiten(noise: Noise, J: Floats, values: Floats) -> Floats:

@@ -52,7 +52,7 @@ def assemble(robot: Chain) -> Floats:
 def _with_platform_at_home(robot: Chain, configuration: Floats) -> Floats:
     home = robot.description.home
     assert home is not None
-    wanted = pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.tcp_placement.inverse()
+    wanted = pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.home_placement.inverse()
     pin.forwardKinematics(robot.model, robot.data, configuration)
     joint = robot.tcp_joint
     parent = robot.data.oMi[robot.model.parents[joint]] * robot.model.jointPlacements[joint]

@@ -38,6 +38,7 @@ class ChainKinematics:
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n), base frame; NaN where the loops can't be closed. ``start`` is not needed."""
+        self.robot.check_commands(q)
         poses = Poses(np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan))
         for i, row in enumerate(q):
             try:

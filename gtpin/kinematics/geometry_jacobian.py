@@ -34,6 +34,8 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
         If the geometry is not that of the posture's robot.
     """
     robot = posture.robot
+    if robot.description.xml != geometry.robot.description.xml or robot.tcp_frame != geometry.robot.tcp_frame:
+        raise ModelError("the geometry is another robot's", hint="load both from one URDF")
     if robot.rods and np.any(geometry.deviation != 0.0):
         raise ModelError("the posture is not of this geometry", hint="load the calibrated URDF and move its home there")
     posture.refresh()

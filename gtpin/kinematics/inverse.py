@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.errors import ClosureError, UnreachableError
+from gtpin.errors import ClosureError, ModelError, UnreachableError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
@@ -34,9 +34,16 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
     ------
     UnreachableError
         If the TCP can't be brought there.
+    ModelError
+        If T or R is not of that shape.
     """
     T = np.asarray(T, dtype=float)
     R = None if R is None else np.asarray(R, dtype=float)
+    _check(T[None], None if R is None else R[None])
+    if not np.isfinite(T).all() or (R is not None and not np.isfinite(R).all()):
+        raise UnreachableError(
+            f"{posture.robot.name} is wanted where a number is not finite", hint="give finite numbers"
+        )
     error, stride = _error(posture, T, R), 1.0
     for _ in range(MAX_STEPS):
         if np.abs(error).max() <= TOLERANCE * max(1.0, posture.robot.size):
@@ -79,11 +86,18 @@ def commands_for(
     -------
     q, poses
         (N, n) commands and the (N) poses there; NaN where the TCP can't be brought there.
+
+    Raises
+    ------
+    ModelError
+        If T, R or ``start`` is not of that shape.
     """
+    _check(T, R)
     home_q = kinematics.geometry.robot.home_q
     q = np.tile(home_q, (len(T), 1)) if start is None else start.copy()
     poses = kinematics.forward(q)
-    rows = np.flatnonzero(poses.reached)
+    finite = np.isfinite(T).all(axis=1) & (True if R is None else np.isfinite(R).all(axis=(1, 2)))
+    rows = np.flatnonzero(poses.reached & finite)
     stride = np.ones(len(T))
     scale = max(1.0, kinematics.geometry.robot.size)
     for _ in range(MAX_STEPS):
@@ -104,11 +118,18 @@ def commands_for(
         stride[rows[better]] = np.minimum(1.0, 2.0 * stride[rows[better]])
         stride[rows[~better]] /= 2.0
     final = np.full(len(T), np.inf)
-    there = np.flatnonzero(poses.reached)
+    there = np.flatnonzero(poses.reached & finite)
     final[there] = np.abs(_errors(poses[there], T[there], None if R is None else R[there])).max(axis=1)
     lost = final > 100.0 * TOLERANCE * scale
     q[lost], poses.T[lost], poses.R[lost] = np.nan, np.nan, np.nan
     return q, poses
+
+
+def _check(T: Floats, R: Floats | None) -> None:
+    if T.ndim != 2 or T.shape[1] != 3:
+        raise ModelError(f"wanted positions of shape {T.shape}", hint="give three coordinates each")
+    if R is not None and R.shape != (len(T), 3, 3):
+        raise ModelError(f"wanted rotations of shape {R.shape}", hint="give one 3 x 3 matrix for each position")
 
 
 def _error(posture: ClosedPosture, T: Floats, R: Floats | None) -> Floats:
@@ -117,4 +138,7 @@ def _error(posture: ClosedPosture, T: Floats, R: Floats | None) -> Floats:
 
 def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:
     position: Floats = T - poses.T
-    return position if R is None else np.hstack([position, log(R @ np.swapaxes(poses.R, 1, 2))])
+    if R is None:
+        return position
+    turn: Floats = np.hstack([position, log(R @ np.swapaxes(poses.R, 1, 2))])
+    return turn

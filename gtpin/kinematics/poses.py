@@ -45,5 +45,12 @@ class Poses:
         return Poses(self.T @ R.T + T, R @ self.R)
 
     def minus(self, other: Poses) -> Floats:
-        """(N, 6) these poses less others: position, m, and rotation vector, rad, both in the common frame."""
-        return np.hstack([self.T - other.T, log(self.R @ np.swapaxes(other.R, 1, 2))])
+        """(N, 6) these poses less others: position, m, and rotation vector, rad, both in the common frame.
+
+        NaN where one of the two is not there.
+        """
+        both = self.reached & other.reached
+        difference = np.full((len(self), 6), np.nan)
+        difference[both, :3] = self.T[both] - other.T[both]
+        difference[both, 3:] = log(self.R[both] @ np.swapaxes(other.R[both], 1, 2))
+        return difference

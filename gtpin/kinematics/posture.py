@@ -67,20 +67,24 @@ class ClosedPosture:
         ]
         return _frozen(np.array(values, dtype=float))
 
-    @cached_property
+    @property
     def tcp(self) -> Any:
-        """The TCP frame in the base frame, a ``pinocchio.SE3``."""
+        """The TCP frame in the base frame, a ``pinocchio.SE3`` of the caller's own."""
+        return self._tcp.copy()
+
+    @cached_property
+    def _tcp(self) -> Any:
         return self.placement(self.robot.tcp_joint) * self.robot.tcp_placement
 
     @property
     def T(self) -> Floats:
         """(3,) TCP position in the base frame, m."""
-        return _frozen(np.array(self.tcp.translation))
+        return _frozen(np.array(self._tcp.translation))
 
     @property
     def R(self) -> Floats:
         """(3, 3) rotation from the TCP frame to the base frame."""
-        return _frozen(np.array(self.tcp.rotation))
+        return _frozen(np.array(self._tcp.rotation))
 
     def placement(self, joint_id: int) -> Any:
         """Placement of a Pinocchio joint in the base frame at this posture."""
@@ -124,7 +128,9 @@ class ClosedPosture:
 
     @cached_property
     def _passive(self) -> newton.PassiveInverse:
-        return newton.invert(self._jacobian[:, self.robot.passive])
+        passive = newton.invert(self._jacobian[:, self.robot.passive])
+        passive.inverse.flags.writeable = False
+        return passive
 
     @property
     def amplification(self) -> float:

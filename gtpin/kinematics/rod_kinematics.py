@@ -104,7 +104,13 @@ class RodKinematics:
         -------
         poses
             NaN where the loops can't be closed.
+
+        Raises
+        ------
+        ModelError
+            If ``q`` is not of that shape.
         """
+        self.geometry.robot.check_commands(q)
         if start is not None and start.reached.all():
             before = self._ends_that_close(start, q)
             after = self.ends(q)

@@ -96,29 +96,49 @@ def _axial(posture: ClosedPosture, loops: Floats) -> Floats:
         along = ends[rod.rod_end] - robot.data.oMi[rod.joint_id].translation
         u = along / np.linalg.norm(along)
         on_rod = loops[rod.loop] if rod.rod_end == 0 else -loops[rod.loop]
-        mass, fraction = rod_mass(robot, i)
+        stretch = 0.0 if rod.extension is None else float(posture.q[rod.extension])
         # Between its middle and its seat the rod's own weight adds to the pull, over the part of its mass there.
-        forces[i] = on_rod @ u + mass * fraction * (robot.model.gravity.linear @ u)
+        on_carrier = _rod_mass(robot, i).on_carrier(np.array(stretch), np.asarray(np.linalg.norm(along)))
+        forces[i] = on_rod @ u + float(on_carrier) * (robot.model.gravity.linear @ u)
     return forces
 
 
-def rod_mass(robot: Robot, rod_index: int) -> tuple[float, float]:
-    """Mass of a rod, kg, and where along it (0 on the platform, 1 on the carrier) its centre lies."""
+@dataclass(frozen=True)
+class _RodMass:
+    """A rod's mass, kg, its first moment about the joint on the platform, kg m, and what slides when it stretches, kg."""
+
+    mass: float
+    moment: float
+    sliding: float
+
+    def on_carrier(self, stretch: Floats, length: Floats) -> Floats:
+        """The part of its mass, kg, that weighs on the carrier when it is stretched to a length, m."""
+        return np.asarray((self.moment + self.sliding * stretch) / length)
+
+
+def _rod_mass(robot: Robot, rod_index: int) -> _RodMass:
     rod = robot.rods[rod_index]
     model = robot.model
     constraint = robot.constraints[rod.loop]
-    tip = constraint.joint1_id if rod.rod_end == 0 else constraint.joint2_id
+    tip, end = (
+        (constraint.joint1_id, constraint.joint1_placement)
+        if rod.rod_end == 0
+        else (constraint.joint2_id, constraint.joint2_placement)
+    )
     chain = list(model.supports[tip])
     chain = chain[chain.index(rod.joint_id) :]
-    mass = sum(model.inertias[joint].mass for joint in chain)
-    if mass == 0.0:
-        return 0.0, 0.5
-    # Placements along a rod only turn or slide it, so distances from its root are those of its joints' frames.
-    moment, placement = 0.0, pin.SE3.Identity()
-    for number, joint in enumerate(chain):
-        placement = placement * model.jointPlacements[joint] if number else placement
-        moment += model.inertias[joint].mass * float(np.linalg.norm(placement.act(model.inertias[joint].lever)))
-    return mass, moment / (mass * rod.L)
+    placements = [pin.SE3.Identity()]
+    for joint in chain[1:]:
+        placements.append(placements[-1] * model.jointPlacements[joint])
+    along = (placements[-1] * end).translation / rod.L
+    extension = None if rod.extension is None else robot.actuators[rod.extension].joint_id
+    mass = moment = sliding = 0.0
+    for joint, placement in zip(chain, placements, strict=True):
+        inertia = model.inertias[joint]
+        mass += inertia.mass
+        moment += inertia.mass * float(placement.act(inertia.lever) @ along)
+        sliding += inertia.mass if extension is not None and joint >= extension else 0.0
+    return _RodMass(mass, moment, sliding)
 
 
 def rod_forces(
@@ -150,22 +170,24 @@ def rod_forces(
         If rods can't hold a platform at some pose.
     """
     robot = kinematics.geometry.robot
-    d, RP = rod_vectors(poses, kinematics.ends(q))
+    ends = kinematics.ends(q)
+    d, RP = rod_vectors(poses, ends)
     gravity = robot.model.gravity.linear
     inertia = robot.tcp_placement.inverse() * robot.model.inertias[robot.tcp_joint]
     wrench = np.zeros((len(q), 6))
     wrench[:, :3] = inertia.mass * gravity
     wrench[:, 3:] = np.cross(poses.R @ inertia.lever, inertia.mass * gravity)
+    length = np.linalg.norm(d, axis=2)
     for i in range(len(robot.rods)):
-        mass, fraction = rod_mass(robot, i)
-        weight = (1.0 - fraction) * mass * gravity
+        rod = _rod_mass(robot, i)
+        stretch = np.broadcast_to(ends.L, length.shape)[:, i] - kinematics.L0[i]
+        weight = (rod.mass - rod.on_carrier(stretch, length[:, i]))[:, None] * gravity
         wrench[:, :3] += weight
         wrench[:, 3:] += np.cross(RP[:, i], weight)
     if force is not None:
         wrench[:, :3] += force
     if payload is not None:
         wrench[:, :3] += payload[:, None] * gravity
-    length = np.linalg.norm(d, axis=2)
     # d points from the carrier to the platform: a rod in tension pulls the platform back along it.
     directions = pose_jacobian(d, RP) / length[..., None]
     try:

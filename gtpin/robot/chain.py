@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import RobotError
+from gtpin.errors import ModelError, RobotError
 from gtpin.robot.description import ActuatorElement, Anchor, Description, parse_xml
 from gtpin.robot.urdf_parser import build_model
 
@@ -62,7 +62,7 @@ class Chain:
     description
         What the URDF says.
     tcp
-        The link or frame whose pose is the robot's pose; by default the one that ``<platform>`` names, or the end of the
+        The link whose pose is the robot's pose; by default the one that ``<platform>`` names, or the end of the
         longest chain.
 
     Attributes
@@ -75,6 +75,8 @@ class Chain:
         Velocity indices of the coordinates that no actuator drives.
     tcp_joint, tcp_placement
         The joint that carries the TCP frame, and the frame's placement on it.
+    home_placement
+        Placement, on that joint, of the TCP that the URDF names and whose pose its ``<home>`` tells.
 
     Raises
     ------
@@ -96,9 +98,13 @@ class Chain:
         driven = [actuator.index_v for actuator in self.actuators]
         if len(set(driven)) != len(driven):
             raise RobotError("two actuators drive one joint", file=description.source, hint="name each joint once")
+        if len(set(self.sites)) != len(driven):
+            raise RobotError("two actuators have one site", file=description.source, hint="name each site once")
         self.passive = np.setdiff1d(np.arange(self.model.nv), driven)
         self.tcp_frame = tcp or description.tcp or description.platform or self._tip()
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
+        named = description.tcp or description.platform or self.tcp_frame
+        self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))[1]
         self.constraints = tuple(
             pin.PointAnchorConstraintModel(self.model, *self._placement(loop.anchor1), *self._placement(loop.anchor2))
             for loop in description.loops
@@ -149,6 +155,19 @@ class Chain:
                 changed[actuator.index_q] = value
         return changed
 
+    def check_commands(self, q: Floats) -> None:
+        """Refuse commands of another shape than (N, n).
+
+        Raises
+        ------
+        ModelError
+            If they are.
+        """
+        if q.ndim != 2 or q.shape[1] != self.n_actuators:
+            raise ModelError(
+                f"commands of shape {q.shape} for {self.name}", hint=f"give an array of shape (N, {self.n_actuators})"
+            )
+
     # ------------------------------------------------------------------------------------------------ building
 
     def _actuator_elements(self) -> tuple[ActuatorElement, ...]:
@@ -180,6 +199,8 @@ class Chain:
             )
         index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
         column = pin.getJointJacobian(model, self.data, joint_id, pin.LOCAL_WORLD_ALIGNED)[:, index_v]
+        if not column.any():
+            raise RobotError(f"actuator {element.joint} has an axis of no length", file=source, hint="mend its <axis>")
         revolute = bool(np.linalg.norm(column[3:]) > 0.5)
         continuous = model.nqs[joint_id] == 2
         lower = -np.inf if continuous else float(model.lowerPositionLimit[index_q])
@@ -200,11 +221,11 @@ class Chain:
         )
 
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
-        if not self.model.existFrame(anchor.link):
+        if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
             raise RobotError(
                 f"no link is called {anchor.link}", file=self.description.source, hint="mend the loop or the platform"
             )
-        frame = self.model.frames[self.model.getFrameId(anchor.link)]
+        frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
 

@@ -42,7 +42,7 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
         if carried:
             frame = robot.data.oMi[actuator.joint_id].rotation
             mean = v[carried].mean(axis=0)
-            _child(joints[actuator.joint], "axis").set("xyz", _text(frame.T @ (mean / np.linalg.norm(mean))))
+            _axis(joints[actuator.joint]).set("xyz", _text(frame.T @ (mean / np.linalg.norm(mean))))
     for i, rod in enumerate(robot.rods):
         loop = robot.description.loops[rod.loop]
         own, seat = (loop.anchor1, loop.anchor2) if rod.rod_end == 0 else (loop.anchor2, loop.anchor1)
@@ -67,7 +67,7 @@ def placements_to_urdf(geometry: Geometry) -> str:
     for joint_id in range(1, robot.model.njoints):
         element = joints[robot.model.names[joint_id]]
         # The URDF's origin starts at its parent link, Pinocchio's placement at its parent joint: fixed links lie between.
-        parent = robot.model.frames[robot.model.getFrameId(_child(element, "parent").get("link", ""))].placement
+        parent = _parent_placement(robot, element)
         moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         _set_origin(element, moved)
     indent(root)
@@ -82,13 +82,19 @@ def _own_direction(robot: Robot, link: str, xyz: tuple[float, ...], root: int) -
 
 
 def _link_placement(robot: Robot, link: str) -> pin.SE3:
-    frame = robot.model.frames[robot.model.getFrameId(link)]
+    frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
     return robot.data.oMi[frame.parentJoint] * frame.placement
+
+
+def _parent_placement(robot: Robot, joint: Element) -> pin.SE3:
+    """Placement of a joint's parent link on the Pinocchio joint that carries it."""
+    link = _child(joint, "parent").get("link", "")
+    return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
 
 
 def _hang(robot: Robot, joint: Element, joint_id: int, P: Floats) -> None:
     """Put a rod's joint at P (TCP frame, m) on the platform, its axes as they were."""
-    parent = robot.model.frames[robot.model.getFrameId(_child(joint, "parent").get("link", ""))].placement
+    parent = _parent_placement(robot, joint)
     placement = robot.model.jointPlacements[joint_id]
     moved = pin.SE3(placement.rotation, robot.tcp_placement.act(P))
     _set_origin(joint, parent.inverse() * moved)
@@ -100,14 +106,15 @@ def _rehome(robot: Robot, root: Element, joints: dict[str, Element], home: tuple
     told = None if own is None else own.find("home")
     if told is None or robot.description.home is None:
         return
-    T, R = home
-    told.set("tcp_xyz", _text(T))
-    told.set("tcp_rotvec", _text(pin.log3(R)))
+    platform_pose = pin.SE3(home[1], home[0]) * robot.tcp_placement.inverse()
+    pose = platform_pose * robot.home_placement
+    told.set("tcp_xyz", _text(pose.translation))
+    told.set("tcp_rotvec", _text(pin.log3(pose.rotation)))
     platform = robot.model.names[robot.tcp_joint]
     was = pin.SE3(pin.exp3(np.array(robot.description.home.tcp_rotvec)), np.array(robot.description.home.tcp_xyz))
-    now = robot.data.oMi[robot.tcp_joint] * robot.tcp_placement
+    now = robot.data.oMi[robot.tcp_joint] * robot.home_placement
     if platform in joints and joints[platform].get("type") == "floating" and was.isApprox(now, 1e-6):
-        _set_origin(joints[platform], pin.SE3(R, T) * robot.tcp_placement.inverse())
+        _set_origin(joints[platform], platform_pose)
 
 
 def _set_origin(joint: Element, placement: pin.SE3) -> None:
@@ -117,6 +124,14 @@ def _set_origin(joint: Element, placement: pin.SE3) -> None:
         joint.insert(0, origin)
     origin.set("xyz", _text(placement.translation))
     origin.set("rpy", _text(pin.rpy.matrixToRpy(placement.rotation)))
+
+
+def _axis(joint: Element) -> Element:
+    axis = joint.find("axis")
+    if axis is None:  # URDF's default, which goes without saying
+        axis = Element("axis")
+        joint.append(axis)
+    return axis
 
 
 def _child(element: Element, tag: str) -> Element:

@@ -14,6 +14,7 @@ from gtpin.robot.description import Description
 from gtpin.robot.rods import Rod, rods
 
 Floats = npt.NDArray[np.float64]
+Placements = tuple[tuple[Floats, Floats], ...]
 
 
 class Robot(Chain):
@@ -59,8 +60,14 @@ class Robot(Chain):
         other.constraint_data = tuple(constraint.createData() for constraint in self.constraints)
         return other
 
-    def __reduce__(self) -> tuple[type[Robot], tuple[Description, str]]:
-        return Robot, (self.description, self.tcp_frame)
+    def __reduce__(self) -> tuple[type[Robot], tuple[Description, str], Placements]:
+        placements = tuple((M.rotation.copy(), M.translation.copy()) for M in self.model.jointPlacements)
+        return Robot, (self.description, self.tcp_frame), placements
+
+    def __setstate__(self, placements: Placements) -> None:
+        # The URDF knows nothing of joints that were moved.
+        for joint_id, (R, T) in enumerate(placements):
+            self.model.jointPlacements[joint_id] = pin.SE3(R, T)
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n_actuators} actuators, {len(self.constraints)} loops)"

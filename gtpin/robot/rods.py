@@ -83,6 +83,13 @@ def rods(robot: Chain) -> tuple[Rod, ...]:
             file=robot.description.source,
             hint="name every rod",
         )
+    for what in ("loop", "name"):
+        if len({getattr(rod, what) for rod in found}) != len(found):
+            raise RobotError(
+                f"two rods have the same {'loop' if what == 'loop' else 'site'}",
+                file=robot.description.source,
+                hint="name each once",
+            )
     return tuple(found)
 
 
@@ -115,11 +122,13 @@ def _rod(robot: Chain, element: RodElement, index: int, loop: Loop) -> Rod:
             if extension is not None or np.linalg.norm(column[:3] * L - (end - root)) > ALIGNED * max(1.0, L):
                 raise _error(robot, element, f"its actuator {model.names[joint]} does not change its length")
             extension = driven[joint]
-        elif extension is None and np.linalg.norm(placements[joint].translation - root) > ALIGNED:
+        elif extension is not None or np.linalg.norm(placements[joint].translation - root) > ALIGNED:
             raise _error(robot, element, "its joints on the platform do not meet in one point")
     carriers = [joint for joint in model.supports[carrier_joint] if joint != 0]
     if len(carriers) > 1 or any(joint not in driven for joint in carriers):
         raise _error(robot, element, "its carrier is moved by something else than one actuator")
+    if carriers and extension is not None:
+        raise _error(robot, element, "one actuator moves its carrier and another changes its length")
     name = element.site.removeprefix("link")
     return Rod(
         name=name if name else element.site,

@@ -37,9 +37,13 @@ def build_model(xml: str, source: str) -> Any:
     """
     with _standard_error_kept() as kept:
         try:
-            return pin.buildModelFromXML(xml)
+            model, failure = pin.buildModelFromXML(xml), ""
         except (RuntimeError, ValueError) as error:
-            kept.seek(0)
-            said = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
-            reason = said[0].strip() if said else str(error)
-    raise RobotError(f"not a valid URDF ({reason})", file=source, hint="mend the URDF")
+            model, failure = None, str(error)
+        kept.seek(0)
+        said = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
+    # The parser also goes on after errors, and leaves out what it could not read: a body without its mass, say.
+    if model is None or said:
+        reason = said[0].strip() if said else failure
+        raise RobotError(f"not a valid URDF ({reason})", file=source, hint="mend the URDF")
+    return model

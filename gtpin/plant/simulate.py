@@ -1,0 +1,159 @@
+"""A robot drawn from its tolerances, measured by a noisy instrument."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from gtpin.data import Commands, Dataset, Instrument
+from gtpin.errors import GtpinError, UnreachableError
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Model
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+TRIES = 50
+"""Draws per wanted pose before a robot counts as unable to reach its own range."""
+REPEATED = 0.1
+"""Share of the poses that are visited twice, so that the noise shows."""
+CONDITIONED = 1.5
+"""Motion of the TCP by the actuators, over that at home, beyond which nobody would measure."""
+RESOLUTION = 1e-6
+"""Commands are rounded to this, m or rad, as a controller's are."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A dataset whose truth is known.
+
+    Parameters
+    ----------
+    dataset
+        What was measured.
+    machine
+        The machine that it was measured on.
+    commands
+        Further commands, at which nothing was measured.
+    truth
+        The machine's poses there, without noise, in the instrument's frame.
+    """
+
+    dataset: Dataset
+    machine: Model
+    commands: Commands
+    truth: Poses
+
+
+def draw_machine(robot: Robot, rng: np.random.Generator) -> Model:
+    """A machine whose every geometric parameter is off by a normal draw from its tolerance."""
+    geometry = Geometry.nominal(robot)
+    drawn = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
+    return Model(geometry.with_values(drawn))
+
+
+def draw_commands(machine: Model, count: int, rng: np.random.Generator) -> Floats:
+    """(count, n) commands, uniform over the part of the ranges where the machine is as well conditioned as around home.
+
+    Raises
+    ------
+    UnreachableError
+        If hardly any commands can be reached.
+    """
+    robot = machine.robot
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    at_home = _gain(machine, robot.home_q[None])[0]
+    found = np.zeros((0, robot.n_actuators))
+    for _ in range(TRIES):
+        drawn = np.round(rng.uniform(lower, upper, (count, robot.n_actuators)) / RESOLUTION) * RESOLUTION
+        drawn = drawn[_gain(machine, drawn) <= CONDITIONED * at_home]
+        found = np.vstack([found, drawn])
+        if len(found) >= count:
+            return found[:count]
+    raise UnreachableError(
+        f"{robot.name} reaches hardly any of the commands in its range", hint="narrow the range in the URDF"
+    )
+
+
+def _gain(machine: Model, q: Floats) -> Floats:
+    """(N,) motion of the TCP by unit motions of the actuators; infinite where the machine can't go."""
+    poses = machine.kinematics.forward(q)
+    gain = np.full(len(q), np.inf)
+    there = poses.reached
+    gain[there] = np.linalg.norm(machine.kinematics.command_jacobian(q[there], poses[there]), axis=(1, 2))
+    return gain
+
+
+def measure(machine: Model, q: Floats, instrument: Instrument, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Measured positions (N, 3), m, and quaternions (N, 4), wxyz, with the instrument's noise.
+
+    Raises
+    ------
+    GtpinError
+        If the instrument does not say how noisy it is.
+    """
+    if instrument.position_sigma is None or instrument.orientation_sigma is None:
+        raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")
+    true = machine.predict(q)
+    position = true.T + instrument.position_sigma * rng.standard_normal(true.T.shape)
+    turn = Rotation.from_rotvec(instrument.orientation_sigma * rng.standard_normal(true.T.shape))
+    quaternion = (turn * Rotation.from_matrix(true.R)).as_quat(canonical=True, scalar_first=True)
+    return position, np.asarray(quaternion)
+
+
+def simulate(
+    robot: Robot,
+    reference: str,
+    *,
+    poses: int = 200,
+    seed: int = 0,
+    instrument: Instrument | None = None,
+    held_out: int = 120,
+) -> Simulation:
+    """Draw a machine, command it, and measure it.
+
+    Parameters
+    ----------
+    robot
+        The nominal robot.
+    reference
+        How the dataset names it.
+    poses
+        Number of different commands that are measured; a tenth of them is visited twice.
+    seed
+        Same seed, same bytes.
+    instrument
+        What measures: by default a laser tracker of 15 micrometres and 50 microradians.
+    held_out
+        Number of further commands, whose truth is given.
+
+    Raises
+    ------
+    GtpinError
+        If there is nothing to measure, or the robot reaches hardly any commands.
+    """
+    if poses < 1 or held_out < 1:
+        raise GtpinError(f"{min(poses, held_out)} poses", hint="ask for at least one")
+    instrument = instrument or Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5)
+    rng = np.random.default_rng(seed)
+    machine = draw_machine(robot, rng)
+    q = draw_commands(machine, poses, rng)
+    again = rng.choice(poses, size=int(REPEATED * poses), replace=False)
+    visited = rng.permutation(np.concatenate([np.arange(poses), again]))
+    position, quaternion = measure(machine, q[visited], instrument, rng)
+    dataset = Dataset(
+        robot=reference,
+        pose=np.array([str(i) for i in visited], dtype=object),
+        q=q[visited],
+        position=position,
+        orientation=quaternion,
+        instrument=instrument,
+    )
+    q_held = draw_commands(machine, held_out, rng)
+    commands = Commands(np.array([str(i) for i in range(held_out)], dtype=object), q_held)
+    return Simulation(dataset, machine, commands, machine.predict(q_held))

@@ -1,0 +1,106 @@
+"""A calibration as plain text."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.calibration.result import Calibration
+
+SHOWN = 8
+"""Correlations and unobservable directions that are listed."""
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """The report of a calibration: fit, noise, parameters, what the data can't see, correlations."""
+    parts = (_fit, _noise, _parameters, _unobservable, _correlations)
+    return "\n\n".join(part(calibration) for part in parts) + "\n"
+
+
+def _fit(c: Calibration) -> str:
+    told = c.to_json()
+    lines = [
+        f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measured poses",
+        _before_after("position error, RMS", told["position_rms_before"], told["position_rms_after"], 1e6, "um"),
+    ]
+    if told["orientation_rms_before"] is not None:
+        lines.append(
+            _before_after(
+                "orientation error, RMS", told["orientation_rms_before"], told["orientation_rms_after"], 1e6, "urad"
+            )
+        )
+    spread = np.sqrt(2.0 / c.dof)
+    lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.3f}  (1 +- {spread:.3f} for a model that fits)")
+    lines.append(f"  degrees of freedom                {c.dof:.1f}")
+    lines.append(f"  iterations                        {c.iterations}")
+    if c.rejected:
+        lines.append(f"  set aside                         {', '.join(c.rejected)}")
+    if c.enlarged > 1.0:
+        lines.append(
+            f"  The residuals are {c.enlarged:.2f} times the noise: the geometry does not explain these data. Sigmas below\n"
+            "  are enlarged to admit it."
+        )
+    return "\n".join(lines)
+
+
+def _before_after(what: str, before: float, after: float, unit: float, name: str) -> str:
+    return f"  {what:<33} {before * unit:.1f} {name} nominal -> {after * unit:.1f} {name} calibrated"
+
+
+def _noise(c: Calibration) -> str:
+    noise = c.noise
+    origin = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
+    lines = [f"Noise of the instrument, 1 sigma ({origin[noise.source]})"]
+    lines.append(f"  position     {noise.position_sigma * 1e6:.2f} um per axis")
+    if c.residual.shape[1] == 6:
+        lines.append(f"  orientation  {noise.orientation_sigma * 1e6:.2f} urad per axis")
+    if noise.sight is not None:
+        lines.append(f"  along the line of sight {noise.range_ratio:.2f} times that across it at the mean range")
+    if noise.repeatability > 0.0:
+        lines.append(
+            f"  repeatability of each actuator, from repeated visits: {noise.repeatability * 1e6:.2f} um or urad"
+        )
+    if np.isfinite(c.freedom):
+        lines.append(f"  tails heavier than Gaussian: t distribution with {c.freedom:g} degrees of freedom")
+    return "\n".join(lines)
+
+
+def _parameters(c: Calibration) -> str:
+    lines = [
+        "Parameters (learned = 1 - (sigma / tolerance)^2: 1 is all, 0 is nothing beyond the tolerance)",
+        f"  {'name':<26}{'value':>13}{'sigma':>11}{'- nominal':>12}{'tolerance':>11}  {'unit':<5}{'learned':>8}",
+    ]
+    for p, value, sigma, learned in zip(c.model.geometry.parameters, c.values, c.sigma, c.learned, strict=True):
+        lines.append(
+            f"  {p.name:<26}{value:>13.7f}{sigma:>11.2e}{value - p.nominal:>+12.2e}{p.tolerance:>11.1e}  {p.unit:<5}"
+            f"{learned:>8.3f}"
+        )
+    return "\n".join(lines)
+
+
+def _unobservable(c: Calibration) -> str:
+    directions = c.unobservable
+    if not directions:
+        return "The data see every direction of the geometry."
+    lines = [
+        f"{len(directions)} of {len(c.names)} directions of the geometry are hardly seen by these data; their values are the "
+        "tolerances'\nmeans, and change no prediction near the measured poses (weights in tolerances)"
+    ]
+    for direction in directions[:SHOWN]:
+        terms = " ".join(f"{weight:+.2f} {name}" for name, weight in list(direction.weights.items())[:5])
+        lines.append(f"  learned {direction.learned:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}")
+    if len(directions) > SHOWN:
+        lines.append(f"  and {len(directions) - SHOWN} more in calibration.json")
+    indices = ", ".join(f"{name} {value:.3g}" for name, value in c.observability.indices.items())
+    lines.append(f"Observability indices: {indices}")
+    return "\n".join(lines)
+
+
+def _correlations(c: Calibration) -> str:
+    pairs = c.correlated()
+    if not pairs:
+        return "No two parameters are correlated by more than 0.7."
+    lines = [f"Correlations of at least 0.7: {len(pairs)}"]
+    lines += [f"  {rho:+.3f}  {a}  {b}" for a, b, rho in pairs[:SHOWN]]
+    if len(pairs) > SHOWN:
+        lines.append(f"  and {len(pairs) - SHOWN} more in calibration.json")
+    return "\n".join(lines)
