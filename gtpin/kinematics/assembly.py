@@ -24,7 +24,7 @@ def assemble(robot: Chain) -> Floats:
     are turned until the rods meet their anchors; otherwise all passive joints are.
     """
     start = robot.with_commands(robot.neutral, robot.home_q)
-    free = robot.passive
+    free = np.arange(robot.model.nv)[robot.passive]
     platform = robot.model.joints[robot.tcp_joint]
     if robot.description.home and platform.nv == 6:
         start = _with_platform_at_home(robot, start)

@@ -133,7 +133,8 @@ def _check(T: Floats, R: Floats | None) -> None:
 
 
 def _error(posture: ClosedPosture, T: Floats, R: Floats | None) -> Floats:
-    return _errors(Poses(posture.T[None], posture.R[None]), T[None], None if R is None else R[None])[0]
+    error: Floats = _errors(Poses(posture.T[None], posture.R[None]), T[None], None if R is None else R[None])[0]
+    return error
 
 
 def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from gtpin.robot.chain import Chain
 Floats = npt.NDArray[np.float64]
 
 MAX_STEPS = 12
+ROUNDING = 16.0 * float(np.finfo(float).eps)
 CONTRACTION = 0.25
 """Largest ratio of the second Newton step to the first at which the start counts as near enough (Deuflhard, Newton
 Methods for Nonlinear Problems, 2011, ch. 5: the monotonicity test of path continuation)."""
@@ -43,19 +45,22 @@ class Closing:
 
 def constraint_error(robot: Chain) -> Floats:
     """(m,) gap between the anchors of each loop, m, in the first anchor's frame, for the data as last computed."""
-    errors = np.empty(3 * len(robot.constraints))
-    for i, (constraint, data) in enumerate(zip(robot.constraints, robot.constraint_data, strict=True)):
+    if not robot.constraints:
+        return np.zeros(0)
+    gaps = []
+    for constraint, data in robot.constraint_pairs:
         constraint.calc(robot.model, robot.data, data)
-        errors[3 * i : 3 * i + 3] = data.constraint_position_error
-    return errors
+        gaps.append(data.constraint_position_error)
+    return np.concatenate(gaps)
 
 
 def constraint_jacobian(robot: Chain) -> Floats:
     """(m, nv) derivative of :func:`constraint_error`, for the data as last computed."""
-    jacobian = np.empty((3 * len(robot.constraints), robot.model.nv))
-    for i, (constraint, data) in enumerate(zip(robot.constraints, robot.constraint_data, strict=True)):
-        jacobian[3 * i : 3 * i + 3] = constraint.jacobian(robot.model, robot.data, data)
-    return jacobian
+    if not robot.constraints:
+        return np.zeros((0, robot.model.nv))
+    for constraint, data in robot.constraint_elements:
+        constraint.calc(robot.model, robot.data, data)
+    return np.asarray(pin.getConstraintsJacobian(robot.model, robot.data, *robot.constraint_vectors))
 
 
 def solve(matrix: Floats, right: Floats) -> Floats:
@@ -78,7 +83,7 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
     """
     model, passive = robot.model, robot.passive
     # Coordinates of a few metres are rounded to a few 1e-16 m each, and a loop adds a dozen of them.
-    rounding = 16.0 * np.finfo(float).eps * robot.size
+    rounding = ROUNDING * robot.size
     velocity = np.zeros(model.nv)
     last_step = np.inf
     for steps in range(MAX_STEPS + 1):
@@ -88,45 +93,43 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
         if error.size == 0 or np.abs(error).max() <= rounding:
             return Closing(configuration, jacobian, steps, True)
         velocity[passive] = solve(jacobian[:, passive], -error)
-        step = float(np.linalg.norm(velocity))
+        step = math.sqrt(velocity @ velocity)
         # Below the square root of rounding, steps no longer shrink; the error decides alone.
-        if not np.isfinite(step) or (step > 1e-8 and step > contraction * last_step):
+        if not math.isfinite(step) or (step > 1e-8 and step > contraction * last_step):
             break
         last_step = step
         configuration = pin.integrate(model, configuration, velocity)
     return Closing(configuration, jacobian, steps, False)
 
 
-@dataclass(frozen=True)
-class PassiveInverse:
-    """Inverse of the constraints' Jacobian by the passive coordinates.
+class Passive:
+    """The constraints' derivative (m, p) by the passive coordinates, inverted.
 
-    Parameters
+    Attributes
     ----------
-    inverse
-        (p, m) the inverse; the pseudo-inverse where there are more equations than coordinates.
-    norm
-        Its Frobenius norm: infinite where it does not exist.
-    orientation
+    inverse : (p, m) array
+        The pseudo-inverse where there are more equations than coordinates; NaN where there is none.
+    amplification : float
+        Its Frobenius norm: motion of the passive coordinates by unit gaps; infinite where there is no inverse.
+    orientation : float
         Sign of the determinant, which is constant on an assembly mode; 1 where the matrix is not square.
     """
 
-    inverse: Floats
-    norm: float
-    orientation: float
-
-
-def invert(matrix: Floats) -> PassiveInverse:
-    """Invert the (m, p) derivative of the closure equations by the passive coordinates."""
-    if matrix.size == 0:
-        return PassiveInverse(np.zeros(matrix.shape[::-1]), 1.0, 1.0)
-    if matrix.shape[0] != matrix.shape[1]:
-        inverse = np.asarray(np.linalg.pinv(matrix), dtype=np.float64)
-        return PassiveInverse(inverse, float(np.linalg.norm(inverse)), 1.0)
-    lu, pivots, info = lapack.dgetrf(matrix)
-    if info != 0:
-        return PassiveInverse(np.full(matrix.shape, np.nan), np.inf, 0.0)
-    inverse = lapack.dgetri(lu, pivots)[0]
-    swaps = np.count_nonzero(pivots != np.arange(len(pivots)))
-    sign = np.prod(np.sign(lu.diagonal())) * (-1.0) ** swaps
-    return PassiveInverse(np.ascontiguousarray(inverse), float(np.linalg.norm(inverse)), float(sign))
+    def __init__(self, matrix: Floats) -> None:
+        self.orientation, self.amplification = 1.0, 1.0
+        if not matrix.size:
+            self.inverse = np.zeros(matrix.shape[::-1])
+            return
+        if matrix.shape[0] != matrix.shape[1]:
+            self.inverse = np.asarray(np.linalg.pinv(matrix), dtype=np.float64)
+        else:
+            lu, pivots, info = lapack.dgetrf(matrix)
+            if info != 0:
+                self.inverse = np.full(matrix.shape, np.nan)
+                self.orientation, self.amplification = 0.0, np.inf
+                return
+            # LAPACK by hand: numpy would factor once for the determinant and again for the inverse.
+            self.inverse = lapack.dgetri(lu, pivots)[0]
+            negative = np.count_nonzero(lu.diagonal() < 0.0) + np.count_nonzero(pivots != np.arange(len(pivots)))
+            self.orientation = -1.0 if negative % 2 else 1.0
+        self.amplification = math.sqrt(np.vdot(self.inverse, self.inverse))

@@ -58,14 +58,7 @@ class ClosedPosture:
     @cached_property
     def q(self) -> Floats:
         """(n,) commands, m or rad."""
-        model = self.robot.model
-        values = [
-            np.arctan2(*self._configuration[a.index_q : a.index_q + 2][::-1])
-            if model.nqs[a.joint_id] == 2
-            else self._configuration[a.index_q]
-            for a in self.robot.actuators
-        ]
-        return _frozen(np.array(values, dtype=float))
+        return _frozen(self.robot.commands(self._configuration))
 
     @property
     def tcp(self) -> Any:
@@ -118,7 +111,7 @@ class ClosedPosture:
     @cached_property
     def jacobian(self) -> Floats:
         """(6, n) derivative of the TCP's pose by the commands: position (m) and rotation vector (rad), base frame."""
-        driven = [actuator.index_v for actuator in self.robot.actuators]
+        driven = self.robot.driven
         return _frozen(self.tcp_jacobian[:, driven] + self.passive_response @ self._jacobian[:, driven])
 
     @property
@@ -127,15 +120,13 @@ class ClosedPosture:
         return self._passive.inverse
 
     @cached_property
-    def _passive(self) -> newton.PassiveInverse:
-        passive = newton.invert(self._jacobian[:, self.robot.passive])
-        passive.inverse.flags.writeable = False
-        return passive
+    def _passive(self) -> newton.Passive:
+        return newton.Passive(self._jacobian[:, self.robot.passive])
 
     @property
     def amplification(self) -> float:
-        """Motion of the passive coordinates by unit gaps (Frobenius norm): infinite at a singularity."""
-        return self._passive.norm
+        """Motion of the passive coordinates by unit gaps: infinite at a singularity."""
+        return self._passive.amplification
 
     def moved_to(self, q: npt.ArrayLike) -> ClosedPosture:
         """Move the actuators to ``q`` along the straight line of commands, and close the loops there.
@@ -158,21 +149,26 @@ class ClosedPosture:
         """
         robot = self.robot
         target = _commands(robot, q)
-        start = self.q
+        posture, way = self, target - self.q
         done, stride = 0.0, 1.0
-        configuration, closing = self._configuration, None
         while done < 1.0:
             reach = min(1.0, done + stride)
-            trial = robot.with_commands(configuration, start + reach * (target - start))
-            closing = newton.close(robot, trial)
+            closing = newton.close(robot, posture._ahead(self.q + reach * way))
             if closing.closed:
-                done, configuration, stride = reach, closing.configuration, 2.0 * stride
+                posture = ClosedPosture(robot, closing.configuration, closing.jacobian, self._home, closing.steps)
+                posture._check_mode()
+                done, stride = reach, 2.0 * stride
             elif (stride := stride / 2.0) < SMALLEST_STEP:
-                self._give_up(configuration, start + done * (target - start), target)
-        assert closing is not None
-        posture = ClosedPosture(robot, configuration, closing.jacobian, self._home, closing.steps)
-        posture._check_mode()
+                posture._give_up(target)
         return posture
+
+    def _ahead(self, q: Floats) -> Floats:
+        """Configuration at other commands, the passive coordinates moved along the tangent."""
+        robot = self.robot
+        velocity = np.zeros(robot.model.nv)
+        velocity[robot.driven] = q - self.q
+        velocity[robot.passive] = -self.passive_inverse @ (self._jacobian @ velocity)
+        return robot.with_commands(pin.integrate(robot.model, self._configuration, velocity), q)
 
     def _check_mode(self) -> None:
         if self.amplification > SINGULAR * self._home.amplification:
@@ -185,11 +181,9 @@ class ClosedPosture:
                 hint="approach them from home",
             )
 
-    def _give_up(self, configuration: Floats, reached: Floats, target: Floats) -> None:
-        last = newton.close(self.robot, configuration)
-        stuck = ClosedPosture(self.robot, configuration, last.jacobian, self._home, last.steps)
-        where = f"commands {_text(target)} can't be reached by {self.robot.name}: the loops open at {_text(reached)}"
-        if stuck.amplification > 10.0 * self._home.amplification:
+    def _give_up(self, target: Floats) -> None:
+        where = f"commands {_text(target)} can't be reached by {self.robot.name}: the loops open at {_text(self.q)}"
+        if self.amplification > 10.0 * self._home.amplification:
             raise SingularityError(f"{where}, near a singularity", hint="stay on this side of it")
         raise UnreachableError(where, hint="stay inside the workspace")
 

@@ -63,7 +63,7 @@ def static_forces(
     robot = posture.robot
     model, data = robot.model, robot.data
     J = posture.constraint_jacobian
-    if J.shape[0] != len(robot.passive):
+    if J.shape[0] != robot.n_passive:
         raise ModelError(
             f"the loops of {robot.name} are redundant", hint="static forces need as many as there are freedoms"
         )
@@ -71,7 +71,7 @@ def static_forces(
     wrench = np.concatenate([np.asarray(force, float) + payload * model.gravity.linear, np.asarray(moment, float)])
     load = gravity - posture.tcp_jacobian.T @ wrench
     multipliers = posture.passive_inverse.T @ load[robot.passive]
-    driven = [actuator.index_v for actuator in robot.actuators]
+    driven = robot.driven
     posture.refresh()
     world = [_from_gap(posture, i, multipliers[3 * i : 3 * i + 3]) for i in range(len(robot.constraints))]
     loops = -np.array(world).reshape(-1, 3)

@@ -57,7 +57,7 @@ class Robot(Chain):
         for joint_id in range(1, self.model.njoints):
             other.model.jointPlacements[joint_id] = self.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         other.data = other.model.createData()
-        other.constraint_data = tuple(constraint.createData() for constraint in self.constraints)
+        other.prepare_constraints()
         return other
 
     def __reduce__(self) -> tuple[type[Robot], tuple[Description, str], Placements]:

@@ -1,0 +1,78 @@
+"""The machines, as gtpin loads them and as the tests' own closures."""
+
+from __future__ import annotations
+
+from importlib import metadata
+from pathlib import Path
+
+import machines
+import numpy as np
+import pytest
+from machines import Machine
+
+import gtpin
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.description import Description
+
+NAMES = ("gantry_tau", *machines.MAKERS)
+
+
+def load(machine: Machine) -> gtpin.Robot:
+    return gtpin.Robot(Description.parse(machine.urdf, machine.name))
+
+
+@pytest.fixture(scope="session")
+def gantry() -> Machine:
+    """The Gantry-Tau's closures, read from the shipped URDF by the tests."""
+    return machines.gantry(gtpin.load_robot("gantry_tau").description.xml)
+
+
+@pytest.fixture(scope="session")
+def robot() -> gtpin.Robot:
+    """The Gantry-Tau."""
+    return gtpin.load_robot("gantry_tau")
+
+
+@pytest.fixture(scope="session")
+def at_home(robot: gtpin.Robot) -> gtpin.ClosedPosture:
+    """The Gantry-Tau at home."""
+    return gtpin.home(robot)
+
+
+@pytest.fixture(scope="session")
+def arrays(robot: gtpin.Robot) -> RodKinematics:
+    """The nominal Gantry-Tau's closures in arrays."""
+    return RodKinematics(gtpin.Geometry.nominal(robot))
+
+
+@pytest.fixture(scope="session", params=NAMES)
+def machine(request: pytest.FixtureRequest, gantry: Machine) -> Machine:
+    """Each of the parallel machines."""
+    return gantry if request.param == "gantry_tau" else machines.MAKERS[request.param]()
+
+
+@pytest.fixture(scope="session")
+def loaded(machine: Machine) -> gtpin.Robot:
+    """The same machine as gtpin loads it."""
+    return load(machine)
+
+
+@pytest.fixture(scope="session")
+def closures(loaded: gtpin.Robot) -> RodKinematics:
+    """Its closures in arrays, with every parameter that there is."""
+    return RodKinematics(gtpin.Geometry.nominal(loaded, scale="actuator"))
+
+
+@pytest.fixture(scope="session")
+def example_robots() -> Path:
+    """The folder of example-robot-data's robots."""
+    files = metadata.files("example-robot-data") or []
+    anyone = next(file for file in files if str(file).endswith("ur_description/urdf/ur5_robot.urdf"))
+    return Path(str(anyone.locate())).resolve().parents[2]
+
+
+def drawn(robot: gtpin.Robot, seed: int, **options: str) -> gtpin.Geometry:
+    """A geometry drawn from a robot's tolerances."""
+    nominal = gtpin.Geometry.nominal(robot, **options)  # type: ignore[arg-type]
+    rng = np.random.default_rng(seed)
+    return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
