@@ -193,8 +193,10 @@ def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, decla
     bounds = [(0.0, 1e4)] + [(-5.0, 5.0)] * len(open_)
     found = [minimize(cost, start, bounds=bounds, method="L-BFGS-B") for start in starts]
     best = min(found, key=lambda result: float(result.fun))
-    without = minimize(lambda x: cost(np.append(0.0, x)), np.zeros(len(open_)), bounds=bounds[1:]) if open_ else None
-    simpler = np.append(0.0, without.x) if without is not None else np.zeros(1)
+    simpler = np.zeros(1 + len(open_))
+    if open_:
+        fixed = [(0.0, 0.0), *bounds[1:]]
+        simpler = minimize(cost, simpler, bounds=fixed, method="L-BFGS-B").x
     chosen = best.x if 2.0 * (cost(simpler) - float(best.fun)) > SHOWN else simpler
     if all(declared):
         return replace(trial(chosen), source="declared")

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.closures import RodEnds, follow, pose_jacobian, rod_vectors
+from gtpin.kinematics.closures import RodEnds, follow, newton, pose_jacobian, rod_vectors
+from gtpin.kinematics.first_guess import FirstGuess
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.rotations import exp, left_jacobian
@@ -17,6 +18,11 @@ from gtpin.robot.geometry import Geometry, rotation_axes
 from gtpin.robot.rods import Rod
 
 Floats = npt.NDArray[np.float64]
+
+MANY = 2000
+"""Poses from which on fitting a first guess pays."""
+CHUNK = 4096
+"""Poses that are solved together: as many as fit into a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -115,10 +121,31 @@ class RodKinematics:
             before = self._ends_that_close(start, q)
             after = self.ends(q)
             return follow(lambda s, rows: _between(before, after, s, rows), start, self._size)
+        if len(q) < MANY or self._first_guess is None:
+            return self._from_home(q)
+        poses = [self._from_guess(q[i : i + CHUNK], self._first_guess) for i in range(0, len(q), CHUNK)]
+        return Poses(np.concatenate([p.T for p in poses]), np.concatenate([p.R for p in poses]))
+
+    def _from_home(self, q: Floats) -> Poses:
         q_home = self.geometry.robot.home_q
         T, R = self.home.T[0], self.home.R[0]
         begin = Poses(np.tile(T, (len(q), 1)), np.tile(R, (len(q), 1, 1)))
         return follow(lambda s, rows: self.ends(q_home + s[:, None] * (q[rows] - q_home)), begin, self._size)
+
+    def _from_guess(self, q: Floats, first_guess: FirstGuess) -> Poses:
+        guess = first_guess(q)
+        poses, closed = newton(guess, self.ends(q), self._size)
+        # A guess that was farther off than at the nodes of the fit says nothing about the assembly mode.
+        trusted = closed & (np.abs(poses.T - guess.T).max(axis=1) <= 10.0 * first_guess.error + 1e-9)
+        if not trusted.all():
+            again = self._from_home(q[~trusted])
+            poses.T[~trusted], poses.R[~trusted] = again.T, again.R
+        return poses
+
+    @cached_property
+    def _first_guess(self) -> FirstGuess | None:
+        robot = self.geometry.robot
+        return FirstGuess.fit(robot.lower, robot.upper, self._from_home, self.home.R[0])
 
     @cached_property
     def home(self) -> Poses:

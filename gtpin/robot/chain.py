@@ -172,24 +172,11 @@ class Chain:
 
     def commands(self, configuration: Floats) -> Floats:
         """(n,) commands of a Pinocchio configuration, m or rad; a continuous joint's are in (-pi, pi]."""
-        q = configuration[self._index_q]
+        q: Floats = configuration[self._index_q]
         for i in self._continuous:
             index = self._index_q[i]
             q[i] = np.arctan2(configuration[index + 1], configuration[index])
         return q
-
-    def check_commands(self, q: Floats) -> None:
-        """Refuse commands of another shape than (N, n).
-
-        Raises
-        ------
-        ModelError
-            If they are.
-        """
-        if q.ndim != 2 or q.shape[1] != self.n_actuators:
-            raise ModelError(
-                f"commands of shape {q.shape} for {self.name}", hint=f"give an array of shape (N, {self.n_actuators})"
-            )
 
     def check_commands(self, q: Floats) -> None:
         """Refuse commands of another shape than (N, n).

@@ -1,4 +1,4 @@
-"""Parallel machines written down twice: as a URDF for gtpin, and as the numbers of their closures for the tests' own solvers."""
+"""Parallel machines written down twice: as a URDF for gtpin, and as the numbers of their closures for the tests."""
 
 from __future__ import annotations
 

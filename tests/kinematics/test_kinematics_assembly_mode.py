@@ -1,0 +1,147 @@
+"""The assembly mode of home is kept along any path within the range."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from machines import Machine
+from scipy.spatial.transform import Rotation
+
+import gtpin
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rotations import log
+
+Floats = np.ndarray
+
+
+def within_the_range(robot: gtpin.Robot, count: int, seed: int) -> Floats:
+    return np.random.default_rng(seed).uniform(robot.lower, robot.upper, (count, robot.n_actuators))
+
+
+def orientation(machine: Machine, q: Floats, T: Floats, R: Floats) -> Floats:
+    """(N,) sign of the closures' determinant by the pose, which changes where modes meet."""
+    RP = machine.P @ np.swapaxes(R, 1, 2)
+    d = T[:, None] + RP - machine.C(q)
+    return np.sign(np.linalg.det(np.concatenate([d, np.cross(RP, d)], axis=2)))
+
+
+def test_moving_in_one_go_ends_where_a_path_in_strides_of_5_mm_ends(
+    gantry: Machine, robot: gtpin.Robot, arrays: RodKinematics
+) -> None:
+    q = within_the_range(robot, 3000, seed=1)
+    poses = arrays.forward(q)
+    T, R = gantry.follow(q, stride=0.005)
+    assert np.abs(poses.T - T).max() <= 1e-12
+    assert np.abs(log(poses.R @ np.swapaxes(R, 1, 2))).max() <= 1e-12
+
+
+def test_paths_between_random_postures_keep_the_mode(
+    gantry: Machine, robot: gtpin.Robot, at_home: gtpin.ClosedPosture
+) -> None:
+    q = within_the_range(robot, 1500, seed=2)
+    T, R = gantry.follow(q, stride=0.01)
+    posture = at_home
+    for row, position, rotation in zip(q, T, R, strict=True):
+        posture = posture.moved_to(row)  # from the posture before, anywhere in the range
+        assert np.abs(posture.T - position).max() <= 1e-12
+        assert np.abs(posture.R - rotation).max() <= 1e-12
+
+
+def test_a_round_trip_comes_back_to_where_it_began(robot: gtpin.Robot, at_home: gtpin.ClosedPosture) -> None:
+    posture = at_home
+    for row in within_the_range(robot, 50, seed=3):
+        posture = posture.moved_to(row)
+    back = posture.moved_to(at_home.q)
+    np.testing.assert_allclose(back.T, at_home.T, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(back.configuration, at_home.configuration, rtol=0, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def other_modes(gantry: Machine) -> list[tuple[Floats, Floats]]:
+    """The closures' real solutions at q = 0 other than home, found by fsolve from random starts."""
+    rng = np.random.default_rng(4)
+    found: list[tuple[Floats, Floats]] = []
+    for _ in range(400):
+        start = Rotation.from_rotvec(rng.uniform(-np.pi, np.pi, 3)).as_matrix()
+        T, R, closed = gantry.fsolve(np.zeros(3), gantry.T + rng.uniform(-4.0, 4.0, 3), start)
+        if not closed or np.abs(gantry.residual(np.zeros((1, 3)), T[None], R[None])).max() > 1e-11:
+            continue
+        known = [(gantry.T, gantry.R), *found]
+        if all(np.abs(T - t).max() + np.abs(R - r).max() > 1e-6 for t, r in known):
+            found.append((T, R))
+        if len(found) == 5:
+            break
+    return found
+
+
+def test_the_closures_have_five_other_solutions_which_are_never_returned(
+    other_modes: list[tuple[Floats, Floats]], robot: gtpin.Robot, arrays: RodKinematics, at_home: gtpin.ClosedPosture
+) -> None:
+    assert len(other_modes) == 5
+    q = within_the_range(robot, 300, seed=5)
+    away = arrays.forward(q)
+    # There and back again, by both ways of computing.
+    returned = [at_home.moved_to(row).moved_to(np.zeros(3)).T for row in q[:50]]
+    returned += list(arrays.forward(np.zeros((1, 3)), start=None).T)
+    for T, _ in other_modes:
+        assert min(np.linalg.norm(back - T) for back in returned) > 1e-3
+    assert np.abs(np.array(returned) - at_home.T).max() <= 1e-12
+    assert away.reached.all()
+
+
+def test_the_whole_range_is_reached_on_one_side_of_the_singularities(
+    gantry: Machine, robot: gtpin.Robot, arrays: RodKinematics
+) -> None:
+    q = within_the_range(robot, 5000, seed=6)
+    poses = arrays.forward(q)
+    assert poses.reached.all()
+    at_home = orientation(gantry, np.zeros((1, 3)), gantry.T[None], gantry.R[None])
+    assert (orientation(gantry, q, poses.T, poses.R) == at_home).all()
+
+
+def test_the_plate_turns_by_less_than_0_6_degrees_over_the_range(
+    gantry: Machine, robot: gtpin.Robot, arrays: RodKinematics
+) -> None:
+    turn = np.linalg.norm(log(arrays.forward(within_the_range(robot, 2000, seed=7)).R @ gantry.R.T), axis=1)
+    assert 0.1 < np.degrees(turn).max() < 0.6
+
+
+def test_far_outside_the_range_a_pose_is_of_homes_mode_or_there_is_none(machine: Machine, closures: RodKinematics) -> None:
+    rng = np.random.default_rng(8)
+    q = machine.q + rng.uniform(-1.0, 1.0, (2000, len(machine.q))) * 15.0 * machine.spread
+    poses = closures.forward(q)
+    there = poses.reached
+    assert 0.005 < there.mean() < 0.995  # some of each, or nothing is tested
+    home = orientation(machine, machine.q[None], machine.T[None], machine.R[None])
+    assert (orientation(machine, q[there], poses.T[there], poses.R[there]) == home).all()
+    assert np.abs(machine.residual(q[there], poses.T[there], poses.R[there])).max() <= 1e-13
+    assert np.isnan(poses.T[~there]).all()
+    assert np.isnan(poses.R[~there]).all()
+
+
+def test_starting_from_neighbouring_poses_ends_at_the_same_poses_as_starting_from_home(
+    robot: gtpin.Robot, arrays: RodKinematics
+) -> None:
+    rng = np.random.default_rng(9)
+    nominal = gtpin.Geometry.nominal(robot)
+    q = within_the_range(robot, 300, seed=10)
+    known = arrays.forward(q)
+    for _ in range(5):
+        moved = RodKinematics(nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(48)))
+        difference = moved.forward(q, known).minus(moved.forward(q))
+        assert np.abs(difference).max() <= 1e-12
+
+
+def test_a_robot_whose_urdf_names_another_home_takes_that_mode(
+    other_modes: list[tuple[Floats, Floats]], gantry: Machine
+) -> None:
+    from gtpin.robot.description import Description
+
+    T, R = other_modes[0]
+    old = gantry.urdf[gantry.urdf.index("<home") : gantry.urdf.index("<gravity")]
+    rotvec = Rotation.from_matrix(R).as_rotvec()
+    new = f'<home q="0 0 0" tcp_xyz="{T[0]} {T[1]} {T[2]}" tcp_rotvec="{rotvec[0]} {rotvec[1]} {rotvec[2]}"/>'
+    other = gtpin.Robot(Description.parse(gantry.urdf.replace(old, new)))
+    np.testing.assert_allclose(gtpin.home(other).T, T, rtol=0, atol=1e-11)
+    poses = RodKinematics(gtpin.Geometry.nominal(other)).forward(np.zeros((1, 3)))
+    np.testing.assert_allclose(poses.T[0], T, rtol=0, atol=1e-11)
