@@ -55,7 +55,7 @@ def calibrated_urdf(model: Model) -> str:
     return to_urdf(geometry, rods.P, rods.C0, rods.L0, rods.v, (rods.home.T[0], rods.home.R[0]))
 
 
-def write_model(model: Model, folder: Path) -> None:
+def write_model(model: Model, folder: str | Path) -> None:
     """Write ``model.json``, ``robot.urdf`` (the model's geometry) and ``nominal.urdf`` into a folder.
 
     ``read_model`` gives the same model again. In ``model.json`` stands what a URDF can't carry too.
@@ -76,6 +76,7 @@ def write_model(model: Model, folder: Path) -> None:
         if frame.is_base
         else _FrameFile(position=frame.T.tolist(), orientation=to_quaternions(frame.R[None])[0].tolist()),
     )
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
     (folder / "robot.urdf").write_text(calibrated_urdf(model), encoding="utf-8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,13 @@ Floats = npt.NDArray[np.float64]
 
 CORRELATED = 0.7
 """Smallest absolute correlation of two parameters that is listed."""
+
+
+class Estimate(NamedTuple):
+    """A value and its standard deviation."""
+
+    value: float
+    sigma: float
 
 
 @dataclass(frozen=True)
@@ -134,6 +141,11 @@ class Calibration:
     def chi2_per_dof(self) -> float:
         """Chi-square per degree of freedom: 1 for a model that fits data whose noise is known."""
         return self.chi2 / self.dof
+
+    def __getitem__(self, name: str) -> Estimate:
+        """One parameter's value and sigma, by its name."""
+        value = self.model.geometry[name]
+        return Estimate(value, float(self.sigma[self.names.index(name)]))
 
     def correlated(self, least: float = CORRELATED) -> list[tuple[str, str, float]]:
         """Pairs of parameters with at least such an absolute correlation, the strongest first."""

@@ -122,7 +122,8 @@ def solve_each(matrices: Floats, right: Floats) -> Floats:
 def follow(path: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Poses:
     """Close the rods at the end of a path, keeping the assembly mode of its beginning.
 
-    Every pose takes the strides from which Newton's method contracts, all the way at once where it can.
+    Every pose takes the strides from which Newton's method contracts, all the way at once where it can. Where it can't, the
+    determinant of the closures must keep its sign as well: it changes where assembly modes meet.
 
     Parameters
     ----------
@@ -140,10 +141,18 @@ def follow(path: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -
     """
     T, R = start.T.copy(), start.R.copy()
     done, stride = np.zeros(len(T)), np.ones(len(T))
+    hesitant = np.zeros(len(T), dtype=bool)
     rows = np.arange(len(T))
     while rows.size:
         reach = np.minimum(1.0, done[rows] + stride[rows])
-        poses, closed = newton(Poses(T[rows], R[rows]), path(reach, rows), size)
+        ends = path(reach, rows)
+        poses, closed = newton(Poses(T[rows], R[rows]), ends, size)
+        doubtful = np.flatnonzero(closed & hesitant[rows])
+        if doubtful.size:
+            old = rows[doubtful]
+            side = _side(start[old], path(np.zeros(len(old)), old))
+            closed[doubtful] = _side(poses[doubtful], ends.take(doubtful)) == side
+        hesitant[rows[~closed]] = True
         there = rows[closed]
         T[there], R[there] = poses.T[closed], poses.R[closed]
         done[there] = reach[closed]
@@ -153,3 +162,8 @@ def follow(path: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -
         T[lost], R[lost] = np.nan, np.nan
         rows = np.flatnonzero((done < 1.0) & ~lost)
     return Poses(T, R)
+
+
+def _side(poses: Poses, ends: RodEnds) -> Floats:
+    """(N,) sign of the determinant of the closures' Jacobian by the pose."""
+    return np.asarray(np.sign(np.linalg.det(pose_jacobian(*rod_vectors(poses, ends)))))

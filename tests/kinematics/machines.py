@@ -288,7 +288,7 @@ def stewart() -> Machine:
     platform = circle(0.25, [-50, 50, 70, 170, 190, 290], -0.04)
     R = Rotation.from_rotvec([0.1, -0.05, 0.2]).as_matrix()
     q = np.array([0.10, 0.12, 0.08, 0.11, 0.09, 0.13])
-    return machine("stewart", [], [None] * 6, platform, base, q, np.array([0.02, 0.03, 0.75]), R, 0.08)
+    return machine("stewart", [], [None] * 6, platform, base, q, np.array([0.02, 0.03, 0.75]), R, 0.06)
 
 
 def linear_delta() -> Machine:

@@ -1,0 +1,54 @@
+"""Calibrations: 61 poses with 60 parameters, 200 poses, 100,000 poses, and SciPy's least_squares on the first of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+import gtpin
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.plant.simulate import Simulation, simulate
+
+Floats = npt.NDArray[np.float64]
+pytestmark = pytest.mark.benchmark(group="calibration", min_rounds=3)
+
+
+def _simulated(robot: gtpin.Robot, poses: int) -> Simulation:
+    return simulate(robot, "gantry_tau", poses=poses, seed=1)
+
+
+def test_61_poses_with_60_parameters(benchmark: Any, robot: gtpin.Robot) -> None:
+    dataset = _simulated(robot, 61).dataset
+    found = benchmark(lambda: gtpin.calibrate(dataset, robot, directions="rod", scale="rod"))
+    assert len(found.names) == 60
+
+
+def test_61_poses_with_60_parameters_by_least_squares(benchmark: Any, robot: gtpin.Robot) -> None:
+    dataset = _simulated(robot, 61).dataset
+    geometry = gtpin.Geometry.nominal(robot, directions="rod", scale="rod")
+    R = Rotation.from_quat(dataset.orientation.copy(), scalar_first=True)  # type: ignore[union-attr]
+
+    def residual(x: Floats) -> Floats:
+        poses = RodKinematics(geometry.with_values(geometry.values + geometry.tolerance * x)).forward(dataset.q)
+        turn = (R * Rotation.from_matrix(poses.R).inv()).as_rotvec()
+        return np.concatenate([((dataset.position - poses.T) / 1.5e-5).ravel(), (turn / 5e-5).ravel(), x])
+
+    found = benchmark.pedantic(lambda: least_squares(residual, np.zeros(60)), rounds=1)
+    assert found.success
+
+
+def test_200_poses(benchmark: Any, robot: gtpin.Robot) -> None:
+    dataset = _simulated(robot, 200).dataset
+    found = benchmark(lambda: gtpin.calibrate(dataset, robot))
+    assert len(found.names) == 48
+
+
+def test_100_000_poses(benchmark: Any, robot: gtpin.Robot) -> None:
+    dataset = _simulated(robot, 100_000).dataset
+    found = benchmark.pedantic(lambda: gtpin.calibrate(dataset, robot), rounds=1)
+    assert 0.97 < found.chi2_per_dof < 1.03

@@ -1,0 +1,130 @@
+"""What can't be closed is said, in one line that tells how far it got."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from machines import Machine
+
+import gtpin
+from gtpin.errors import ClosureError, ModelError, SingularityError, UnreachableError
+from gtpin.kinematics.closures import solve_each
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.description import Description
+
+
+def one_line(error: Exception) -> str:
+    said = str(error)
+    assert said
+    assert "\n" not in said
+    return said
+
+
+@pytest.mark.parametrize("q", [(0, 0, 1e6), (50, 0, 0), (-3, 3, 0)])
+def test_commands_where_the_rods_do_not_reach_raise(at_home: gtpin.ClosedPosture, q: tuple[float, ...]) -> None:
+    with pytest.raises(ClosureError) as caught:
+        at_home.moved_to(q)
+    assert "gantry_tau" in one_line(caught.value)
+
+
+@pytest.mark.parametrize("q", [(0, 0), (0, 0, 0, 0), (0, 0, np.nan), (np.inf, 0, 0), ((0, 0, 0),), 0.0])
+def test_commands_that_are_no_three_numbers_raise(at_home: gtpin.ClosedPosture, q: object) -> None:
+    with pytest.raises(UnreachableError, match="3 finite numbers") as caught:
+        at_home.moved_to(q)  # type: ignore[arg-type]
+    one_line(caught.value)
+
+
+def test_the_last_posture_before_the_loops_open_is_near_a_singularity_and_said_to_be(
+    at_home: gtpin.ClosedPosture,
+) -> None:
+    with pytest.raises(SingularityError) as caught:
+        at_home.moved_to((0, 0, 9))
+    said = one_line(caught.value)
+    opened = float(said.split("open at (0, 0, ")[1].split(")")[0])
+    # Where it says that the loops open, they do: a little before they close, a little after they don't.
+    short = at_home.moved_to((0, 0, opened - 0.05))
+    assert short.amplification > at_home.amplification
+    with pytest.raises(ClosureError):
+        short.moved_to((0, 0, opened + 0.1))
+
+
+def test_a_batch_is_nan_exactly_where_it_can_not_be_closed(arrays: RodKinematics, robot: gtpin.Robot) -> None:
+    rng = np.random.default_rng(1)
+    q = rng.uniform(robot.lower, robot.upper, (200, 3))
+    whole = arrays.forward(q)
+    lost = rng.choice(200, 40, replace=False)
+    spoilt = q.copy()
+    spoilt[lost[:20], rng.integers(0, 3, 20)] = 40.0
+    spoilt[lost[20:35], rng.integers(0, 3, 15)] = np.nan
+    spoilt[lost[35:], rng.integers(0, 3, 5)] = -np.inf
+    with np.errstate(invalid="ignore"):
+        poses = arrays.forward(spoilt)
+    right = np.setdiff1d(np.arange(200), lost)
+    assert np.isnan(poses.T[lost]).all()
+    assert np.isnan(poses.R[lost]).all()
+    np.testing.assert_array_equal(np.flatnonzero(poses.reached), right)
+    np.testing.assert_allclose(poses.T[right], whole.T[right], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(poses.R[right], whole.R[right], rtol=0, atol=1e-13)
+    assert np.isnan(poses.quaternions[lost]).all()
+    assert np.isfinite(poses.quaternions[right]).all()
+    difference = poses.minus(whole)
+    assert np.isnan(difference[lost]).all()
+    assert np.abs(difference[right]).max() <= 1e-13
+
+
+def test_one_singular_pose_in_a_batch_spoils_no_other() -> None:
+    matrices = np.stack([np.eye(3), np.zeros((3, 3)), 2.0 * np.eye(3)])
+    solved = solve_each(matrices, np.ones((3, 3)))
+    np.testing.assert_array_equal(solved[[0, 2]], [[1, 1, 1], [0.5, 0.5, 0.5]])
+    assert np.isnan(solved[1]).all()
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 2), (2, 4), (1, 2, 3)])
+def test_commands_of_another_shape_are_refused_in_arrays(arrays: RodKinematics, shape: tuple[int, ...]) -> None:
+    with pytest.raises(ModelError, match=r"\(N, 3\)"):
+        arrays.forward(np.zeros(shape))
+
+
+def test_no_commands_give_no_poses(arrays: RodKinematics) -> None:
+    poses = arrays.forward(np.zeros((0, 3)))
+    assert len(poses) == 0
+    assert poses.quaternions.shape == (0, 4)
+    assert arrays.geometry_jacobian(np.zeros((0, 3)), poses).shape == (0, 6, 48)
+
+
+def test_a_home_that_does_not_close_raises(gantry: Machine) -> None:
+    short = gantry.urdf.replace('xyz="0 0 2.04422"', 'xyz="0 0 0.4"')
+    assert short != gantry.urdf
+    with pytest.raises(UnreachableError, match="home") as caught:
+        gtpin.home(gtpin.Robot(Description.parse(short)))
+    one_line(caught.value)
+
+
+def test_a_geometry_of_another_robot_is_refused(
+    robot: gtpin.Robot, at_home: gtpin.ClosedPosture, gantry: Machine
+) -> None:
+    nominal = gtpin.Geometry.nominal(robot)
+    with pytest.raises(ModelError):
+        gtpin.geometry_jacobian(at_home, nominal.with_values(nominal.values + 1e-4))
+    longer = gtpin.Robot(Description.parse(gantry.urdf.replace("2.04422", "2.04522")))
+    with pytest.raises(ModelError):
+        gtpin.geometry_jacobian(at_home, gtpin.Geometry.nominal(longer))
+
+
+def test_rods_other_than_six_are_refused_in_arrays(gantry: Machine) -> None:
+    root = ElementTree.fromstring(gantry.urdf)
+    own = root.find("gtpin")
+    assert own is not None
+    for rod in own.findall("rod"):
+        own.remove(rod)
+    bare = gtpin.Robot(Description.parse(ElementTree.tostring(root, encoding="unicode")))
+    assert bare.rods == ()
+    with pytest.raises(ModelError, match="six"):
+        RodKinematics(gtpin.Geometry(bare, (), np.zeros(0)))
+    # Pinocchio closes such a robot all the same.
+    assert (
+        np.abs(gtpin.home(bare).moved_to([0.1, 0.2, 0.3]).T - gantry.follow(np.array([[0.1, 0.2, 0.3]]))[0]).max()
+        <= 1e-12
+    )
