@@ -29,6 +29,8 @@ class ClosedPosture:
     Parameters
     ----------
     robot
+    q
+        (n,) commands. A continuous joint's may go round and round: its configuration does not tell how often.
     configuration
         Pinocchio configuration at which the loops close.
     jacobian
@@ -40,10 +42,17 @@ class ClosedPosture:
     """
 
     def __init__(
-        self, robot: Robot, configuration: Floats, jacobian: Floats, reference: ClosedPosture | None, steps: int
+        self,
+        robot: Robot,
+        q: Floats,
+        configuration: Floats,
+        jacobian: Floats,
+        reference: ClosedPosture | None,
+        steps: int,
     ) -> None:
         self.robot = robot
         self.steps = steps
+        self._q = _frozen(q.copy())
         self._configuration = configuration.copy()
         self._configuration.flags.writeable = False
         self._jacobian = jacobian
@@ -55,10 +64,10 @@ class ClosedPosture:
         """(nq,) Pinocchio configuration, read-only."""
         return self._configuration
 
-    @cached_property
+    @property
     def q(self) -> Floats:
-        """(n,) commands, m or rad."""
-        return _frozen(self.robot.commands(self._configuration))
+        """(n,) commands, m or rad, read-only."""
+        return self._q
 
     @property
     def tcp(self) -> Any:
@@ -117,7 +126,7 @@ class ClosedPosture:
     @property
     def passive_inverse(self) -> Floats:
         """(p, m) inverse of the constraint Jacobian's passive columns."""
-        return self._passive.inverse
+        return _frozen(self._passive.inverse)
 
     @cached_property
     def _passive(self) -> newton.Passive:
@@ -153,9 +162,10 @@ class ClosedPosture:
         done, stride = 0.0, 1.0
         while done < 1.0:
             reach = min(1.0, done + stride)
-            closing = newton.close(robot, posture._ahead(self.q + reach * way))
+            goal = target if reach == 1.0 else self.q + reach * way
+            closing = newton.close(robot, posture._ahead(goal))
             if closing.closed:
-                posture = ClosedPosture(robot, closing.configuration, closing.jacobian, self._home, closing.steps)
+                posture = ClosedPosture(robot, goal, closing.configuration, closing.jacobian, self._home, closing.steps)
                 posture._check_mode()
                 done, stride = reach, 2.0 * stride
             elif (stride := stride / 2.0) < SMALLEST_STEP:
@@ -204,7 +214,7 @@ def home(robot: Robot) -> ClosedPosture:
         raise UnreachableError(
             f"the loops of {robot.name} don't close at its home", hint="mend <home> or the loops' anchors"
         )
-    return ClosedPosture(robot, closing.configuration, closing.jacobian, None, closing.steps)
+    return ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
 
 
 def _commands(robot: Robot, q: npt.ArrayLike) -> Floats:

@@ -13,8 +13,8 @@ from gtpin.kinematics.closures import RodEnds, follow, newton, pose_jacobian, ro
 from gtpin.kinematics.first_guess import FirstGuess
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
-from gtpin.kinematics.rotations import exp, left_jacobian
-from gtpin.robot.geometry import Geometry, rotation_axes
+from gtpin.kinematics.seats import ArmSeat, FixedSeat, MeasuredSeat, Seat, TrackSeat, Turned
+from gtpin.robot.geometry import Geometry, Kind, rotation_axes
 from gtpin.robot.rods import Rod
 
 Floats = npt.NDArray[np.float64]
@@ -57,41 +57,36 @@ class RodKinematics:
     @cached_property
     def C0(self) -> Floats:
         """(k, 3) joints on the carriers with all commands zero, base frame, m."""
-        return np.array([rod.C for rod in self._rods]) + self.geometry.deviations("carrier_joint", "rod", (self._k, 3))
+        return np.array([rod.C for rod in self._rods]) + self._deviations("carrier_joint", 3)
 
     @cached_property
     def L0(self) -> Floats:
         """(k,) lengths with all commands zero, m."""
-        return np.array([rod.L for rod in self._rods]) + self.geometry.deviations("length", "rod", (self._k, 1))[:, 0]
+        return np.array([rod.L for rod in self._rods]) + self._deviations("length", 1)[:, 0]
 
     @cached_property
     def v(self) -> Floats:
         """(k, 3) directions of the carriers' tracks or axes, unit vectors, base frame; zero where nothing moves them."""
-        v = np.zeros((self._k, 3))
-        for i, rod in enumerate(self._rods):
-            if rod.carrier is not None:
-                axis = self.geometry.robot.actuators[rod.carrier].axis
-                v[i] = exp(self._turns[i] @ rotation_axes(axis)) @ axis
-        return v
+        return np.array([getattr(seat, "v", np.zeros(3)) for seat in self.seats])
+
+    @cached_property
+    def seats(self) -> tuple[Seat, ...]:
+        """How each rod's joint on its carrier moves."""
+        return tuple(self._seat(i, rod) for i, rod in enumerate(self._rods))
 
     @cached_property
     def scale(self) -> Floats:
         """(k,) travel per commanded unit."""
-        geometry = self.geometry
-        by_actuator = geometry.deviations("scale", "actuator", (geometry.robot.n_actuators, 1))[:, 0]
-        driver = self._driver
-        shared = np.where(driver >= 0, by_actuator[driver], 0.0)
-        return 1.0 + shared + geometry.deviations("scale", "rod", (self._k, 1))[:, 0]
+        return np.asarray(1.0 + self._deviations("scale", 1)[:, 0])
 
     # ------------------------------------------------------------------------------------------------- kinematics
 
     def ends(self, q: Floats) -> RodEnds:
         """The rods' ends at commands q (N, n): the paper's C(q), and lengths where actuators change them."""
         travel = self._travel(q)
-        C = self.C0 + travel[..., None] * (self.v * self._slides[:, None])
-        for i in np.flatnonzero(self._turns_carrier):
-            origin = self._origin[i]
-            C[:, i] = origin + exp(travel[:, i, None] * self.v[i]) @ (self.C0[i] - origin)
+        C = np.empty((len(q), self._k, 3))
+        for i, seat in enumerate(self.seats):
+            C[:, i] = seat.position(travel[:, i])
         if not self._extends.any():
             return RodEnds(self.P, C, self.L0[None, :])
         return RodEnds(self.P, C, self.L0 + travel * self._extends)
@@ -203,9 +198,9 @@ class RodKinematics:
             elif parameter.kind == "platform_joint":
                 gradient[:, slot] = along[:, i, c]
             elif parameter.kind == "carrier_joint":
-                gradient[:, slot] = -np.einsum("ni,ni->n", d[:, i], self._seat_axis(i, c, travel))
+                gradient[:, slot] = -np.einsum("ni,ni->n", d[:, i], self.seats[i].by_joint(travel[:, i], c))
             elif parameter.kind == "direction":
-                gradient[:, slot] = -np.einsum("ni,ni->n", d[:, i], self._by_direction(i, c, travel, ends))
+                gradient[:, slot] = -np.einsum("ni,ni->n", d[:, i], self.seats[i].by_turn(travel[:, i], c))
             else:
                 gradient[:, slot] = by_travel[:, i] * q[:, self._driver[i]]
         return gradient
@@ -229,27 +224,29 @@ class RodKinematics:
     def _extends(self) -> npt.NDArray[np.bool_]:
         return np.array([rod.extension is not None for rod in self._rods])
 
-    @cached_property
-    def _turns_carrier(self) -> npt.NDArray[np.bool_]:
-        actuators = self.geometry.robot.actuators
-        return np.array([rod.carrier is not None and actuators[rod.carrier].revolute for rod in self._rods])
+    def _deviations(self, kind: Kind, components: int) -> Floats:
+        """(k, components) deviations of each rod: its own, and those that all rods of its actuator share."""
+        own = self.geometry.deviations(kind, "rod", (self._k, components))
+        by_actuator = self.geometry.deviations(kind, "actuator", (self.geometry.robot.n_actuators, components))
+        return np.asarray(own + np.where(self._driver[:, None] >= 0, by_actuator[self._driver], 0.0))
 
-    @cached_property
-    def _slides(self) -> npt.NDArray[np.bool_]:
-        return np.asarray(~self._turns_carrier & np.array([rod.carrier is not None for rod in self._rods]))
-
-    @cached_property
-    def _origin(self) -> Floats:
-        actuators = self.geometry.robot.actuators
-        return np.array([np.zeros(3) if r.carrier is None else actuators[r.carrier].origin for r in self._rods])
+    def _seat(self, i: int, rod: Rod) -> Seat:
+        robot, C0 = self.geometry.robot, self.C0[i]
+        if rod.carrier is None:
+            return FixedSeat(C0)
+        actuator = robot.actuators[rod.carrier]
+        turned = Turned(rotation_axes(actuator.axis), self._turns[i])
+        track = self.geometry.track(i)
+        if track is not None:
+            return MeasuredSeat(C0, track, turned)
+        if actuator.revolute:
+            return ArmSeat(C0, actuator.axis, actuator.origin, turned)
+        return TrackSeat(C0, actuator.axis, turned)
 
     @cached_property
     def _turns(self) -> Floats:
-        """(k, 2) rotations a and b of each rod's track direction, rad."""
-        by_actuator = self.geometry.deviations("direction", "actuator", (self.geometry.robot.n_actuators, 2))
-        own = self.geometry.deviations("direction", "rod", (self._k, 2))
-        shared = [np.zeros(2) if rod.carrier is None else by_actuator[rod.carrier] for rod in self._rods]
-        return np.asarray(own + np.array(shared))
+        """(k, 3) rotations a, b and about the track itself of each rod's path, rad."""
+        return self._deviations("direction", 3)
 
     @cached_property
     def _size(self) -> float:
@@ -261,29 +258,10 @@ class RodKinematics:
 
     def _by_travel(self, ends: RodEnds, d: Floats, travel: Floats) -> Floats:
         """(N, k) derivative of each closure by the travel of its own actuator."""
-        rate = -np.einsum("nki,ki->nk", d, self.v * self._slides[:, None])
-        for i in np.flatnonzero(self._turns_carrier):
-            rate[:, i] = -np.einsum("ni,ni->n", d[:, i], np.cross(self.v[i], ends.C[:, i] - self._origin[i]))
+        rate = np.empty(d.shape[:2])
+        for i, seat in enumerate(self.seats):
+            rate[:, i] = -np.einsum("ni,ni->n", d[:, i], seat.by_travel(travel[:, i]))
         return np.asarray(np.where(self._extends, -ends.L, rate))
-
-    def _seat_axis(self, i: int, component: int, travel: Floats) -> Floats:
-        """(N, 3) where a base axis, fixed to the carrier of rod i at zero, points at each travel."""
-        if self._turns_carrier[i]:
-            return exp(travel[:, i, None] * self.v[i])[:, :, component]
-        return np.broadcast_to(np.eye(3)[component], (len(travel), 3))
-
-    def _by_direction(self, i: int, component: int, travel: Floats, ends: RodEnds) -> Floats:
-        """(N, 3) derivative of C by the small rotation a or b of the direction of rod i's carrier."""
-        carrier = self._rods[i].carrier
-        assert carrier is not None
-        axes = rotation_axes(self.geometry.robot.actuators[carrier].axis)
-        turn = left_jacobian(self._turns[i] @ axes) @ axes[component]
-        if self._turns_carrier[i]:
-            # Turning the axis turns the arm about its origin, less the same turn of the arm at zero.
-            origin = self._origin[i]
-            undone = exp(travel[:, i, None] * self.v[i]) @ np.cross(turn, self.C0[i] - origin)
-            return np.cross(turn, ends.C[:, i] - origin) - undone
-        return travel[:, i, None] * np.cross(turn, self.v[i])
 
     def _owned(self, per: str, kind: str, owner: int) -> list[int]:
         """The rods that a parameter moves."""

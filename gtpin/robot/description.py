@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -84,6 +84,9 @@ class Description:
     home: Home | None
     gravity: Vector
     tolerance: Mapping[str, float]
+
+    def __reduce__(self) -> tuple[Callable[[str, str], Description], tuple[str, str]]:
+        return Description.parse, (self.xml, self.source)  # read-only mappings don't pickle
 
     @staticmethod
     def read(path: Path) -> Description:

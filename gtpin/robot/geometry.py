@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gtpin.errors import ModelError, RobotError
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
+from gtpin.robot.tracks import MeasuredTrack
 
 Floats = npt.NDArray[np.float64]
 Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement"]
@@ -76,11 +77,14 @@ class Geometry:
         What can be identified; everything else stays nominal.
     values
         (p,) their values, m, rad or m/m, in the order of ``parameters``.
+    tracks
+        By rod, the measured track of its cart, or None where the track is straight; empty where all are.
     """
 
     robot: Robot
     parameters: tuple[Parameter, ...]
     values: Floats
+    tracks: tuple[MeasuredTrack | None, ...] = ()
 
     @staticmethod
     def nominal(
@@ -136,6 +140,10 @@ class Geometry:
         """(p,) values less nominal."""
         return np.asarray(self.values - np.array([p.nominal for p in self.parameters]))
 
+    def track(self, rod: int) -> MeasuredTrack | None:
+        """The measured track that carries a rod, or None where its track is straight."""
+        return self.tracks[rod] if self.tracks else None
+
     def with_values(self, values: Floats) -> Geometry:
         """The same parameters at other values (p,)."""
         frozen = np.array(values, dtype=float)
@@ -157,14 +165,14 @@ class Geometry:
 
 
 def rotation_axes(direction: Floats) -> Floats:
-    """(2, 3) the unit vectors, perpendicular to a direction (3,), about which its small rotations a and b turn.
+    """(3, 3) the unit vectors about which small rotations of a direction (3,) turn: a, b and the direction itself.
 
     a turns about the base axis that is least aligned with the direction, less its part along it; b about direction x a.
     """
     least = np.eye(3)[int(np.argmin(np.abs(direction)))]
     a = least - (least @ direction) * direction
     a /= np.linalg.norm(a)
-    return np.array([a, np.cross(direction, a)])
+    return np.array([a, np.cross(direction, a), direction])
 
 
 def _tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, float]:

@@ -76,3 +76,22 @@ def drawn(robot: gtpin.Robot, seed: int, **options: str) -> gtpin.Geometry:
     nominal = gtpin.Geometry.nominal(robot, **options)  # type: ignore[arg-type]
     rng = np.random.default_rng(seed)
     return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
+
+
+FOUR_BAR = """<robot name="four_bar">
+  <link name="base"/><link name="crank"/><link name="coupler"/><link name="rocker"/>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="crank"/><axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="continuous"><parent link="crank"/><child link="coupler"/>
+    <origin xyz="0.2 0 0" rpy="0 0 1.025"/><axis xyz="0 0 1"/></joint>
+  <joint name="swing" type="continuous"><parent link="base"/><child link="rocker"/>
+    <origin xyz="0.6 0 0" rpy="0 0 1.889"/><axis xyz="0 0 1"/></joint>
+  <loop_joint name="pin" type="spherical"><link1 link="coupler" xyz="0.5 0 0"/>
+    <link2 link="rocker" xyz="0.45 0 0"/></loop_joint>
+  <gtpin><actuator joint="turn" site="crank"/><platform link="rocker"/></gtpin>
+</robot>"""
+
+
+@pytest.fixture(scope="session")
+def four_bar() -> gtpin.Robot:
+    """A planar crank and rocker (0.2, 0.5, 0.45 m on a base of 0.6 m); the crank turns round and round."""
+    return gtpin.Robot(Description.parse(FOUR_BAR))

@@ -138,8 +138,6 @@ def test_starting_from_neighbouring_poses_ends_at_the_same_poses_as_starting_fro
 def test_a_robot_whose_urdf_names_another_home_takes_that_mode(
     other_modes: list[tuple[Floats, Floats]], gantry: Machine
 ) -> None:
-    from gtpin.robot.description import Description
-
     T, R = other_modes[0]
     old = gantry.urdf[gantry.urdf.index("<home") : gantry.urdf.index("<gravity")]
     rotvec = Rotation.from_matrix(R).as_rotvec()

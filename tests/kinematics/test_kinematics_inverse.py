@@ -20,10 +20,12 @@ def test_commands_come_back_from_positions_over_the_whole_range(
     wanted = (poses.T, poses.R) if len(machine.q) == 6 else (poses.T, None)
     found, there = gtpin.commands_for(closures, *wanted)
     np.testing.assert_allclose(there.T, poses.T, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(found, q, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(closures.forward(found).T, poses.T, rtol=0, atol=1e-11)
+    unique = machine.name != "rotary_tau"  # its arms bring the TCP to many a point in two ways
+    assert not unique or np.abs(found - q).max() <= 1e-8
     for i in range(30):
         one = gtpin.reach(gtpin.home(loaded), poses.T[i], None if wanted[1] is None else poses.R[i])
-        np.testing.assert_allclose(one.q, q[i], rtol=0, atol=1e-8)
+        assert not unique or np.abs(one.q - q[i]).max() <= 1e-8
         np.testing.assert_allclose(one.T, poses.T[i], rtol=0, atol=1e-11)
 
 
@@ -58,7 +60,7 @@ def test_a_linear_delta_has_its_commands_in_closed_form(machine: Machine, closur
 def test_positions_out_of_reach_raise_or_are_nan_and_the_others_are_right(
     arrays: RodKinematics, at_home: gtpin.ClosedPosture
 ) -> None:
-    near, far = at_home.T + [0.1, 0.05, -0.05], at_home.T + [0.0, 3.0, 0.0]
+    near, far = at_home.T + np.array([[0.1, 0.05, -0.05], [0.0, 3.0, 0.0]])
     with pytest.raises(UnreachableError, match="gantry_tau") as caught:
         gtpin.reach(at_home, far)
     assert "\n" not in str(caught.value)

@@ -1,0 +1,204 @@
+"""Robots without rods through the same code: arms, and a planar four-bar linkage."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yourdfpy
+
+import gtpin
+from gtpin.errors import ClosureError, ModelError
+from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.rotations import log
+from gtpin.model_folder import calibrated_urdf
+
+Floats = np.ndarray
+ARMS = {"ur5": "ur_description/urdf/ur5_robot.urdf", "panda": "panda_description/urdf/panda.urdf"}
+
+
+@pytest.fixture(params=ARMS)
+def arm(request: pytest.FixtureRequest, example_robots: Path) -> tuple[gtpin.Robot, Path]:
+    file = example_robots / ARMS[request.param]
+    return gtpin.load_robot(file), file
+
+
+def drawn(geometry: gtpin.Geometry, seed: int) -> gtpin.Geometry:
+    rng = np.random.default_rng(seed)
+    return geometry.with_values(geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values)))
+
+
+def test_arms_move_as_plain_pinocchio_moves_them(arm: tuple[gtpin.Robot, Path]) -> None:
+    robot, file = arm
+    model = pin.buildModelFromUrdf(str(file))
+    data, frame = model.createData(), model.getFrameId(robot.tcp_frame, pin.FrameType.BODY)
+    q = np.random.default_rng(1).uniform(-2.0, 2.0, (50, model.nq))
+    poses = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
+    posture = gtpin.home(robot)
+    for i, row in enumerate(q):
+        pin.framesForwardKinematics(model, data, row)
+        np.testing.assert_allclose(poses.T[i], data.oMf[frame].translation, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(poses.R[i], data.oMf[frame].rotation, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(posture.moved_to(row).T, data.oMf[frame].translation, rtol=0, atol=1e-12)
+
+
+def test_every_moving_joint_of_an_arm_is_an_actuator_in_document_order(arm: tuple[gtpin.Robot, Path]) -> None:
+    robot, file = arm
+    other = yourdfpy.URDF.load(str(file), load_meshes=False, load_collision_meshes=False, build_scene_graph=False)
+    moving = [joint.name for joint in other.robot.joints if joint.type in ("revolute", "prismatic", "continuous")]
+    assert list(robot.sites) == moving
+    assert robot.rods == ()
+
+
+def differences(poses: object, x: Floats, step: float = 1e-4) -> Floats:
+    """(N, 6, p) central differences, of fourth order."""
+    columns = []
+    for k in range(len(x)):
+        h = np.zeros(len(x))
+        h[k] = step
+        once, twice = (poses(x + f * h).minus(poses(x - f * h)) / (2.0 * f * step) for f in (1.0, 2.0))  # type: ignore[operator]
+        columns.append((4.0 * once - twice) / 3.0)
+    return np.stack(columns, axis=2)
+
+
+@pytest.mark.parametrize("away", [0.0, 1.0])
+def test_joint_placements_of_an_arm_have_the_derivative_of_its_poses(
+    arm: tuple[gtpin.Robot, Path], away: float
+) -> None:
+    robot, _ = arm
+    nominal = gtpin.Geometry.nominal(robot)
+    assert len(nominal.names) == 6 * robot.n_actuators
+    geometry = drawn(nominal, 2) if away else nominal
+    q = np.random.default_rng(3).uniform(-1.5, 1.5, (2, robot.n_actuators))
+    here = ChainKinematics(geometry)
+    analytic = here.geometry_jacobian(q, here.forward(q))
+    numeric = differences(lambda x: ChainKinematics(nominal.with_values(x)).forward(q), geometry.values)
+    np.testing.assert_allclose(analytic, numeric, rtol=0, atol=1e-9)
+
+
+def test_command_jacobian_of_an_arm_is_the_derivative_of_its_poses(arm: tuple[gtpin.Robot, Path]) -> None:
+    robot, _ = arm
+    here = kinematics(gtpin.Geometry.nominal(robot))
+    q = np.random.default_rng(4).uniform(-1.5, 1.5, (1, robot.n_actuators))
+    analytic = here.command_jacobian(q, here.forward(q))
+    np.testing.assert_allclose(analytic, differences(lambda x: here.forward(x[None]), q[0]), rtol=0, atol=1e-9)
+
+
+def test_an_arm_reaches_positions_and_rotations(arm: tuple[gtpin.Robot, Path]) -> None:
+    robot, _ = arm
+    posture = gtpin.home(robot).moved_to(np.linspace(-1.0, 0.8, robot.n_actuators))
+    wanted = posture.moved_to(posture.q + 0.1)
+    there = gtpin.reach(posture, wanted.T, wanted.R)
+    np.testing.assert_allclose(there.T, wanted.T, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(there.R, wanted.R, rtol=0, atol=1e-10)
+    if robot.revolute.all():  # a finger slides as far as it is told
+        with pytest.raises(ClosureError):
+            gtpin.reach(posture, wanted.T + 30.0)
+
+
+def test_actuators_of_an_arm_hold_gravity_and_the_load(arm: tuple[gtpin.Robot, Path]) -> None:
+    robot, file = arm
+    model = pin.buildModelFromUrdf(str(file))
+    data = model.createData()
+    q = np.linspace(-1.0, 1.0, model.nq)
+    posture = gtpin.home(robot).moved_to(q)
+    force = np.array([10.0, 20.0, -30.0])
+    held = gtpin.static_forces(posture, force, payload=2.0).actuators
+    frame = model.getFrameId(robot.tcp_frame, pin.FrameType.BODY)
+    J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+    expected = pin.computeGeneralizedGravity(model, data, q) - J.T @ (force + 2.0 * np.array([0, 0, -9.81]))
+    np.testing.assert_allclose(held, expected, rtol=0, atol=1e-9)
+
+
+def test_an_exported_arm_predicts_what_the_model_predicts(arm: tuple[gtpin.Robot, Path], tmp_path: Path) -> None:
+    robot, _ = arm
+    geometry = drawn(gtpin.Geometry.nominal(robot), 5)
+    file = tmp_path / "arm.urdf"
+    file.write_text(calibrated_urdf(gtpin.Model(geometry)), encoding="utf-8")
+    other = yourdfpy.URDF.load(str(file), load_meshes=False, load_collision_meshes=False, build_scene_graph=False)
+    assert other.robot.links
+    again = gtpin.load_robot(file)
+    assert again.tcp_frame == robot.tcp_frame
+    q = np.random.default_rng(6).uniform(-2.0, 2.0, (50, robot.n_actuators))
+    difference = gtpin.Model(geometry).predict(q).minus(gtpin.Model(gtpin.Geometry.nominal(again)).predict(q))
+    assert np.abs(difference).max() <= 1e-9
+
+
+def test_a_robot_whose_joints_were_moved_pickles_with_them(arm: tuple[gtpin.Robot, Path]) -> None:
+    robot, _ = arm
+    model = gtpin.Model(drawn(gtpin.Geometry.nominal(robot), 7))
+    q = np.random.default_rng(8).uniform(-2.0, 2.0, (5, robot.n_actuators))
+    before = model.predict(q)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(model)).predict(q).T, before.T)
+
+
+def by_hand(angle: float) -> tuple[float, Floats]:
+    """Angle of the four-bar's rocker, and the pin, from the crank's angle: two circles that meet."""
+    elbow, pivot = 0.2 * np.array([np.cos(angle), np.sin(angle)]), np.array([0.6, 0.0])
+    d = np.linalg.norm(pivot - elbow)
+    along = (0.5**2 - 0.45**2 + d**2) / (2.0 * d)
+    u = (pivot - elbow) / d
+    candidates = [elbow + along * u + s * np.sqrt(0.5**2 - along**2) * np.array([-u[1], u[0]]) for s in (-1.0, 1.0)]
+    return d, np.array(candidates)
+
+
+def test_a_four_bar_linkage_moves_as_two_circles_meet(four_bar: gtpin.Robot) -> None:
+    posture = gtpin.home(four_bar)
+    branch = None
+    for angle in np.linspace(0.0, 4.0 * np.pi, 60):  # twice round
+        posture = posture.moved_to([angle])
+        pin_at = posture.T[:2] + posture.R[:2, 0] * 0.45
+        distances = np.linalg.norm(by_hand(angle)[1] - pin_at, axis=1)
+        assert distances.min() <= 1e-12
+        branch = int(np.argmin(distances)) if branch is None else branch
+        assert np.argmin(distances) == branch
+
+
+def test_a_four_bar_linkage_has_the_right_derivatives(four_bar: gtpin.Robot) -> None:
+    nominal = gtpin.Geometry.nominal(four_bar)
+    here = ChainKinematics(nominal)
+    q = np.array([[0.7], [2.9]])
+    poses = here.forward(q)
+    numeric = np.stack([differences(lambda x: here.forward(x[None]), row)[0] for row in q])
+    np.testing.assert_allclose(here.command_jacobian(q, poses), numeric, rtol=0, atol=1e-9)
+    # Placements in the plane keep the loop closable; across it, a four-bar of this kind jams.
+    plane = [name for name in nominal.names if name.endswith((".x", ".y", ".rz"))]
+    analytic = here.geometry_jacobian(q, poses)
+    for name in plane:
+        k = nominal.names.index(name)
+
+        def moved(x: Floats, k: int = k) -> gtpin.Poses:
+            values = nominal.values.copy()
+            values[k] += x[0]
+            return ChainKinematics(nominal.with_values(values)).forward(q)
+
+        np.testing.assert_allclose(analytic[:, :, k], differences(moved, np.zeros(1))[:, :, 0], rtol=0, atol=1e-9)
+
+
+def test_commands_of_a_continuous_joint_may_go_round(four_bar: gtpin.Robot) -> None:
+    posture = gtpin.home(four_bar)
+    once, again = posture.moved_to([0.5]), posture.moved_to([0.5 + 2.0 * np.pi])
+    np.testing.assert_allclose(once.T, again.T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(once.R, again.R, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(again.q, [0.5 + 2.0 * np.pi])
+    assert (four_bar.lower[0], four_bar.upper[0]) == (-np.inf, np.inf)
+
+
+def test_commands_that_are_nan_give_nan_and_of_another_shape_an_error(arm: tuple[gtpin.Robot, Path]) -> None:
+    model = gtpin.Model(gtpin.Geometry.nominal(arm[0]))
+    q = np.zeros((3, arm[0].n_actuators))
+    q[1, 2] = np.nan
+    np.testing.assert_array_equal(model.predict(q).reached, [True, False, True])
+    with pytest.raises(ModelError):
+        model.predict(q[:, :-1])
+    with pytest.raises(ModelError):
+        model.predict(q[0])
+
+
+def test_rotations_of_placements_are_right_whatever_their_angle() -> None:
+    R = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(log(R[None]), [[0, 0, np.pi / 2]], atol=1e-15)

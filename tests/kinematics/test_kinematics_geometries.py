@@ -1,0 +1,110 @@
+"""Random geometries within the tolerances: arrays, Pinocchio on the exported URDF, and scipy's fsolve."""
+
+from __future__ import annotations
+
+import machines
+import numpy as np
+import pytest
+from conftest import drawn
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays as array_of
+
+import gtpin
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rotations import log
+from gtpin.model_folder import calibrated_urdf
+from gtpin.robot.description import Description
+
+Floats = np.ndarray
+
+
+def agree(geometry: gtpin.Geometry, q: Floats, within: float) -> None:
+    """Arrays of a geometry, and Pinocchio on the URDF that carries it, give the same poses."""
+    poses = RodKinematics(geometry).forward(q)
+    posture = gtpin.home(gtpin.Robot(Description.parse(calibrated_urdf(gtpin.Model(geometry)))))
+    for i, row in enumerate(q):
+        there = posture.moved_to(row)
+        assert np.abs(there.T - poses.T[i]).max() <= within
+        assert np.abs(log(there.R @ poses.R[i].T)).max() <= within
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_arrays_agree_with_pinocchio_for_random_geometries(robot: gtpin.Robot, seed: int) -> None:
+    q = np.random.default_rng(100 + seed).uniform(robot.lower, robot.upper, (25, 3))
+    agree(drawn(robot, seed), q, 1e-12)
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    deviation=array_of(float, 48, elements=st.floats(-4.0, 4.0)),
+    share=array_of(float, (3, 3), elements=st.floats(0.0, 1.0)),
+)
+def test_arrays_agree_with_pinocchio_up_to_four_sigma(robot: gtpin.Robot, deviation: Floats, share: Floats) -> None:
+    nominal = gtpin.Geometry.nominal(robot)
+    q = robot.lower + share * (robot.upper - robot.lower)
+    agree(nominal.with_values(nominal.values + deviation * nominal.tolerance), q, 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_both_agree_with_fsolve_on_the_numbers_of_the_exported_urdf(robot: gtpin.Robot, seed: int) -> None:
+    geometry = drawn(robot, 50 + seed)
+    closures = machines.gantry(calibrated_urdf(gtpin.Model(geometry)))
+    q = np.random.default_rng(seed).uniform(robot.lower, robot.upper, (15, 3))
+    poses = RodKinematics(geometry).forward(q)
+    near_T, near_R = closures.follow(q, stride=0.05)
+    for i, row in enumerate(q):
+        rng = np.random.default_rng(i)
+        T, R, closed = closures.fsolve(row, near_T[i] + rng.uniform(-0.01, 0.01, 3), near_R[i])
+        assert closed
+        assert np.abs(T - poses.T[i]).max() <= 1e-11
+        assert np.abs(log(R @ poses.R[i].T)).max() <= 1e-11
+
+
+def test_parameters_move_what_their_names_say(robot: gtpin.Robot) -> None:
+    nominal = gtpin.Geometry.nominal(robot, scale="actuator")
+    moved = nominal.values.copy()
+    for name, by in {
+        "length[2a]": 1e-3,
+        "platform_joint[3b].y": 2e-3,
+        "cart_joint[1].z": -3e-3,
+        "scale[cart2]": 1e-4,
+    }.items():
+        moved[nominal.names.index(name)] += by
+    before, after = RodKinematics(nominal), RodKinematics(nominal.with_values(moved))
+    np.testing.assert_allclose(after.L0 - before.L0, [0, 1e-3, 0, 0, 0, 0], atol=1e-15)
+    expected = np.zeros((6, 3))
+    expected[4, 1] = 2e-3
+    np.testing.assert_allclose(after.P - before.P, expected, atol=1e-15)
+    expected = np.zeros((6, 3))
+    expected[0, 2] = -3e-3
+    np.testing.assert_allclose(after.C0 - before.C0, expected, atol=1e-15)
+    # A scale is travel per commanded metre, of one cart alone.
+    q = np.array([[0.5, 0.5, 0.5]])
+    travel = after.ends(q).C[0] - after.C0 - (before.ends(q).C[0] - before.C0)
+    np.testing.assert_allclose(np.linalg.norm(travel, axis=1), [0, 5e-5, 5e-5, 0, 0, 0], atol=1e-12)
+
+
+def test_track_directions_turn_and_stay_unit_vectors(robot: gtpin.Robot) -> None:
+    nominal = gtpin.Geometry.nominal(robot)
+    before = RodKinematics(nominal).v
+    for c, name in enumerate(("track_direction[cart2].a", "track_direction[cart2].b")):
+        moved = nominal.values.copy()
+        moved[nominal.names.index(name)] += 1e-3
+        after = RodKinematics(nominal.with_values(moved)).v
+        np.testing.assert_allclose(np.linalg.norm(after, axis=1), 1.0, atol=1e-15)
+        turned = np.arccos(np.clip(np.einsum("ki,ki->k", before, after), -1, 1))
+        np.testing.assert_allclose(turned, [0, 1e-3, 1e-3, 0, 0, 0], atol=1e-7)
+        assert c in (0, 1)
+
+
+def test_the_default_set_is_48_parameters_and_the_papers_60(robot: gtpin.Robot) -> None:
+    default = gtpin.Geometry.nominal(robot).names
+    rods = ("1", "2a", "2b", "3a", "3b", "3c")
+    expected = {f"length[{r}]" for r in rods}
+    expected |= {f"{kind}[{r}].{x}" for kind in ("platform_joint", "cart_joint") for r in rods for x in "xyz"}
+    expected |= {f"track_direction[cart{k}].{x}" for k in (1, 2, 3) for x in "ab"}
+    assert set(default) == expected
+    assert len(default) == 48
+    assert len(gtpin.Geometry.nominal(robot, directions="rod", scale="rod").names) == 60
+    assert len(gtpin.Geometry.nominal(robot, without=["track_direction", "length[2a]"]).names) == 41
