@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -15,19 +15,35 @@ from gtpin.kinematics.rotations import from_quaternions, to_quaternions
 from gtpin.model import Frame, Model
 from gtpin.robot.description import Description
 from gtpin.robot.export import placements_to_urdf, to_urdf
-from gtpin.robot.geometry import Geometry, Per
+from gtpin.robot.geometry import Arm, Geometry
 from gtpin.robot.library import load_robot
+from gtpin.robot.parameters import Per
 from gtpin.robot.robot import Robot
+from gtpin.robot.tracks import MeasuredTrack
 
 SCHEMA = "gtpin-model/1"
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
+Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+
+
 class _FrameFile(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    position: Annotated[list[Finite], Field(min_length=3, max_length=3)]
+    position: Triple
     orientation: Annotated[list[Finite], Field(min_length=4, max_length=4)]
+
+
+class _TrackFile(BaseModel):
+    """A measured track; see :class:`~gtpin.robot.tracks.MeasuredTrack`."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    q: list[Finite]
+    path: list[Triple]
+    turns: list[Triple] | None
+    origin: Triple
 
 
 class _ModelFile(BaseModel):
@@ -41,6 +57,8 @@ class _ModelFile(BaseModel):
     tcp: str
     directions: Per
     scale: Per | None
+    arm: Arm = "full"
+    tracks: list[_TrackFile | None] = []
     parameters: dict[str, Finite]
     tolerance: dict[str, Annotated[float, Field(gt=0.0, allow_inf_nan=False)]]
     base_in_instrument: _FrameFile | None
@@ -68,8 +86,10 @@ def write_model(model: Model, folder: str | Path) -> None:
         robot=geometry.robot.name,
         nominal_urdf="nominal.urdf",
         tcp=geometry.robot.tcp_frame,
-        directions="rod" if kinds.get("direction") == "rod" else "actuator",
+        directions="rod" if ("direction", "rod") in {(p.kind, p.per) for p in geometry.parameters} else "actuator",
         scale=kinds.get("scale"),  # type: ignore[arg-type]
+        arm="reduced" if geometry.reduced else "full",
+        tracks=[None if track is None else _TrackFile(**_track_lists(track)) for track in geometry.tracks],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
         base_in_instrument=None
@@ -81,6 +101,11 @@ def write_model(model: Model, folder: str | Path) -> None:
     (folder / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
     (folder / "robot.urdf").write_text(calibrated_urdf(model), encoding="utf-8")
     (folder / "nominal.urdf").write_text(geometry.robot.description.xml, encoding="utf-8")
+
+
+def _track_lists(track: MeasuredTrack) -> dict[str, Any]:
+    turns = None if track.turns is None else track.turns.tolist()
+    return {"q": track.q.tolist(), "path": track.path.tolist(), "turns": turns, "origin": track.origin.tolist()}
 
 
 def read_model(reference: str | Path) -> Model:
@@ -129,13 +154,25 @@ def _read_folder(folder: Path) -> Model:
 
 def _geometry(robot: Robot, told: _ModelFile) -> Geometry:
     # Tolerances are told by parameter, so those of the kinds, which the URDF may not know, do not matter here.
-    full = Geometry.nominal(robot, directions=told.directions, scale=told.scale)
+    tracks = tuple(None if t is None else _track(t) for t in told.tracks)
+    if tracks and len(tracks) != len(robot.rods):
+        raise ModelError(f"{len(tracks)} tracks for {len(robot.rods)} rods")
+    full = Geometry.nominal(robot, directions=told.directions, scale=told.scale, arm=told.arm, tracks=tracks)
     unknown = sorted(set(told.parameters) - set(full.names))
     if unknown:
         raise ModelError(f"no parameter is called {unknown[0]!r}")
     kept = tuple(p for p in full.parameters if p.name in told.parameters)
     values = np.array([told.parameters[p.name] for p in kept])
-    return Geometry(robot, tuple(p.with_tolerance(told.tolerance.get(p.name, p.tolerance)) for p in kept), values)
+    tolerances = (told.tolerance.get(p.name, p.tolerance) for p in kept)
+    parameters = tuple(p.with_tolerance(tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
+    return Geometry(robot, parameters, values, tracks)
+
+
+def _track(told: _TrackFile) -> MeasuredTrack:
+    if len(told.path) != len(told.q) or (told.turns is not None and len(told.turns) != len(told.q)):
+        raise ModelError("a track's points differ in number")
+    turns = None if told.turns is None else np.array(told.turns)
+    return MeasuredTrack(np.array(told.q), np.array(told.path), turns, np.array(told.origin))
 
 
 def _frame(told: _ModelFile) -> Frame:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from gtpin.data import Commands, check_commands
-from gtpin.errors import UnreachableError
+from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -18,11 +18,21 @@ def predict(model: Model, commands: Commands) -> Poses:
     ------
     DatasetError
         If the commands can't be the robot's.
+    ModelError
+        If a command leaves a measured track.
     UnreachableError
         If a pose can't be reached; the message names its row.
     """
     robot = model.robot
     check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    outside = np.flatnonzero(model.geometry.outside_tracks(commands.q))
+    if outside.size:
+        raise ModelError(
+            f"pose {commands.pose[outside[0]]} leaves the range in which the tracks were measured",
+            file=commands.file,
+            row=int(commands.row[outside[0]]),
+            hint="leave it out, or use a model with straight tracks",
+        )
     poses = model.predict(commands.q)
     lost = np.flatnonzero(~poses.reached)
     if lost.size:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.paper_models import model_geometry
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds
@@ -16,8 +18,9 @@ from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model import Frame, Model
-from gtpin.robot.geometry import Geometry, Per
+from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
+from gtpin.robot.parameters import Per
 from gtpin.robot.robot import Robot
 
 Mask = npt.NDArray[np.bool_]
@@ -27,6 +30,7 @@ def calibrate(
     dataset: Dataset,
     robot: Robot | None = None,
     *,
+    model: int | None = None,
     directions: Per = "actuator",
     scale: Per | None = None,
     without: Iterable[str] = (),
@@ -40,6 +44,9 @@ def calibrate(
         Measured poses.
     robot
         The nominal robot; the one that the dataset names by default.
+    model
+        One of the paper's models 1 to 5 (see :func:`~gtpin.calibration.paper_models.model_geometry`) in place of the
+        parameters that the next three choose.
     directions, scale, without
         Which parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
         joints, lengths and one direction per cart.
@@ -64,14 +71,22 @@ def calibrate(
         Of poses that are set aside, by name.
     """
     robot = load_robot(dataset.robot_reference) if robot is None else robot
-    geometry = Geometry.nominal(
-        robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=tuple(without)
-    )
+    if model is None:
+        geometry = Geometry.nominal(
+            robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=tuple(without)
+        )
+    else:
+        geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset)
+    return calibrate_geometry(dataset, geometry, progress)
+
+
+def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress | None = None) -> Calibration:
+    """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone."""
     nominal = Model(geometry)
-    poses = nominal.kinematics.forward(_with_actuators_of(robot, dataset).q)
+    poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
     reached = _plausible(dataset, nominal, poses)
     kept, poses = dataset.take(reached), poses[reached]
-    measured = measured_poses(kept)
+    measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
     free = dataset.instrument.frame == "free"
     _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
     start = Model(geometry, rough_frame(poses, measured) if free else Frame())
@@ -91,21 +106,32 @@ def measured_poses(dataset: Dataset) -> Measured:
     return Measured(dataset.q, dataset.position, R)
 
 
-def _with_actuators_of(robot: Robot, dataset: Dataset) -> Dataset:
+def _with_actuators_of(robot: Robot, dataset: Dataset) -> tuple[Robot, Dataset]:
     if dataset.n_actuators != robot.n_actuators:
         raise DatasetError(
             f"{dataset.n_actuators} commands a pose, but {robot.name} has {robot.n_actuators} actuators",
             file=dataset.file,
             hint=f"give q1 .. q{robot.n_actuators}",
         )
-    return dataset
+    return robot, dataset
 
 
 def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     """(N,) the rows that the robot can reach; an error where the data can't be the robot's."""
     robot, geometry = nominal.robot, nominal.geometry
+    outside = geometry.outside_tracks(dataset.q)
+    if outside.any():
+        named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[outside]))
+        warnings.warn(f"set aside, outside the measured tracks: poses {named}", GtpinWarning, stacklevel=4)
+        if outside.all():
+            raise DatasetError(
+                "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
+            )
+        poses.T[outside], poses.R[outside] = poses.T[~outside][0], poses.R[~outside][0]
     lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
-    return check_plausible(
+    if geometry.reduced:
+        dataset = replace(dataset, orientation=None)
+    plausible = check_plausible(
         dataset,
         names=robot.sites,
         lower=robot.lower,
@@ -115,6 +141,7 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         predicted_rotation=poses.R,
         reach=max(0.05, 50.0 * max(lengths, default=0.0)),
     )
+    return np.asarray(plausible & ~outside)
 
 
 def _check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:

@@ -20,6 +20,8 @@ STEP = 1e-7
 """Step, in tolerances, at which the fit has converged."""
 DECREASE = 1e-10
 """Decrease of the cost that a step promises, per unit of cost, at which the fit has converged."""
+ROUNDING = 1e-6
+"""The same where no step lowers the cost: rounding then hides what is left to gain."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,9 @@ def fit(
                     damping = damping / 10.0 if damping > 1e-6 else 0.0
                     break
             if damping > MAX_DAMPING:
+                whole = _step(information + np.diag(problem.prior), gradient, 0.0)
+                if float(whole @ gradient) / 2.0 <= ROUNDING * max(cost, 1.0):
+                    return Fit(problem, point, residual, weight, information, iteration)
                 raise ConvergenceError("the fit has not converged: no step lowers its cost", hint=_HINT)
             damping = max(10.0 * damping, 1e-3)
     raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)

@@ -11,6 +11,9 @@ from scipy.stats import chi2
 
 Floats = npt.NDArray[np.float64]
 
+SMALLEST = 1e-7
+"""Sigma, m and rad, that no noise goes below: rounding takes over, and the fit creeps along curved valleys for ever."""
+
 LEAST_CONTRASTS = 8
 """Repeated visits, beyond the first of each pose, below which the scatter between them says too little."""
 
@@ -85,6 +88,14 @@ class Noise:
             repeatability=self.repeatability * factor,
         )
 
+    def at_least(self, sigma: float) -> Noise:
+        """The same noise, its sigmas no smaller than one (m and rad)."""
+        return replace(
+            self,
+            position_sigma=max(self.position_sigma, sigma),
+            orientation_sigma=max(self.orientation_sigma, sigma),
+        )
+
     def take(self, rows: npt.NDArray[np.generic]) -> Noise:
         """The noise of some of the poses."""
         if self.sight is None or self.reach is None:
@@ -151,6 +162,23 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
     return np.array(found).reshape(-1, values.shape[1]), np.array(rows, dtype=np.intp)
 
 
+def roughly(noise: Noise, values: Floats, declared: tuple[bool, bool]) -> Noise:
+    """Noise whose sigmas that were not declared are told by medians, which neither gross errors nor heavy tails move.
+
+    Parameters
+    ----------
+    values
+        (N, c) measured less predicted, m and rad.
+    declared
+        Whether the position's and the orientation's sigma are known.
+    """
+    sigmas = [noise.position_sigma, noise.orientation_sigma]
+    for i, kind in enumerate((slice(0, 3), slice(3, 6))):
+        if not declared[i]:
+            sigmas[i] = max(SMALLEST, float(np.sqrt(np.median((values[:, kind] ** 2).sum(axis=1)) / chi2.median(3))))
+    return replace(noise, position_sigma=sigmas[0], orientation_sigma=sigmas[1])
+
+
 def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, declared: tuple[bool, bool]) -> Noise:
     """Noise whose repeatability, and whose sigmas that were not declared, explain the scatter between visits.
 
@@ -165,7 +193,7 @@ def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, decla
     components = contrast.shape[1]
     contrast = _tamed(contrast)
     spread = np.median(np.abs(contrast), axis=0) / 0.6745
-    rough = np.array([max(np.median(spread[:3]), 1e-9), max(np.median(spread[3:]), 1e-9) if components == 6 else 1.0])
+    rough = np.maximum([np.median(spread[:3]), np.median(spread[3:]) if components == 6 else 1.0], SMALLEST)
     open_ = [i for i in range(2) if not declared[i] and (i == 0 or components == 6)]
     base = replace(
         noise,

@@ -26,6 +26,8 @@ Progress = Callable[[str, int, float], None]
 MAX_ROUNDS = 30
 FREE_ROUNDS = 8
 """Rounds after which no more poses are set aside and tails only become heavier, lest two readings of the data take turns."""
+ROUGH = 5e-6
+"""Sigma, m and rad, that the rough fit goes down to: with less, the cost is a narrow curved valley far from its minimum."""
 SETTLED = 1e-3
 """Relative change of an estimated sigma at which it has settled."""
 LACK_OF_FIT = 1e-3
@@ -114,18 +116,22 @@ class Rounds:
         """
         J = in_frame(self.start.kinematics.command_jacobian(self.measured.q, self.near), self.start.frame)
         noise, used, tails = self._first_noise(), np.ones(len(self.near), dtype=bool), weights.Tails()
-        outcome = self._fit(used, noise, J, weights.huber, None, "rough fit")
+        outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, None, "rough fit")
+        if not all(self._declared):  # gross errors and tails are judged by the size of the noise
+            noise = noises.roughly(noise, self.measured.minus(self._predicted(outcome)), self._declared)
         for number in range(1, MAX_ROUNDS + 1):
             left = self.measured.minus(self._predicted(outcome))
             now_used = ~weights.gross(_whiten(noise, J, left), used)
             now_noise = self._estimated(noise, outcome, now_used, left, J)
-            late = number > FREE_ROUNDS
-            now_used = now_used | used if late else now_used
-            if number > 1 and (now_used == used).all() and _same(noise, now_noise):
+            # By the noise of the round before: squares of residuals that were not weighted by their tails hide them.
+            now_tails = weights.Tails.of(_whiten(noise, J, left)[now_used])
+            if number > FREE_ROUNDS:
+                now_used = now_used | used
+                now_tails = min(tails, now_tails, key=lambda t: t.freedom)
+            settled = (now_used == used).all() and now_tails.freedom == tails.freedom and _same(noise, now_noise)
+            if number > 1 and settled:
                 return Settled(outcome, used, noise, tails)
-            used, noise = now_used, now_noise
-            now_tails = weights.Tails.of(_whiten(noise, J, left)[used])
-            tails = min(tails, now_tails, key=lambda t: t.freedom) if late else now_tails
+            used, noise, tails = now_used, now_noise, now_tails
             outcome = self._fit(used, noise, J, tails.weigh, outcome.point.x, f"fit {number}")
         raise ConvergenceError(
             f"noise and gross errors have not settled in {MAX_ROUNDS} rounds", hint="declare the noise in dataset.toml"
@@ -146,7 +152,7 @@ class Rounds:
         # What is not declared starts at a tracker's usual size; only its share in the whole matters until it is estimated.
         return Noise(
             self.instrument.position_sigma or 2e-5, self.instrument.orientation_sigma or 5e-5, sight=sight, reach=reach
-        )
+        ).at_least(noises.SMALLEST)
 
     def _fit(
         self, used: Mask, noise: Noise, J: Floats, weigh: Callable[[Floats], Floats], x: Floats | None, what: str
@@ -195,8 +201,8 @@ class Rounds:
                 factors[i] = float(np.sqrt(squares[kind].sum() / max(freedoms, 1.0)))
         return replace(
             noise,
-            position_sigma=noise.position_sigma * factors[0],
-            orientation_sigma=noise.orientation_sigma * factors[1],
+            position_sigma=max(noise.position_sigma * factors[0], noises.SMALLEST),
+            orientation_sigma=max(noise.orientation_sigma * factors[1], noises.SMALLEST),
             repeatability=0.0,
             source="residuals",
             dof=outcome.residual.size / 2.0,

@@ -10,7 +10,8 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.posture import ClosedPosture
-from gtpin.robot.geometry import Geometry, Parameter, rotation_axes
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.parameters import Parameter, rotation_axes
 
 Floats = npt.NDArray[np.float64]
 

@@ -14,7 +14,8 @@ from gtpin.kinematics.first_guess import FirstGuess
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.seats import ArmSeat, FixedSeat, MeasuredSeat, Seat, TrackSeat, Turned
-from gtpin.robot.geometry import Geometry, Kind, rotation_axes
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.parameters import Kind, rotation_axes
 from gtpin.robot.rods import Rod
 
 Floats = npt.NDArray[np.float64]
@@ -170,12 +171,11 @@ class RodKinematics:
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the TCP's pose by the geometry's parameters: position and rotation vector, base frame."""
-        parameters = self.geometry.parameters
-        if not parameters:
+        if not self.geometry.parameters:
             return np.zeros((len(q), 6, 0))
         ends = self.ends(q)
         d, RP = rod_vectors(poses, ends)
-        slots = [(column, i) for column, p in enumerate(parameters) for i in self._owned(p.per, p.kind, p.owner)]
+        slots = self._slots
         gradient = self._gradient(q, poses, ends, d, slots)
         # A parameter opens the gaps of its own rods only: the response to each gap times the gap, summed by parameter.
         response = -np.linalg.inv(pose_jacobian(d, RP))
@@ -183,6 +183,28 @@ class RodKinematics:
         columns = np.array([column for column, _ in slots])
         first = np.flatnonzero(np.diff(columns, prepend=-1))
         return product if len(first) == len(slots) else np.add.reduceat(product, first, axis=2)
+
+    def closures(self, q: Floats, poses: Poses) -> Floats:
+        """(N, k) the closures (|d|^2 - L^2) / 2 at any poses, base frame, m^2: zero at the robot's own."""
+        ends = self.ends(q)
+        d, _ = rod_vectors(poses, ends)
+        return np.asarray((np.einsum("nki,nki->nk", d, d) - ends.L**2) / 2.0)
+
+    def closure_gradient(self, q: Floats, poses: Poses) -> Floats:
+        """(N, k, p) derivative of the closures by the geometry's parameters at any poses, base frame."""
+        ends = self.ends(q)
+        d, _ = rod_vectors(poses, ends)
+        gradient = np.zeros((len(q), self._k, len(self.geometry.parameters)))
+        values = self._gradient(q, poses, ends, d, self._slots)
+        for slot, (column, i) in enumerate(self._slots):
+            gradient[:, i, column] = values[:, slot]
+        return gradient
+
+    @cached_property
+    def _slots(self) -> list[tuple[int, int]]:
+        """Pairs of a parameter and a rod that it moves."""
+        parameters = self.geometry.parameters
+        return [(column, i) for column, p in enumerate(parameters) for i in self._owned(p.per, p.kind, p.owner)]
 
     def _gradient(self, q: Floats, poses: Poses, ends: RodEnds, d: Floats, slots: list[tuple[int, int]]) -> Floats:
         """(N, s) derivative of one rod's closure by one parameter, for pairs of parameter and rod."""

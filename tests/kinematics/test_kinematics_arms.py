@@ -14,7 +14,6 @@ import gtpin
 from gtpin.errors import ClosureError, ModelError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.kinematics.rotations import log
 from gtpin.model_folder import calibrated_urdf
 
 Floats = np.ndarray
@@ -197,8 +196,3 @@ def test_commands_that_are_nan_give_nan_and_of_another_shape_an_error(arm: tuple
         model.predict(q[:, :-1])
     with pytest.raises(ModelError):
         model.predict(q[0])
-
-
-def test_rotations_of_placements_are_right_whatever_their_angle() -> None:
-    R = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(log(R[None]), [[0, 0, np.pi / 2]], atol=1e-15)

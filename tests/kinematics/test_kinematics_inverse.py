@@ -29,11 +29,10 @@ def test_commands_come_back_from_positions_over_the_whole_range(
         np.testing.assert_allclose(one.T, poses.T[i], rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("machine", ["stewart"], indirect=True)
 def test_a_stewart_platform_reaches_positions_with_rotations(
     machine: Machine, loaded: gtpin.Robot, closures: RodKinematics
 ) -> None:
-    if machine.name != "stewart":
-        pytest.skip("six actuators are needed")
     rng = np.random.default_rng(2)
     T = machine.T + rng.uniform(-0.05, 0.05, (200, 3))
     R = exp(rng.uniform(-0.1, 0.1, (200, 3))) @ machine.R
@@ -46,9 +45,8 @@ def test_a_stewart_platform_reaches_positions_with_rotations(
     np.testing.assert_allclose(posture.q, q[0], rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("machine", ["linear_delta"], indirect=True)
 def test_a_linear_delta_has_its_commands_in_closed_form(machine: Machine, closures: RodKinematics) -> None:
-    if machine.name != "linear_delta":
-        pytest.skip("closed form for vertical tracks")
     T = machine.T + np.random.default_rng(3).uniform(-0.08, 0.08, (200, 3))
     q, _ = gtpin.commands_for(closures, T)
     base, end = machine.C(np.zeros((1, 3)))[0, ::2], T[:, None] + machine.P[::2]

@@ -121,9 +121,8 @@ def test_quaternions_come_back_of_one_sign_along_the_array(vector: np.ndarray, s
     np.testing.assert_allclose(from_quaternions(wxyz), R, rtol=0, atol=1e-14)
     np.testing.assert_allclose(np.linalg.norm(wxyz, axis=1), 1.0, rtol=0, atol=1e-15)
     assert (wxyz @ wxyz[0] >= 0.0).all()
-    np.testing.assert_allclose(
-        np.abs(wxyz[:, 0]), np.cos(np.linalg.norm(scale * vector, axis=1) / 2.0).__abs__(), atol=1e-14
-    )
+    half_angle = np.linalg.norm(scale * vector, axis=1) / 2.0
+    np.testing.assert_allclose(np.abs(wxyz[:, 0]), np.abs(np.cos(half_angle)), rtol=0, atol=1e-14)
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,0 +1,47 @@
+"""What this part of gtpin needs of a robot: rods, and poses that it can reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ModelError, UnreachableError
+from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+
+def rod_kinematics(model: Model) -> RodKinematics:
+    """The closures of a model with rods.
+
+    Raises
+    ------
+    ModelError
+        If its robot has none.
+    """
+    if not isinstance(model.kinematics, RodKinematics):
+        raise ModelError(f"{model.robot.name} has no rods", hint="this analysis is of rods that hold a platform")
+    return model.kinematics
+
+
+def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:
+    """Poses (N), base frame, at commands q (N, n).
+
+    Raises
+    ------
+    ModelError
+        If there are no commands, or they are not of that shape.
+    UnreachableError
+        If one can't be reached; the message names its row, from 0.
+    """
+    robot = kinematics.geometry.robot
+    poses = kinematics.forward(q)
+    if not len(poses):
+        raise ModelError("no commands", hint="give at least one")
+    lost = np.flatnonzero(~poses.reached)
+    if lost.size:
+        raise UnreachableError(f"{robot.name} can't reach the commands in row {lost[0]}", hint="leave them out")
+    return poses

@@ -1,0 +1,105 @@
+"""The parameters of the paper's sensitivity analysis: what a step in one of them does to its rod."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ConvergenceError
+from gtpin.kinematics.closures import RodEnds, follow
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rotations import exp
+
+Floats = npt.NDArray[np.float64]
+
+PARAMETERS = ("L", "Px", "Py", "Pz", "Cx", "Cy", "Cz", "vx", "vy", "vz")
+"""Length; joint on the platform, TCP frame; joint on the carrier at zero, base frame; the track's direction, base frame."""
+STEP = 5e-5
+"""The paper's step: 50 micrometres, or as much in a component of a unit vector."""
+
+
+@dataclass(frozen=True)
+class RodStep:
+    """How one rod's ends and length go with one parameter.
+
+    Parameters
+    ----------
+    rod
+        Index of the rod.
+    P
+        (3,) motion of its joint on the platform, TCP frame, per unit.
+    C
+        (N, 3) motion of its joint on the carrier at each pose, base frame, per unit.
+    L
+        Change of its length, per unit.
+    """
+
+    rod: int
+    P: Floats
+    C: Floats
+    L: float
+
+    def vector(self, poses: Poses) -> Floats:
+        """(N, 3) motion of the rod's vector d = T + R P - C at fixed poses, base frame, per unit."""
+        return np.asarray(poses.R @ self.P - self.C)
+
+    def applied(self, ends: RodEnds, step: float, poses: int) -> RodEnds:
+        """The rods' ends after a step."""
+        P, C = ends.P.copy(), ends.C.copy()
+        L = np.repeat(ends.L, poses, axis=0) if len(ends.L) == 1 else ends.L.copy()
+        P[..., self.rod, :] += step * self.P
+        C[:, self.rod] += step * self.C
+        L[:, self.rod] += step * self.L
+        return RodEnds(P, C, L)
+
+
+def rod_step(kinematics: RodKinematics, q: Floats, parameter: str, rod: int) -> RodStep | None:
+    """What a parameter of a rod does at commands q (N, n); None for a direction where the rod's carrier has no track.
+
+    C = C0 + q (v + dv): a step of the direction is added, and not normalised again, as in the paper. Where the carrier
+    turns, C is fixed to it and names its place at zero.
+    """
+    zero, still = np.zeros(3), np.zeros((len(q), 3))
+    if parameter == "L":
+        return RodStep(rod, zero, still, 1.0)
+    axis = np.eye(3)["xyz".index(parameter[1])]
+    if parameter[0] == "P":
+        return RodStep(rod, axis, still, 0.0)
+    robot = kinematics.geometry.robot
+    carrier = robot.rods[rod].carrier
+    turns = carrier is not None and bool(robot.revolute[carrier])
+    travel = np.zeros(len(q)) if carrier is None else q[:, carrier] * kinematics.scale[rod]
+    if parameter[0] == "C":
+        moved = exp(travel[:, None] * kinematics.v[rod]) @ axis if turns else np.broadcast_to(axis, still.shape)
+        return RodStep(rod, zero, np.asarray(moved), 0.0)
+    if carrier is None or turns:
+        return None
+    return RodStep(rod, zero, q[:, carrier, None] * axis, 0.0)
+
+
+def poses_after(kinematics: RodKinematics, ends: RodEnds, poses: Poses, change: RodStep, step: float) -> Poses:
+    """Poses (N), base frame, that close the rods again after a step, near where they were.
+
+    Raises
+    ------
+    ConvergenceError
+        If the rods can't be closed again.
+    """
+    after = change.applied(ends, step, len(poses))
+
+    def path(s: Floats, rows: npt.NDArray[np.int_]) -> RodEnds:
+        one, two = ends.take(rows), after.take(rows)
+        w = s[:, None]
+        C, L = one.C + w[..., None] * (two.C - one.C), one.L + w * (two.L - one.L)
+        return RodEnds(one.P + w[..., None] * (two.P - one.P), C, L)
+
+    moved = follow(path, poses, kinematics.geometry.robot.size)
+    if not moved.reached.all():
+        raise ConvergenceError(
+            f"a step of {step:g} opens the rods at row {np.flatnonzero(~moved.reached)[0]}",
+            hint="leave out commands near a singularity",
+        )
+    return moved

@@ -1,0 +1,99 @@
+"""Measured tracks out of cart poses that were taken along the guideways by themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from gtpin.data import CartMeasurements
+from gtpin.errors import DatasetError
+from gtpin.robot.robot import Robot
+from gtpin.robot.tracks import MeasuredTrack
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Path:
+    """One cart's measured points, ascending: commands (K,), positions (K, 3), m, rotations or None; instrument's frame."""
+
+    q: Floats
+    position: Floats
+    rotation: Rotation | None
+
+    def at_zero(self) -> Floats:
+        """(3,) position at zero, interpolated."""
+        return np.array([np.interp(0.0, self.q, column) for column in self.position.T])
+
+
+def measured_tracks(robot: Robot, carts: CartMeasurements, *, orientations: bool = False) -> tuple[MeasuredTrack, ...]:
+    """The measured track of every actuator, turned like the base frame.
+
+    The instrument stood elsewhere than for the TCP. The carts' paths are turned so that their mean direction is the nominal
+    tracks' and their places around it fit best; what is left is for a calibration to find.
+
+    Parameters
+    ----------
+    orientations
+        Whether to interpolate the measured cart orientation too.
+
+    Raises
+    ------
+    DatasetError
+        If a cart was not measured at two or more commands around zero, or orientations are wanted that were not measured.
+    """
+    paths = [_path(robot, carts, i, orientations) for i in range(robot.n_actuators)]
+    nominal = [np.mean([rod.C for rod in robot.rods if rod.carrier == i], axis=0) for i in range(robot.n_actuators)]
+    R = _towards_base(robot, paths, np.array(nominal))
+    middle = np.mean([path.at_zero() for path in paths], axis=0)
+    tracks = []
+    for path in paths:
+        zero = path.at_zero()
+        turns = None
+        if path.rotation is not None:
+            nearest = int(np.argmin(np.abs(path.q)))
+            turns = (path.rotation * path.rotation[nearest].inv()).as_rotvec() @ R.T
+        origin = np.mean(nominal, axis=0) + R @ (zero - middle)
+        tracks.append(MeasuredTrack(path.q, (path.position - zero) @ R.T, turns, origin))
+    return tuple(tracks)
+
+
+def _path(robot: Robot, carts: CartMeasurements, actuator: int, orientations: bool) -> _Path:
+    rows = np.flatnonzero(carts.cart == actuator + 1)
+    q, place = np.unique(np.round(carts.q[rows], 9), return_inverse=True)
+    site = robot.sites[actuator]
+    if len(q) < 2 or q[0] > 0.0 or q[-1] < 0.0:
+        raise DatasetError(
+            f"{site} was measured at {len(q)} commands, which do not reach from below to above zero",
+            file=carts.file,
+            hint="measure every cart along its track",
+        )
+    if orientations and carts.orientation is None:
+        raise DatasetError("no cart orientations", file=carts.file, hint="give qw qx qy qz, or do without them")
+    position = np.array([carts.position[rows[place == k]].mean(axis=0) for k in range(len(q))])
+    rotation = None
+    if orientations and carts.orientation is not None:
+        each = Rotation.from_quat(carts.orientation[rows].copy(), scalar_first=True)
+        rotation = Rotation.concatenate([each[place == k].mean() for k in range(len(q))])
+    return _Path(q, position, rotation)
+
+
+def _towards_base(robot: Robot, paths: list[_Path], nominal: Floats) -> Floats:
+    """(3, 3) rotation from the instrument's frame to one turned like the base frame."""
+    slopes = [np.polyfit(path.q, path.position, 1)[0] for path in paths]
+    measured = _unit(np.sum([_unit(slope) for slope in slopes], axis=0))
+    wanted = _unit(np.sum([actuator.axis for actuator in robot.actuators], axis=0))
+    first = Rotation.align_vectors(wanted[None], measured[None])[0]
+    # About that direction the tracks' places decide; where the target sat on each cart is small beside their distances.
+    zero = np.array([path.at_zero() for path in paths])
+    a, b = first.apply(zero - zero.mean(axis=0)), nominal - nominal.mean(axis=0)
+    sine = np.einsum("i,ni->", wanted, np.cross(a, b))
+    cosine = np.einsum("ni,ni->", a, b) - (a @ wanted) @ (b @ wanted)
+    return np.asarray((Rotation.from_rotvec(np.arctan2(sine, cosine) * wanted) * first).as_matrix())
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))

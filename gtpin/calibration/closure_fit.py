@@ -1,0 +1,124 @@
+"""The paper's own calibration: squared closure residuals at measured poses, each rod by itself (eq. 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ConvergenceError, DatasetError
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+
+MAX_STEPS = 200
+ROUNDS = 4
+"""Rounds in which the residuals' size, and with it the weight of the tolerances, is found."""
+
+
+@dataclass(frozen=True)
+class ClosureFit:
+    """A geometry that makes the closures of measured poses small.
+
+    Parameters
+    ----------
+    geometry
+        The identified geometry.
+    cost
+        (k,) sum over the poses of each rod's squared closure residual L^2 - \\|T + R P - C\\|^2, m^4: Table II's last column.
+    steps
+        Levenberg-Marquardt steps taken.
+    """
+
+    geometry: Geometry
+    cost: Floats
+    steps: int
+
+
+def closure_residual(geometry: Geometry, q: Floats, poses: Poses) -> Floats:
+    """(N, k) L^2 - \\|T + R P - C\\|^2 at measured poses, base frame, m^2 (eqs. 1 and 5)."""
+    return np.asarray(-2.0 * RodKinematics(geometry).closures(q, _of_the_arm(geometry, poses)))
+
+
+def _of_the_arm(geometry: Geometry, poses: Poses) -> Poses:
+    """The poses as the arm's model has them: the plate of a reduced arm never turns, whatever was measured (eq. 1)."""
+    if not geometry.reduced:
+        return poses
+    return Poses(poses.T, np.broadcast_to(RodKinematics(geometry).home.R[0], poses.R.shape))
+
+
+def fit_closures(geometry: Geometry, q: Floats, poses: Poses, *, priors: bool = True) -> ClosureFit:
+    """Minimise the squared closure residuals by Levenberg-Marquardt.
+
+    Where no parameter belongs to two rods, this is each rod by itself. The poses stand in the regressors as they were
+    measured, so that noise in them, in orientation above all, biases the joints' places.
+
+    Parameters
+    ----------
+    geometry
+        Where to start, and what to identify.
+    q, poses
+        (N, n) commands and (N) measured poses, base frame.
+    priors
+        Whether the tolerances hold what the poses can't see. The paper's fit had none; on this machine it then ends
+        wherever the solver stops, centimetres away along directions that change nothing.
+
+    Raises
+    ------
+    ConvergenceError
+        If it does not converge.
+    """
+    if not len(q):
+        raise DatasetError("no poses to fit", hint="measure some")
+    x, steps = np.zeros(len(geometry.parameters)), 0
+    for _ in range(ROUNDS if priors else 1):
+        found = geometry.with_values(geometry.values + geometry.tolerance * x)
+        sigma = (
+            np.sqrt((closure_residual(found, q, poses) ** 2).mean(axis=0))
+            if priors
+            else np.ones(len(geometry.robot.rods))
+        )
+        x, taken = _minimise(geometry, q, poses, x, 1.0 / sigma, 1.0 if priors else 0.0)
+        steps += taken
+    found = geometry.with_values(geometry.values + geometry.tolerance * x)
+    return ClosureFit(found, np.asarray((closure_residual(found, q, poses) ** 2).sum(axis=0)), steps)
+
+
+def _minimise(
+    geometry: Geometry, q: Floats, poses: Poses, x: Floats, weight: Floats, prior: float
+) -> tuple[Floats, int]:
+    def at(x: Floats) -> tuple[Geometry, Floats]:
+        moved = geometry.with_values(geometry.values + geometry.tolerance * x)
+        return moved, closure_residual(moved, q, poses) * weight
+
+    here, r = at(x)
+    cost, damping = float((r**2).sum() + prior * (x**2).sum()), 1e-3
+    for step_number in range(MAX_STEPS):
+        gradient = (
+            -2.0
+            * RodKinematics(here).closure_gradient(q, _of_the_arm(here, poses))
+            * geometry.tolerance
+            * weight[None, :, None]
+        )
+        J = gradient.reshape(r.size, -1)
+        A, g = J.T @ J + prior * np.eye(len(x)), -(J.T @ r.ravel()) - prior * x
+        while True:
+            step = np.linalg.lstsq(A + damping * np.diag(np.maximum(np.diag(A), 1e-300)), g, rcond=None)[0]
+            trial, trial_r = at(x + step)
+            trial_cost = float((trial_r**2).sum() + prior * ((x + step) ** 2).sum())
+            if trial_cost <= cost:
+                break
+            damping *= 10.0
+            if damping > 1e16:
+                return x, step_number  # no direction lowers the cost beyond rounding
+        gained = cost - trial_cost
+        x, here, r, cost, damping = x + step, trial, trial_r, trial_cost, max(damping / 10.0, 1e-12)
+        if gained <= 1e-9 * max(cost, 1e-300):
+            return x, step_number + 1
+    raise ConvergenceError(
+        f"the closure fit has not converged in {MAX_STEPS} steps",
+        hint="keep the tolerances as priors, or measure more poses",
+    )

@@ -1,0 +1,140 @@
+"""Models 1 to 5 of Dressler, Brogårdh and Robertsson 2010: straight or measured tracks, reduced or full arm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from gtpin.calibration.cart_tracks import measured_tracks
+from gtpin.data import Dataset
+from gtpin.errors import DatasetError, ModelError
+from gtpin.robot.description import Description
+from gtpin.robot.export import to_urdf
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.parameters import all_tolerances
+from gtpin.robot.robot import Robot
+from gtpin.robot.tracks import MeasuredTrack
+
+Floats = npt.NDArray[np.float64]
+
+MODELS = (1, 2, 3, 4, 5)
+MEASURED = (2, 4, 5)
+"""Models that need the carts' measured tracks."""
+REDUCED = (1, 2)
+"""Models with the reduced arm."""
+PAPERS_CHOICE = (False, True, True, False, False, False)
+"""Rods whose track model 5 takes as measured: 2a and 2b."""
+
+
+def model_geometry(
+    number: int, robot: Robot, dataset: Dataset, *, measured: Sequence[bool] | None = None, orientations: bool = False
+) -> Geometry:
+    """Nominal geometry and parameters of one of the paper's models.
+
+    Parameters
+    ----------
+    number
+        1: reduced arm, straight tracks. 2: reduced arm, measured tracks. 3: full arm, a straight path for each rod, with a
+        direction and a scale of its own. 4: full arm, measured tracks. 5: for each rod model 3 or model 4.
+    dataset
+        Gives the tolerances, the carts' measured tracks, and the reduced arm's constant orientation.
+    measured
+        For model 5, the rods that take model 4; the paper's choice by default.
+    orientations
+        Whether measured tracks carry the measured turning of the carts too.
+
+    Raises
+    ------
+    ModelError
+        If there is no such model, or the robot is not made for it.
+    DatasetError
+        If the carts were not measured.
+    """
+    if number not in MODELS:
+        raise ModelError(f"there is no model {number}", hint="use 1 to 5")
+    if not robot.rods or any(rod.carrier is None for rod in robot.rods) or robot.revolute.any():
+        raise ModelError(f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="leave --model out")
+    tracks = _tracks(number, robot, dataset, measured, orientations)
+    if number in REDUCED:
+        tolerances = _wide(all_tolerances(robot, dataset.tolerance))
+        ideal = parallelogram(robot, _mean_orientation(robot, dataset))
+        return Geometry.nominal(ideal, arm="reduced", scale="actuator", tracks=tracks, tolerance=tolerances)
+    return Geometry.nominal(robot, directions="rod", scale="rod", tracks=tracks, tolerance=dataset.tolerance)
+
+
+def parallelogram(robot: Robot, R: Floats) -> Robot:
+    """The robot whose plate never turns: rods of a cart equal and parallel (eqs. 1 to 3).
+
+    Parameters
+    ----------
+    R
+        (3, 3) the plate's constant rotation, base frame.
+    """
+    P = np.array([rod.P for rod in robot.rods])
+    C, L, carrier = _clusters(robot, R)
+    T = _meet(robot, C, L)
+    C0 = C[carrier] + P @ R.T
+    v = np.array([robot.actuators[i].axis for i in carrier])
+    xml = to_urdf(Geometry(robot, (), np.zeros(0)), P, C0, L[carrier], v, (T, R))
+    return Robot(Description.parse(xml, source=f"{robot.name} with a reduced arm"), robot.tcp_frame)
+
+
+def _clusters(robot: Robot, R: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int_]]:
+    """Simplified carts' joints (n, 3) at zero (eq. 3) and lengths (n,), and (k,) the cart of each rod."""
+    carrier = np.array([-1 if rod.carrier is None else rod.carrier for rod in robot.rods])
+    folded = np.array([rod.C - R @ rod.P for rod in robot.rods])
+    lengths = np.array([rod.L for rod in robot.rods])
+    C = np.array([folded[carrier == i].mean(axis=0) for i in range(robot.n_actuators)])
+    return C, np.array([lengths[carrier == i].mean() for i in range(robot.n_actuators)]), carrier
+
+
+def _meet(robot: Robot, C: Floats, L: Floats) -> Floats:
+    """(3,) where the simplified rods meet at zero, near the nominal home."""
+    home = robot.description.home
+    T = np.zeros(3) if home is None else np.array(home.tcp_xyz)
+    for _ in range(50):
+        d = T - C
+        step = np.linalg.lstsq(d, (L**2 - (d**2).sum(axis=1)) / 2.0, rcond=None)[0]
+        T = T + step
+        if np.abs(step).max() < 1e-14:
+            break
+    return np.asarray(T)
+
+
+def _mean_orientation(robot: Robot, dataset: Dataset) -> Floats:
+    """(3, 3) the plate's mean measured rotation in the base frame; home's where it was not measured in that frame."""
+    if dataset.orientation is not None and dataset.instrument.frame == "robot":
+        return np.asarray(Rotation.from_quat(dataset.orientation.copy(), scalar_first=True).mean().as_matrix())
+    home = robot.description.home
+    return np.eye(3) if home is None else np.asarray(Rotation.from_rotvec(home.tcp_rotvec).as_matrix())
+
+
+def _tracks(
+    number: int, robot: Robot, dataset: Dataset, measured: Sequence[bool] | None, orientations: bool
+) -> tuple[MeasuredTrack | None, ...]:
+    """By rod, its measured track or None."""
+    if number not in MEASURED:
+        return ()
+    if dataset.carts is None:
+        raise DatasetError(
+            f"model {number} needs the carts' measured tracks",
+            file=dataset.path,
+            hint="add carts.csv, or use model 1 or 3",
+        )
+    by_cart = measured_tracks(robot, dataset.carts, orientations=orientations)
+    chosen = [True] * len(robot.rods) if number != 5 else list(PAPERS_CHOICE if measured is None else measured)
+    if len(chosen) != len(robot.rods):
+        raise ModelError(f"{len(chosen)} choices for {len(robot.rods)} rods", hint="give one for each rod")
+    found = []
+    for rod, wanted in zip(robot.rods, chosen, strict=True):
+        assert rod.carrier is not None
+        found.append(by_cart[rod.carrier] if wanted else None)
+    return tuple(found)
+
+
+def _wide(tolerances: Mapping[str, float]) -> dict[str, float]:
+    """Tolerances of the reduced arm, whose joints stand for several that are off by as much each."""
+    return dict(tolerances) | {kind: 5.0 * tolerances[kind] for kind in ("link_length", "cart_joint")}

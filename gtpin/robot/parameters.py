@@ -1,0 +1,192 @@
+"""Which parameters a robot's geometry has: their names, units, nominal values and tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ModelError, RobotError
+from gtpin.robot.robot import Robot
+from gtpin.robot.rods import Rod
+
+Floats = npt.NDArray[np.float64]
+Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement"]
+Per = Literal["actuator", "rod"]
+
+TOLERANCE: Mapping[str, float] = {
+    "link_length": 1e-3,
+    "platform_joint": 1e-3,
+    "cart_joint": 2e-3,
+    "arm_joint": 2e-3,
+    "base_joint": 2e-3,
+    "track_direction": 1e-3,
+    "arm_axis": 1e-3,
+    "track_roll": 0.2,
+    "scale": 5e-4,
+    "placement_position": 1e-3,
+    "placement_rotation": 1e-3,
+}
+"""1-sigma tolerances (m, rad, m/m) by kind, where neither the URDF nor the dataset gives one."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of the geometry.
+
+    Parameters
+    ----------
+    name
+        ``length[2a]``, ``track_direction[cart1].a``, ...
+    kind, owner, component
+        What it is, whose (index of a rod, an actuator or a Pinocchio joint, see ``per``), and which component.
+    per
+        What ``owner`` counts.
+    unit
+        ``m``, ``rad`` or ``m/m``.
+    nominal, tolerance
+        The URDF's value, and the 1-sigma manufacturing tolerance around it: the prior of a calibration.
+    """
+
+    name: str
+    kind: Kind
+    owner: int
+    component: int
+    per: Literal["actuator", "rod", "joint"]
+    unit: str
+    nominal: float
+    tolerance: float
+
+    def with_tolerance(self, tolerance: float) -> Parameter:
+        """The same parameter with another tolerance."""
+        return replace(self, tolerance=tolerance)
+
+
+def rotation_axes(direction: Floats) -> Floats:
+    """(3, 3) the unit vectors about which small rotations of a direction (3,) turn: a, b and the direction itself.
+
+    a turns about the base axis that is least aligned with the direction, less its part along it; b about direction x a.
+    """
+    least = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    a = least - (least @ direction) * direction
+    a /= np.linalg.norm(a)
+    return np.array([a, np.cross(direction, a), direction])
+
+
+def all_tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, float]:
+    """1-sigma tolerances of every kind: the dataset's, else the robot's, else the usual.
+
+    Raises
+    ------
+    ModelError
+        If a kind is not known.
+    """
+    for source, given in (("the robot's URDF", robot.tolerance), ("the dataset", override)):
+        unknown = sorted(set(given) - set(TOLERANCE))
+        if unknown:
+            raise ModelError(
+                f"{source} gives a tolerance of unknown kind {unknown[0]!r}", hint=f"kinds are {', '.join(TOLERANCE)}"
+            )
+    return {**TOLERANCE, **robot.tolerance, **override}
+
+
+def _carrier_kind(robot: Robot, rod: Rod) -> str:
+    if rod.carrier is None:
+        return "base_joint"
+    return "arm_joint" if robot.actuators[rod.carrier].revolute else "cart_joint"
+
+
+def rod_parameters(
+    robot: Robot, tolerances: Mapping[str, float], directions: Per, scale: Per | None, measured: Sequence[bool]
+) -> list[Parameter]:
+    """Parameters of a robot with rods: lengths, joints, directions and, if wanted, scales.
+
+    Rods whose track was measured have no scale; the path of their cart turns as a whole, about itself too.
+    """
+    found = _lengths_and_joints(robot, tolerances, clusters=False)
+    carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]
+    straight = [(i, carrier) for i, carrier in carriers if not measured[i]]
+    found += _directions(robot, tolerances, directions, straight, "ab")
+    found += _directions(robot, tolerances, "actuator", [pair for pair in carriers if measured[pair[0]]], "abc")
+    if scale is not None:
+        driven = straight + [(i, rod.extension) for i, rod in enumerate(robot.rods) if rod.extension is not None]
+        found += _scales(robot, tolerances, scale, driven)
+    return found
+
+
+def cluster_parameters(
+    robot: Robot, tolerances: Mapping[str, float], scale: Per | None, measured: Sequence[bool]
+) -> list[Parameter]:
+    """Parameters of the reduced arm: the rods of a cart share one length, and their joints on it move together."""
+    found = _lengths_and_joints(robot, tolerances, clusters=True)
+    carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]
+    straight = [pair for pair in carriers if not measured[pair[0]]]
+    found += _directions(robot, tolerances, "actuator", straight, "ab")
+    found += _directions(robot, tolerances, "actuator", [pair for pair in carriers if measured[pair[0]]], "abc")
+    if scale is not None:
+        found += _scales(robot, tolerances, "actuator", straight)
+    return found
+
+
+def _lengths_and_joints(robot: Robot, tolerances: Mapping[str, float], clusters: bool) -> list[Parameter]:
+    if clusters:
+        firsts = {rod.carrier: rod for rod in reversed(robot.rods) if rod.carrier is not None}
+        owners = [(a, robot.sites[a], firsts[a]) for a in sorted(firsts)]
+    else:
+        owners = [(i, rod.name, rod) for i, rod in enumerate(robot.rods)]
+    per: Per = "actuator" if clusters else "rod"
+    found = [
+        Parameter(f"length[{n}]", "length", o, 0, per, "m", rod.L, tolerances["link_length"]) for o, n, rod in owners
+    ]
+    joints: list[tuple[Kind, str]] = (
+        [("carrier_joint", "C")] if clusters else [("platform_joint", "P"), ("carrier_joint", "C")]
+    )
+    for kind, point in joints:
+        for owner, label, rod in owners:
+            word = kind if kind == "platform_joint" else _carrier_kind(robot, rod)
+            for c, axis in enumerate("xyz"):
+                value = float(getattr(rod, point)[c])
+                found.append(Parameter(f"{word}[{label}].{axis}", kind, owner, c, per, "m", value, tolerances[word]))
+    return found
+
+
+def _directions(
+    robot: Robot, tolerances: Mapping[str, float], per: Per, carriers: list[tuple[int, int]], components: str
+) -> list[Parameter]:
+    found = []
+    for owner, label, actuator in _owners(robot, per, carriers):
+        word = "arm_axis" if robot.actuators[actuator].revolute else "track_direction"
+        for c, axis in enumerate(components):
+            tolerance = tolerances["track_roll" if axis == "c" else word]
+            found.append(Parameter(f"{word}[{label}].{axis}", "direction", owner, c, per, "rad", 0.0, tolerance))
+    return found
+
+
+def _scales(robot: Robot, tolerances: Mapping[str, float], per: Per, driven: list[tuple[int, int]]) -> list[Parameter]:
+    return [
+        Parameter(f"scale[{label}]", "scale", owner, 0, per, "m/m", 1.0, tolerances["scale"])
+        for owner, label, _ in _owners(robot, per, driven)
+    ]
+
+
+def _owners(robot: Robot, per: Per, driven: list[tuple[int, int]]) -> list[tuple[int, str, int]]:
+    """Index, label and actuator of whatever owns a parameter of the drives."""
+    if per == "rod":
+        return [(i, robot.rods[i].name, actuator) for i, actuator in sorted(driven)]
+    return [(a, robot.sites[a], a) for a in sorted({actuator for _, actuator in driven})]
+
+
+def placement_parameters(robot: Robot, tolerances: Mapping[str, float]) -> list[Parameter]:
+    """Parameters of a robot without rods: the placements of its joints."""
+    found = []
+    for joint_id in range(1, robot.model.njoints):
+        if robot.model.nvs[joint_id] != 1:
+            raise RobotError(f"{robot.name} has loops that are no rods", hint="name its rods in the <gtpin> element")
+        for c, axis in enumerate(("x", "y", "z", "rx", "ry", "rz")):
+            name = f"placement[{robot.model.names[joint_id]}].{axis}"
+            unit, word = ("m", "placement_position") if c < 3 else ("rad", "placement_rotation")
+            found.append(Parameter(name, "placement", joint_id, c, "joint", unit, 0.0, tolerances[word]))
+    return found
