@@ -175,9 +175,9 @@ def _within_tracks(dataset: Dataset, robot: Robot, numbers: Sequence[int]) -> Da
 def _held(
     number: int, robot: Robot, fitted: Dataset, held: Dataset, cost: Cost, choice: Choice, closures_known: bool
 ) -> Held:
-    measured = PAPERS_CHOICE
+    measured: Sequence[bool] = PAPERS_CHOICE
     if number == 5 and choice == "validation":
-        measured = tuple(better_measured(robot, fitted))
+        measured = better_measured(robot, fitted)
     geometry = model_geometry(number, robot, fitted, measured=measured)
     model = _fitted(geometry, fitted, cost)
     poses = model.predict(held.q)

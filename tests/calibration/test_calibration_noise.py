@@ -19,7 +19,7 @@ from virtual_gantry import (
 import gtpin
 from gtpin.data import Instrument
 
-MACHINES = 60
+MACHINES = 40
 SIGMAS = np.repeat([POSITION_SIGMA, ORIENTATION_SIGMA], 3)
 
 
@@ -175,7 +175,7 @@ def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", gtpin.GtpinWarning)
                 without = gtpin.calibrate(clean)
-            np.testing.assert_allclose(found.values, without.values, rtol=0, atol=0.05 * without.sigma.min())
+            assert (np.abs(found.values - without.values) <= 0.02 * without.sigma).all()
             np.testing.assert_allclose(found.sigma, without.sigma, rtol=0.01)
     # Documented: one dataset of a thousand loses a good pose.
     assert good_lost <= binom.isf(ONCE, runs, 1e-3)
@@ -208,8 +208,9 @@ def test_gross_errors_of_orientation_and_of_commands_are_set_aside():
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 @pytest.mark.parametrize("nominal", [False, True], ids=["drawn", "nominal"])
 @pytest.mark.parametrize("repeats", [False, True])
-def test_data_without_noise_are_fitted_to_rounding(declared, nominal, repeats):
-    rng = np.random.default_rng(3)
+@pytest.mark.parametrize("seed", range(4))
+def test_data_without_noise_are_fitted_closely(declared, nominal, repeats, seed):
+    rng = np.random.default_rng(seed)
     machine, visits = draw(rng), np.arange(80)
     if repeats:
         visits = np.concatenate([visits, np.arange(20)])
