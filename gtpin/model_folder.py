@@ -70,6 +70,8 @@ def calibrated_urdf(model: Model) -> str:
     if not geometry.robot.rods:
         return placements_to_urdf(geometry)
     rods = RodKinematics(geometry)
+    if not rods.home.reached.all():
+        raise ModelError(f"the loops of {geometry.robot.name} don't close at home", hint="check the geometry's values")
     return to_urdf(geometry, rods.P, rods.C0, rods.L0, rods.v, (rods.home.T[0], rods.home.R[0]))
 
 

@@ -16,6 +16,8 @@ from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 
+HOME_OFF = 0.1
+"""Distance, m, from the home that a URDF tells, beyond which the loops count as closed in another assembly mode."""
 SMALLEST_STEP = 1.0 / 256.0
 SINGULAR = 1e3
 """A posture counts as near a singularity where closing the loops amplifies an error this many times more than at home."""
@@ -164,12 +166,11 @@ class ClosedPosture:
             reach = min(1.0, done + stride)
             goal = target if reach == 1.0 else self.q + reach * way
             closing = newton.close(robot, posture._ahead(goal))
-            if closing.closed:
-                posture = ClosedPosture(robot, goal, closing.configuration, closing.jacobian, self._home, closing.steps)
-                posture._check_mode()
-                done, stride = reach, 2.0 * stride
+            trial = ClosedPosture(robot, goal, closing.configuration, closing.jacobian, self._home, closing.steps)
+            if closing.closed and trial._on_homes_mode:
+                posture, done, stride = trial, reach, 2.0 * stride
             elif (stride := stride / 2.0) < SMALLEST_STEP:
-                posture._give_up(target)
+                posture._give_up(target, closing.closed)
         return posture
 
     def _ahead(self, q: Floats) -> Floats:
@@ -180,22 +181,21 @@ class ClosedPosture:
         velocity[robot.passive] = -self.passive_inverse @ (self._jacobian @ velocity)
         return robot.with_commands(pin.integrate(robot.model, self._configuration, velocity), q)
 
-    def _check_mode(self) -> None:
-        if self.amplification > SINGULAR * self._home.amplification:
-            raise SingularityError(
-                f"commands {_text(self.q)} are too near a singularity of {self.robot.name}", hint="keep away from it"
-            )
-        if self._passive.orientation != self._home._passive.orientation:
-            raise AssemblyModeError(
-                f"commands {_text(self.q)} would put {self.robot.name} into another assembly mode than home's",
-                hint="approach them from home",
-            )
+    @property
+    def _on_homes_mode(self) -> bool:
+        """Whether the way here crossed no singularity, and ends near none."""
+        return (
+            self._passive.orientation == self._home._passive.orientation
+            and self.amplification <= SINGULAR * self._home.amplification
+        )
 
-    def _give_up(self, target: Floats) -> None:
-        where = f"commands {_text(target)} can't be reached by {self.robot.name}: the loops open at {_text(self.q)}"
+    def _give_up(self, target: Floats, closed_beyond: bool) -> None:
+        where = f"commands {_text(target)} can't be reached by {self.robot.name}: on the way to them, at {_text(self.q)},"
+        if closed_beyond and self.amplification <= 10.0 * self._home.amplification:
+            raise AssemblyModeError(f"{where} it would jump to another assembly mode", hint="approach them from home")
         if self.amplification > 10.0 * self._home.amplification:
-            raise SingularityError(f"{where}, near a singularity", hint="stay on this side of it")
-        raise UnreachableError(where, hint="stay inside the workspace")
+            raise SingularityError(f"{where} it comes too near a singularity", hint="stay on this side of it")
+        raise UnreachableError(f"{where} the loops open", hint="stay inside the workspace")
 
     def __repr__(self) -> str:
         return f"ClosedPosture({self.robot.name!r}, q={_text(self.q)}, T={_text(self.T)})"
@@ -208,13 +208,24 @@ def home(robot: Robot) -> ClosedPosture:
     ------
     UnreachableError
         If the loops don't close there.
+    AssemblyModeError
+        If they close somewhere else than the robot's URDF says.
     """
     closing = newton.close(robot, assemble(robot), contraction=1.0)
     if not closing.closed:
         raise UnreachableError(
             f"the loops of {robot.name} don't close at its home", hint="mend <home> or the loops' anchors"
         )
-    return ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
+    posture = ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
+    told = robot.description.home
+    if told is not None:
+        there = (posture.placement(robot.tcp_joint) * robot.home_placement).translation
+        off = float(np.linalg.norm(there - np.array(told.tcp_xyz)))
+        if off > HOME_OFF:
+            raise AssemblyModeError(
+                f"the loops of {robot.name} close {off:.3g} m from the home that its URDF tells", hint="mend <home>"
+            )
+    return posture
 
 
 def _commands(robot: Robot, q: npt.ArrayLike) -> Floats:

@@ -170,14 +170,6 @@ class Chain:
             changed[index : index + 2] = np.cos(q[i]), np.sin(q[i])
         return changed
 
-    def commands(self, configuration: Floats) -> Floats:
-        """(n,) commands of a Pinocchio configuration, m or rad; a continuous joint's are in (-pi, pi]."""
-        q: Floats = configuration[self._index_q]
-        for i in self._continuous:
-            index = self._index_q[i]
-            q[i] = np.arctan2(configuration[index + 1], configuration[index])
-        return q
-
     def check_commands(self, q: Floats) -> None:
         """Refuse commands of another shape than (N, n).
 

@@ -47,6 +47,11 @@ class Geometry:
     values: Floats
     tracks: tuple[MeasuredTrack | None, ...] = ()
 
+    def __post_init__(self) -> None:
+        frozen = np.array(self.values, dtype=float)
+        frozen.flags.writeable = False
+        object.__setattr__(self, "values", frozen)
+
     @staticmethod
     def nominal(
         robot: Robot,
@@ -129,9 +134,7 @@ class Geometry:
 
     def with_values(self, values: Floats) -> Geometry:
         """The same parameters at other values (p,)."""
-        frozen = np.array(values, dtype=float)
-        frozen.flags.writeable = False
-        return replace(self, values=frozen)
+        return replace(self, values=values)
 
     def deviations(self, kind: Kind, per: Literal["actuator", "rod", "joint"], shape: tuple[int, int]) -> Floats:
         """Deviations of one kind, by owner and component; zero where there is no such parameter."""
