@@ -1,0 +1,80 @@
+"""Displacements that are linear in an effect's coefficients, and what they do to the TCP."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.situation import Situation
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Displacements for unit coefficients, m columns of one or more kinds.
+
+    Parameters
+    ----------
+    sigma
+        (m,) size that a coefficient has where the effect is of its typical size: the prior's standard deviation.
+    command
+        Index of an actuator and (N, m) displacements of its travel, m or rad.
+    seat
+        (N, k, 3, m) displacements of the rods' joints on their carriers, base frame, m.
+    length
+        (N, k, m) changes of the rods' lengths, m.
+    twist
+        (N, 6, m) motion of the pose itself, as seen: position, m, and rotation vector, rad, base frame.
+    """
+
+    sigma: Floats
+    command: tuple[int, Floats] | None = None
+    seat: Floats | None = None
+    length: Floats | None = None
+    twist: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.sigma)
+
+    def displacement(self, at: Situation) -> Floats:
+        """(N, 6, m) first-order motion of the TCP for unit coefficients, base frame, m and rad."""
+        total = np.zeros((len(at), 6, len(self)))
+        gap = np.zeros((len(at), at.length.shape[1], len(self)))
+        if self.command is not None:
+            actuator, travel = self.command
+            total += at.command_jacobian[:, :, actuator, None] * travel[:, None, :]
+        if self.seat is not None:
+            gap += np.einsum("nki,nkim->nkm", at.along, self.seat)
+        if self.length is not None:
+            gap += self.length
+        if self.seat is not None or self.length is not None:
+            total += at.response @ gap
+        if self.twist is not None:
+            total += self.twist
+        return total
+
+
+def along_track(at: Situation, site: str, columns: Floats, sigma: Floats) -> Basis:
+    """Displacements (N, m) of a cart along its track."""
+    return Basis(sigma, command=(at.robot.sites.index(site), columns))
+
+
+def rods_of(at: Situation, site: str) -> list[int]:
+    """The rods that a site moves: those of a cart, a link, or all for ``arm``."""
+    rods = at.robot.rods
+    if site == "arm":
+        return list(range(len(rods)))
+    if site in at.robot.sites:
+        actuator = at.robot.sites.index(site)
+        return [i for i, rod in enumerate(rods) if actuator in (rod.carrier, rod.extension)]
+    return [i for i, rod in enumerate(rods) if rod.site == site]
+
+
+def of_lengths(at: Situation, rods: list[int], columns: Floats, sigma: Floats) -> Basis:
+    """Changes (N, len(rods), m) of some rods' lengths, m."""
+    length = np.zeros((len(at), len(at.robot.rods), columns.shape[2]))
+    length[:, rods] = columns
+    return Basis(sigma, length=length)

@@ -1,0 +1,76 @@
+"""All effects that a diagnosis can name: those of gtpin, and those that others register."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import entry_points
+
+from gtpin.effects.backlash import Backlash
+from gtpin.effects.cart_compliance import CartCompliance
+from gtpin.effects.cart_rotation import CartRotation
+from gtpin.effects.cross_coupling import CrossCoupling
+from gtpin.effects.effect import Effect
+from gtpin.effects.encoder_scale import EncoderScale
+from gtpin.effects.frame_shift import FrameShift
+from gtpin.effects.joint_clearance import JointClearance
+from gtpin.effects.joint_runout import JointRunout
+from gtpin.effects.linearity import Linearity
+from gtpin.effects.link_compliance import LinkCompliance
+from gtpin.effects.rack_periodic import RackPeriodic
+from gtpin.effects.rack_step import RackStep
+from gtpin.effects.servo_lag import ServoLag
+from gtpin.effects.straightness import Straightness
+from gtpin.effects.target_offset import TargetOffset
+from gtpin.effects.thermal_links import ThermalLinks
+from gtpin.effects.thermal_track import ThermalTrack
+from gtpin.effects.tracker_drift import TrackerDrift
+from gtpin.effects.tracker_scale import TrackerScale
+from gtpin.effects.zero_shift import ZeroShift
+from gtpin.errors import ModelError
+
+OWN: tuple[type[Effect], ...] = (
+    EncoderScale,
+    Linearity,
+    RackPeriodic,
+    RackStep,
+    ZeroShift,
+    Backlash,
+    ServoLag,
+    CrossCoupling,
+    Straightness,
+    CartRotation,
+    CartCompliance,
+    LinkCompliance,
+    JointClearance,
+    JointRunout,
+    ThermalLinks,
+    ThermalTrack,
+    TrackerDrift,
+    FrameShift,
+    TrackerScale,
+    TargetOffset,
+)
+GROUP = "gtpin.effects"
+"""Entry-point group under which users register effects of their own: each a subclass of ``Effect``."""
+
+
+@cache
+def catalogue() -> dict[str, Effect]:
+    """The known effects by id.
+
+    Raises
+    ------
+    ModelError
+        If a registered effect is none, or takes another's id.
+    """
+    known = {kind.id: kind() for kind in OWN}
+    for point in entry_points(group=GROUP):
+        kind = point.load()
+        if not (isinstance(kind, type) and issubclass(kind, Effect)):
+            raise ModelError(
+                f"the entry point {point.name} of {GROUP} is no effect", hint="register a subclass of Effect"
+            )
+        if kind.id in known:
+            raise ModelError(f"the effect {kind.id} is registered twice", hint="give one of them another id")
+        known[kind.id] = kind()
+    return known

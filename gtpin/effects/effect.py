@@ -1,0 +1,92 @@
+"""What every effect says of itself."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.basis import Basis
+from gtpin.effects.situation import Situation
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+
+class Effect(ABC):
+    """A cause of the gap between a geometry and a machine.
+
+    A subclass names itself, its sites and covariates, and gives its displacements for unit coefficients; everything else
+    follows: its signature, its evidence, its exact application in the closed-chain solve.
+    """
+
+    id: ClassVar[str]
+    """As in reports: ``rack_periodic``."""
+    title: ClassVar[str]
+    """What it is, in a few words."""
+    coefficient: ClassVar[tuple[str, str]]
+    """Name and unit of what the first coefficient means."""
+
+    @abstractmethod
+    def sites(self, robot: Robot) -> tuple[str, ...]:
+        """Where it can act on a robot."""
+
+    @abstractmethod
+    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+        """Displacements for unit coefficients.
+
+        Parameters
+        ----------
+        setting
+            The value of what is not linear in it (a period, a place), for effects that have such.
+        """
+
+    def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """Covariates that it needs at a site."""
+        return ()
+
+    def settings(self, at: Situation, site: str) -> Sequence[float]:
+        """Values to try of what is not linear in it; none where everything is."""
+        return ()
+
+    def untestable(self, at: Situation, site: str) -> str:
+        """Why these data can't show it, before it is tried; empty where they may."""
+        for name in self.covariates(at.robot, site):
+            if not at.has(name):
+                return f"the covariate {name} is missing"
+            if not at.varies(name):
+                return f"the covariate {name} does not vary"
+        return ""
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """What the coefficients say, by name: value and unit."""
+        name, unit = self.coefficient
+        return {name: (float(coefficients[0]), unit)}
+
+
+def carts(robot: Robot) -> tuple[str, ...]:
+    """Sites of the actuators."""
+    return robot.sites
+
+
+def links(robot: Robot) -> tuple[str, ...]:
+    """Sites of the rods."""
+    return robot.rod_sites
+
+
+def arm_and_links(robot: Robot) -> tuple[str, ...]:
+    """All rods together, and each."""
+    return ("arm", *robot.rod_sites)
+
+
+def number(robot: Robot, site: str) -> int:
+    """Number of an actuator, as covariates count them: 1, 2, ..."""
+    return robot.sites.index(site) + 1
+
+
+def unit(values: Sequence[float] | Floats, size: float) -> Floats:
+    """Sizes of coefficients, in the effect's unit."""
+    return np.asarray(values, dtype=float) * size

@@ -1,0 +1,48 @@
+"""Periodic deviation along a track: a rack's tooth, a pinion's turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.situation import Situation
+from gtpin.robot.robot import Robot
+
+SHORTEST, LONGEST = 0.008, 0.25
+"""Periods that are tried, m or rad: from a fine tooth to a large pinion's turn."""
+
+
+class RackPeriodic(Effect):
+    """dq = a cos(2 pi q / p) + b sin(2 pi q / p), with a harmonic and an amplitude that drifts along the track."""
+
+    id = "rack_periodic"
+    title = "periodic deviation along the track"
+    coefficient = ("cosine", "m")
+
+    def sites(self, robot: Robot) -> tuple[str, ...]:
+        """Every actuator."""
+        return carts(robot)
+
+    def settings(self, at: Situation, site: str) -> Sequence[float]:
+        """Periods, so dense that the phase over the whole track is off by at most a twelfth of a turn."""
+        q = at.q[:, at.robot.sites.index(site)]
+        span = max(float(np.ptp(q)), 1e-9)
+        frequencies = np.arange(1.0 / min(LONGEST, span / 3.0), 1.0 / SHORTEST, 1.0 / (6.0 * span))
+        return [float(1.0 / f) for f in frequencies]
+
+    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+        """Cosine and sine of the period, their drift along the track, and the first harmonic."""
+        assert setting is not None
+        j = at.robot.sites.index(site)
+        phase, x = 2.0 * np.pi * at.q[:, j] / setting, at.travel[:, j]
+        c, s = np.cos(phase), np.sin(phase)
+        columns = np.stack([c, s, x * c, x * s, np.cos(2.0 * phase), np.sin(2.0 * phase)], axis=1)
+        return along_track(at, site, columns, unit([1.0, 1.0, 0.25, 0.25, 0.25, 0.25], 2e-5))
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """Period and amplitude."""
+        amplitude = float(np.hypot(coefficients[0], coefficients[1]))
+        return {"period": (float(setting or 0.0), "m"), "amplitude": (amplitude, "m")}

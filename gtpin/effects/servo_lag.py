@@ -1,0 +1,32 @@
+"""Deviation that grows with speed."""
+
+from __future__ import annotations
+
+from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.effect import Effect, carts, number, unit
+from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import bent
+from gtpin.robot.robot import Robot
+
+
+class ServoLag(Effect):
+    """dq = -tau speed. A position loop without feed-forward lags by 1 / Kv; what feed-forward leaves is some 0.1 ms."""
+
+    id = "servo_lag"
+    title = "deviation that grows with speed"
+    coefficient = ("lag", "s")
+
+    def sites(self, robot: Robot) -> tuple[str, ...]:
+        """Every actuator."""
+        return carts(robot)
+
+    def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """The actuator's speed."""
+        return (f"speed{number(robot, site)}",)
+
+    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+        """Minus the speed, and its bends with the speed itself and along the track."""
+        j = at.robot.sites.index(site)
+        speed = at.covariate(f"speed{number(at.robot, site)}")
+        columns, size = bent(-speed, [at.travel[:, j], speed / 0.3], 0.2)
+        return along_track(at, site, columns, unit(size, 2e-4))

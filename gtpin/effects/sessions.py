@@ -1,0 +1,31 @@
+"""Sessions as columns."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from gtpin.effects.effect import Floats
+from gtpin.effects.situation import Situation
+from gtpin.errors import GtpinWarning, ModelError
+
+
+def session_columns(at: Situation) -> Floats:
+    """(N, sessions) one where a pose belongs to the session, else zero.
+
+    A session that the fit has not seen belongs to none of them, so that it has the mean shift, with a warning.
+
+    Raises
+    ------
+    ModelError
+        If there is no column ``session``.
+    """
+    if not at.has("session"):
+        raise ModelError("the covariate session is missing", hint="give a column session, which an active effect needs")
+    names = np.array([str(name) for name in at.covariates["session"]])
+    known = at.references.sessions
+    unseen = sorted(set(names) - set(known))
+    if unseen:
+        warnings.warn(f"sessions never seen, which get the mean shift: {', '.join(unseen)}", GtpinWarning, stacklevel=2)
+    return np.stack([(names == name).astype(float) for name in known], axis=1)

@@ -1,0 +1,28 @@
+"""The instrument's length scale is off."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.effects.basis import Basis
+from gtpin.effects.effect import Effect, unit
+from gtpin.effects.situation import Situation
+from gtpin.robot.robot import Robot
+
+
+class TrackerScale(Effect):
+    """dT = s (T - a fixed point); where the fixed point lies is a shift, which geometry takes. Air at 1 K off: 1e-6."""
+
+    id = "tracker_scale"
+    title = "the instrument's length scale is off"
+    coefficient = ("scale", "m/m")
+
+    def sites(self, robot: Robot) -> tuple[str, ...]:
+        """The measurement frame."""
+        return ("frame",)
+
+    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+        """Growth of the measured positions about home."""
+        twist = np.zeros((len(at), 6, 1))
+        twist[:, :3, 0] = at.poses.T - at.kinematics.home.T[0]
+        return Basis(unit([1.0], 3e-5), twist=twist)
