@@ -44,6 +44,16 @@ class RodEnds:
         return RodEnds(P, self.C[rows], self.L if len(self.L) == 1 else self.L[rows])
 
 
+def between(before: RodEnds, after: RodEnds, s: Floats, rows: Rows) -> RodEnds:
+    """Rods at fractions s (m,) of the way from one set of ends to another, for pose numbers (m,)."""
+    one, two = before.take(rows), after.take(rows)
+    if (s == 1.0).all():
+        return two
+    w = s[:, None]
+    P = one.P if one.P is two.P else one.P + w[..., None] * (two.P - one.P)
+    return RodEnds(P, one.C + w[..., None] * (two.C - one.C), one.L + w * (two.L - one.L))
+
+
 def rod_vectors(poses: Poses, ends: RodEnds) -> tuple[Floats, Floats]:
     """d = T + R P - C and R P, both (N, k, 3), base frame, m."""
     RP = ends.P @ np.swapaxes(poses.R, 1, 2)

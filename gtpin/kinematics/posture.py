@@ -190,7 +190,9 @@ class ClosedPosture:
         )
 
     def _give_up(self, target: Floats, closed_beyond: bool) -> None:
-        where = f"commands {_text(target)} can't be reached by {self.robot.name}: on the way to them, at {_text(self.q)},"
+        where = (
+            f"commands {_text(target)} can't be reached by {self.robot.name}: on the way to them, at {_text(self.q)},"
+        )
         if closed_beyond and self.amplification <= 10.0 * self._home.amplification:
             raise AssemblyModeError(f"{where} it would jump to another assembly mode", hint="approach them from home")
         if self.amplification > 10.0 * self._home.amplification:

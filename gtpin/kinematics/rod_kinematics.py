@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.closures import RodEnds, follow, newton, pose_jacobian, rod_vectors
+from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jacobian, rod_vectors
 from gtpin.kinematics.first_guess import FirstGuess
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
@@ -116,7 +116,7 @@ class RodKinematics:
         if start is not None and start.reached.all():
             before = self._ends_that_close(start, q)
             after = self.ends(q)
-            return follow(lambda s, rows: _between(before, after, s, rows), start, self._size)
+            return follow(lambda s, rows: between(before, after, s, rows), start, self.size)
         if len(q) < MANY or self._first_guess is None:
             return self._from_home(q)
         poses = [self._from_guess(q[i : i + CHUNK], self._first_guess) for i in range(0, len(q), CHUNK)]
@@ -126,11 +126,11 @@ class RodKinematics:
         q_home = self.geometry.robot.home_q
         T, R = self.home.T[0], self.home.R[0]
         begin = Poses(np.tile(T, (len(q), 1)), np.tile(R, (len(q), 1, 1)))
-        return follow(lambda s, rows: self.ends(q_home + s[:, None] * (q[rows] - q_home)), begin, self._size)
+        return follow(lambda s, rows: self.ends(q_home + s[:, None] * (q[rows] - q_home)), begin, self.size)
 
     def _from_guess(self, q: Floats, first_guess: FirstGuess) -> Poses:
         guess = first_guess(q)
-        poses, closed = newton(guess, self.ends(q), self._size)
+        poses, closed = newton(guess, self.ends(q), self.size)
         # A guess that was farther off than at the nodes of the fit says nothing about the assembly mode.
         trusted = closed & (np.abs(poses.T - guess.T).max(axis=1) <= 10.0 * first_guess.error + 1e-9)
         if not trusted.all():
@@ -152,7 +152,7 @@ class RodKinematics:
         q = robot.home_q[None, :]
         before, after = nominal.ends(q), self.ends(q)
         start = Poses(posture.T[None, :].copy(), posture.R[None, :, :].copy())
-        return follow(lambda s, rows: _between(before, after, s, rows), start, self._size)
+        return follow(lambda s, rows: between(before, after, s, rows), start, self.size)
 
     def pose_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, k, 6) derivative of the closures (|d|^2 - L^2) / 2 by the TCP's pose, base frame."""
@@ -271,7 +271,8 @@ class RodKinematics:
         return self._deviations("direction", 3)
 
     @cached_property
-    def _size(self) -> float:
+    def size(self) -> float:
+        """Magnitude of the coordinates, m: what rounding is relative to."""
         return max(self.geometry.robot.size, float(np.abs(self.C0).max()), float(self.L0.max()))
 
     def _travel(self, q: Floats) -> Floats:
@@ -304,13 +305,3 @@ def _first(carrier: int | None, extension: int | None) -> int:
     if carrier is not None:
         return carrier
     return -1 if extension is None else extension
-
-
-def _between(before: RodEnds, after: RodEnds, s: Floats, rows: npt.NDArray[np.int_]) -> RodEnds:
-    """Rods at fractions s (m,) of the way from one set of ends to another."""
-    one, two = before.take(rows), after.take(rows)
-    if (s == 1.0).all():
-        return two
-    w = s[:, None]
-    P = one.P if one.P is two.P else one.P + w[..., None] * (two.P - one.P)
-    return RodEnds(P, one.C + w[..., None] * (two.C - one.C), one.L + w * (two.L - one.L))

@@ -1,0 +1,104 @@
+"""Effects that are switched on: their coefficients, and their exact application in the closed-chain solve."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.basis import Basis
+from gtpin.effects.effect import Effect
+from gtpin.effects.situation import Column, References, Situation
+from gtpin.kinematics.closures import RodEnds, between, follow
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rotations import exp
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveEffect:
+    """An effect at a site, with its coefficients.
+
+    Parameters
+    ----------
+    effect, site, setting
+        What acts where; the setting is the value of what is not linear in it.
+    coefficients, covariance
+        (m,) and (m, m), in the effect's own units.
+    references
+        What its covariates are counted from.
+    """
+
+    effect: Effect
+    site: str
+    setting: float | None
+    coefficients: Floats
+    covariance: Floats
+    references: References
+
+    @property
+    def name(self) -> str:
+        """``effect@site``."""
+        return f"{self.effect.id}@{self.site}"
+
+
+def with_effects(
+    kinematics: RodKinematics, q: Floats, covariates: Mapping[str, Column], effects: Sequence[ActiveEffect]
+) -> Poses:
+    """Poses at commands with effects: every displacement goes into the closures, which are solved again exactly.
+
+    Parameters
+    ----------
+    q
+        (N, n) commands.
+    covariates
+        By name, (N,) each.
+
+    Raises
+    ------
+    ModelError
+        If a covariate that an effect needs is missing.
+    """
+    plain = kinematics.forward(q)
+    if not effects or not len(q):
+        return plain
+    reached = plain.reached
+    rows = np.flatnonzero(reached)
+    some = {name: values[rows] for name, values in covariates.items()}
+    commands, seat, length, twist = q[rows].copy(), 0.0, 0.0, np.zeros((len(rows), 6))
+    for active in effects:
+        at = Situation(kinematics, q[rows], plain[rows], some, fixed=active.references)
+        basis = active.effect.basis(at, active.site, active.setting)
+        moved = _moved(basis, active.coefficients)
+        if moved.command is not None:
+            commands[:, moved.command[0]] += moved.command[1]
+        seat, length, twist = seat + moved.seat, length + moved.length, twist + moved.twist
+    ends = kinematics.ends(commands)
+    displaced = RodEnds(ends.P, ends.C + seat, ends.L + length)
+    before = kinematics.ends(q[rows])
+    poses = follow(lambda s, r: between(before, displaced, s, r), plain[rows], kinematics.size)
+    T, R = plain.T.copy(), plain.R.copy()
+    T[rows] = poses.T + twist[:, :3]
+    R[rows] = exp(twist[:, 3:]) @ poses.R
+    return Poses(T, R)
+
+
+@dataclass(frozen=True)
+class _Moved:
+    command: tuple[int, Floats] | None
+    seat: Floats | float
+    length: Floats | float
+    twist: Floats | float
+
+
+def _moved(basis: Basis, coefficients: Floats) -> _Moved:
+    return _Moved(
+        None if basis.command is None else (basis.command[0], basis.command[1] @ coefficients),
+        0.0 if basis.seat is None else basis.seat @ coefficients,
+        0.0 if basis.length is None else basis.length @ coefficients,
+        0.0 if basis.twist is None else basis.twist @ coefficients,
+    )
