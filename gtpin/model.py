@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.situation import Column
+from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -41,10 +46,13 @@ class Model:
         Of a robot.
     frame
         The base frame in the instrument's frame; left out, the instrument measures in the base frame.
+    effects
+        What the geometry leaves out, with coefficients.
     """
 
     geometry: Geometry
     frame: Frame = field(default_factory=Frame)
+    effects: tuple[ActiveEffect, ...] = ()
 
     @property
     def robot(self) -> Robot:
@@ -56,12 +64,31 @@ class Model:
         """The kinematics of its geometry, in the base frame."""
         return kinematics(self.geometry)
 
-    def predict(self, q: npt.ArrayLike) -> Poses:
+    def predict(self, q: npt.ArrayLike, covariates: Mapping[str, Column] | None = None) -> Poses:
         """Poses (N) that the instrument would read without noise at commands q (N, n), in the instrument's frame.
 
-        A pose that the robot can't reach is NaN.
+        Parameters
+        ----------
+        covariates
+            By name, (N,) each: what the effects depend on.
+
+        Returns
+        -------
+        poses
+            NaN where the robot can't reach one.
+
+        Raises
+        ------
+        ModelError
+            If a covariate that an effect needs is missing.
         """
-        return self.seen(self.kinematics.forward(np.asarray(q, dtype=float)))
+        commands = np.asarray(q, dtype=float)
+        kinematics = self.kinematics
+        if not self.effects:
+            return self.seen(kinematics.forward(commands))
+        if not isinstance(kinematics, RodKinematics):
+            raise ModelError(f"{self.robot.name} has no rods", hint="effects are for robots with rods")
+        return self.seen(with_effects(kinematics, commands, covariates or {}, self.effects))
 
     def seen(self, poses: Poses) -> Poses:
         """Poses in the base frame as the instrument sees them."""

@@ -58,6 +58,7 @@ class Pool:
     scanned: tuple[Candidate, ...]
     threshold: float
     columns: dict[str, Floats] = field(default_factory=dict)
+    latest: dict[str, Candidate] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.marginal = Marginal(self.design.B)
@@ -97,17 +98,13 @@ class Pool:
         best = scan(self.design, beside, self.design.y, candidate.effect, candidate.site)
         if best is None:
             return None
-        self._latest[candidate.name] = Candidate(candidate.effect, candidate.site, best.setting)
+        self.latest[candidate.name] = Candidate(candidate.effect, candidate.site, best.setting)
         return best.gain
-
-    @property
-    def _latest(self) -> dict[str, Candidate]:
-        return self.__dict__.setdefault("_latest_settings", {})
 
     def adopt(self, name: str) -> None:
         """Use the setting that the last scan found for a candidate."""
-        if name in self._latest and self.candidates.get(name) != self._latest[name]:
-            self.set(self._latest[name])
+        if name in self.latest and self.candidates.get(name) != self.latest[name]:
+            self.set(self.latest[name])
 
 
 def search(pool: Pool) -> Posterior:

@@ -69,7 +69,9 @@ def with_effects(
     reached = plain.reached
     rows = np.flatnonzero(reached)
     some = {name: values[rows] for name, values in covariates.items()}
-    commands, seat, length, twist = q[rows].copy(), 0.0, 0.0, np.zeros((len(rows), 6))
+    commands, twist = q[rows].copy(), np.zeros((len(rows), 6))
+    seat: Floats | float = 0.0
+    length: Floats | float = 0.0
     for active in effects:
         at = Situation(kinematics, q[rows], plain[rows], some, fixed=active.references)
         basis = active.effect.basis(at, active.site, active.setting)

@@ -1,0 +1,156 @@
+"""Geometry and causes fitted together with exact kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.noise import Noise
+from gtpin.calibration.problem import Measured
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.search import Candidate
+from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.situation import Column, References, Situation
+from gtpin.errors import ConvergenceError
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rotations import exp
+from gtpin.model import Frame, Model
+
+Floats = npt.NDArray[np.float64]
+
+MAX_STEPS = 12
+SETTLED = 1e-3
+"""Step, in tolerances and typical sizes, at which the fit has settled."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The poses that a diagnosis works on.
+
+    Parameters
+    ----------
+    measured
+        Commands and poses, instrument's frame.
+    covariates
+        By name, (N,) each.
+    noise, weight
+        What the poses' noise is, and (N,) what each counts.
+    temperature
+        degC at which the geometry holds.
+    free_frame
+        Whether the instrument's pose is identified too.
+    """
+
+    measured: Measured
+    covariates: Mapping[str, Column]
+    noise: Noise
+    weight: Floats
+    temperature: float
+    free_frame: bool
+
+    def take(self, rows: npt.NDArray[np.generic]) -> Observed:
+        """Some of the poses."""
+        return replace(
+            self,
+            measured=self.measured.take(rows),
+            covariates={name: values[rows] for name, values in self.covariates.items()},
+            noise=self.noise.take(rows),
+            weight=self.weight[rows],
+        )
+
+    def situation(self, model: Model, fixed: References | None = None) -> Situation:
+        """The poses as a geometry has them."""
+        kinematics = model.kinematics
+        assert isinstance(kinematics, RodKinematics)
+        poses = kinematics.forward(self.measured.q)
+        return Situation(kinematics, self.measured.q, poses, self.covariates, fixed, self.temperature)
+
+    def design(self, model: Model, fixed: References | None = None) -> Design:
+        """The linear problem about a model's geometry."""
+        at = self.situation(model, fixed)
+        return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame)
+
+
+def fit_together(
+    observed: Observed, start: Model, candidates: Sequence[Candidate], scale: Sequence[float], references: References
+) -> Model:
+    """Gauss-Newton on geometry, instrument's pose and coefficients, from a calibrated model.
+
+    Parameters
+    ----------
+    candidates, scale
+        The causes, and their scales over the typical size: with it the priors of their coefficients.
+
+    Raises
+    ------
+    ConvergenceError
+        If it does not settle.
+    """
+    model = replace(start, effects=())
+    widths: list[int] = []
+    c = np.zeros(0)
+    for _ in range(MAX_STEPS):
+        design = observed.design(model, references)
+        bases = [k.effect.basis(design.situation, k.site, k.setting) for k in candidates]
+        sizes = [basis.sigma * s for basis, s in zip(bases, scale, strict=True)]
+        blocks = [design.columns(b) * s for b, s in zip(bases, scale, strict=True)]
+        if not widths:
+            widths = [len(b) for b in bases]
+            c = np.zeros(sum(widths))
+        predicted = model.seen(
+            with_effects(design.situation.kinematics, observed.measured.q, observed.covariates, model.effects)
+        )
+        # y is against the geometry alone; the exact effects replace their linear part, which is put back.
+        left = np.einsum("nij,nj->ni", design.whitening, observed.measured.minus(predicted)).ravel()
+        E = np.hstack(blocks) if blocks else np.zeros((len(left), 0))
+        p = len(model.geometry.parameters)
+        x = model.geometry.deviation / model.geometry.tolerance
+        J = np.hstack([design.B, E])
+        prior = np.concatenate([np.ones(p), np.zeros(design.B.shape[1] - p), np.ones(E.shape[1])])
+        now = np.concatenate([x, np.zeros(design.B.shape[1] - p), c])
+        A = J.T @ J + np.diag(prior)
+        step = np.linalg.solve(A, J.T @ left - prior * now)
+        covariance = np.linalg.inv(A)[design.B.shape[1] :, design.B.shape[1] :]
+        c = c + step[design.B.shape[1] :]
+        geometry = model.geometry.with_values(model.geometry.values + model.geometry.tolerance * step[:p])
+        frame = _moved(model.frame, step[p : design.B.shape[1]], model.seen(design.situation.poses).T)
+        model = Model(geometry, frame, _active(candidates, sizes, widths, c, covariance, references))
+        if np.abs(step).max(initial=0.0) <= SETTLED:
+            return model
+    raise ConvergenceError("geometry and causes have not settled together", hint="exclude the causes one by one")
+
+
+def _active(
+    candidates: Sequence[Candidate],
+    sizes: Sequence[Floats],
+    widths: Sequence[int],
+    c: Floats,
+    covariance: Floats,
+    references: References,
+) -> tuple[ActiveEffect, ...]:
+    found, place = [], 0
+    for candidate, size, width in zip(candidates, sizes, widths, strict=True):
+        own = slice(place, place + width)
+        place += width
+        found.append(
+            ActiveEffect(
+                candidate.effect,
+                candidate.site,
+                candidate.setting,
+                c[own] * size,
+                covariance[own, own] * np.outer(size, size),
+                references,
+            )
+        )
+    return tuple(found)
+
+
+def _moved(frame: Frame, step: Floats, T: Floats) -> Frame:
+    """A free instrument's frame after a step: shifts, m, and turns, rad, about the middle of the poses."""
+    if not step.size:
+        return frame
+    pivot, turn = T.mean(axis=0), exp(step[3:])
+    return Frame(pivot + step[:3] + turn @ (frame.T - pivot), turn @ frame.R)
