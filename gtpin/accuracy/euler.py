@@ -8,6 +8,14 @@ from scipy.spatial.transform import Rotation
 
 Floats = npt.NDArray[np.float64]
 
+LEAST_TILT = 0.02
+"""Sine of beta below which alpha and gamma turn about nearly one axis and jump from pose to pose."""
+
+
+def well_told(R: Floats) -> bool:
+    """Whether ZYZ angles tell all of the rotations (N, 3, 3): none has its z axis along that of the fixed frame."""
+    return bool((np.hypot(R[:, 0, 2], R[:, 1, 2]) >= LEAST_TILT).all())
+
 
 def zyz(R: Floats) -> Floats:
     """(N, 3) angles alpha, beta, gamma, rad, of rotations (N, 3, 3); beta lies in [0, pi]."""

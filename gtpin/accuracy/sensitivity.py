@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,10 +11,10 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import ndtr
 
-from gtpin.accuracy.euler import zyz_change, zyz_rates
+from gtpin.accuracy.euler import well_told, zyz_change, zyz_rates
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep, poses_after, rod_step
-from gtpin.errors import ModelError
+from gtpin.errors import GtpinWarning, ModelError
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -24,16 +25,16 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sums:
-    """Changes summed over poses and both signs of the step, by parameter and link (10, k); NaN where there is no such parameter.
+    """Changes summed over poses and both signs of the step, (10, k) by parameter and link; NaN where a link has none.
 
     Parameters
     ----------
     position
         \\|T - T+\\| + \\|T - T-\\|, m (Dressler et al. 2010, eq. 7).
     rotation
-        Absolute changes of the three ZYZ Euler angles, rad.
+        Absolute changes of the three ZYZ Euler angles, rad; NaN where these are not well told, as near the identity.
     cost
-        Absolute changes of the link's own squared closure residual (\\|d\\|^2 - L^2)^2, m^4; None where residuals are not known.
+        Absolute changes of the link's own squared closure residual (\\|d\\|^2 - L^2)^2, m^4; None where that is not known.
     """
 
     position: Floats
@@ -81,7 +82,7 @@ class Sensitivity:
                 "cost_m4": cost.ravel(),
             }
         )
-        return table[np.isfinite(table["position_mm"])].reset_index(drop=True)
+        return table.dropna(subset=["position_mm"]).reset_index(drop=True)
 
 
 def sensitivity(
@@ -99,8 +100,8 @@ def sensitivity(
     q
         (N, n) commands, m or rad.
     sigmas
-        (k,) standard deviations of the rods' closure residuals \\|d\\|^2 - L^2, m^2: the changes of the cost are then expectations
-        over Gaussian residuals. With the paper's final cost f over M poses, sigma = sqrt(f / M).
+        (k,) standard deviations of the rods' closure residuals \\|d\\|^2 - L^2, m^2: the changes of the cost are then
+        expectations over Gaussian residuals. With the paper's final cost f over M poses, sigma = sqrt(f / M).
     measured
         (N) measured poses, instrument's frame: the changes of the cost are then those of the actual residuals.
     step
@@ -114,6 +115,11 @@ def sensitivity(
         If the commands can't be reached.
     ConvergenceError
         If a step opens the rods, as it may near a singularity.
+
+    Warns
+    -----
+    GtpinWarning
+        If the TCP's z axis comes to lie along the base's, where ZYZ angles jump: their changes are then left out.
     """
     kinematics = rod_kinematics(model)
     poses = reached_poses(kinematics, q)
@@ -130,7 +136,10 @@ def sensitivity(
     ends = kinematics.ends(q)
     d, RP = rod_vectors(poses, ends)
     response = np.linalg.inv(pose_jacobian(d, RP))
-    rates = zyz_rates(poses.R)
+    told = well_told(poses.R)
+    if not told:
+        warnings.warn("changes of orientation are left out: ZYZ angles jump at these poses", GtpinWarning, stacklevel=2)
+    rates = zyz_rates(poses.R) if told else np.full((len(q), 3, 3), np.nan)
     exact, linear = (np.full((3, len(PARAMETERS), len(links)), np.nan) for _ in range(2))
     for row, parameter in enumerate(PARAMETERS):
         for rod in range(len(links)):
@@ -183,7 +192,8 @@ def _exact(kinematics: RodKinematics, ends: RodEnds, poses: Poses, change: RodSt
     """(2,) sums over the poses of the changes of position, m, and of the ZYZ angles, rad."""
     moved = poses_after(kinematics, ends, poses, change, step)
     position = np.linalg.norm(moved.T - poses.T, axis=1).sum()
-    return np.array([position, np.abs(zyz_change(moved.R, poses.R)).sum()])
+    rotation = np.abs(zyz_change(moved.R, poses.R)).sum() if well_told(poses.R) else np.nan
+    return np.array([position, rotation])
 
 
 def closure_change(change: RodStep, ends: RodEnds, poses: Poses, step: float) -> tuple[Floats, Floats]:

@@ -11,7 +11,6 @@ from gtpin.errors import ConvergenceError
 from gtpin.kinematics.closures import RodEnds, follow
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.rotations import exp
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,8 +58,8 @@ class RodStep:
 def rod_step(kinematics: RodKinematics, q: Floats, parameter: str, rod: int) -> RodStep | None:
     """What a parameter of a rod does at commands q (N, n); None for a direction where the rod's carrier has no track.
 
-    C = C0 + q (v + dv): a step of the direction is added, and not normalised again, as in the paper. Where the carrier
-    turns, C is fixed to it and names its place at zero.
+    C = C0 + q (v + dv): a step of the direction is added, and not normalised again, as in the paper; it is added to the
+    path of a measured track too. Where the carrier turns, C is fixed to it and names its place at zero.
     """
     zero, still = np.zeros(3), np.zeros((len(q), 3))
     if parameter == "L":
@@ -73,8 +72,8 @@ def rod_step(kinematics: RodKinematics, q: Floats, parameter: str, rod: int) -> 
     turns = carrier is not None and bool(robot.revolute[carrier])
     travel = np.zeros(len(q)) if carrier is None else q[:, carrier] * kinematics.scale[rod]
     if parameter[0] == "C":
-        moved = exp(travel[:, None] * kinematics.v[rod]) @ axis if turns else np.broadcast_to(axis, still.shape)
-        return RodStep(rod, zero, np.asarray(moved), 0.0)
+        moved = kinematics.seats[rod].by_joint(travel, "xyz".index(parameter[1]))
+        return RodStep(rod, zero, np.array(np.broadcast_to(moved, still.shape)), 0.0)
     if carrier is None or turns:
         return None
     return RodStep(rod, zero, q[:, carrier, None] * axis, 0.0)

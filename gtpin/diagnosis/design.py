@@ -12,6 +12,7 @@ from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, in_frame
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Situation
+from gtpin.kinematics.rotations import skew
 from gtpin.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -76,6 +77,11 @@ class Design:
         return np.asarray(self.whitening @ J[:, : self.components])
 
     @property
+    def n_geometry(self) -> int:
+        """Number of geometric parameters; what follows them in B has no prior."""
+        return len(self.model.geometry.parameters)
+
+    @property
     def components(self) -> int:
         """Numbers a pose."""
         return int(self.whitening.shape[1])
@@ -87,8 +93,6 @@ def _whitened(whitening: Floats, columns: Floats) -> Floats:
 
 def _frame_columns(whitening: Floats, T: Floats) -> Floats:
     """Shifts and turns of a free instrument, so large that the prior says nothing."""
-    from gtpin.kinematics.rotations import skew
-
     motion = np.zeros((len(T), 6, 6))
     motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
     motion[:, :3, 3:] = -skew(T - T.mean(axis=0))

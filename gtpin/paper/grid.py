@@ -13,6 +13,7 @@ from gtpin.accuracy.sensitivity import position_slopes
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Model
 from gtpin.paper.tables import tables
 
@@ -30,33 +31,32 @@ EDGE = 0.02
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid of TCP positions along the base frame's axes, the layers orthogonal to x, which the tracks follow to 4 degrees.
+    """A grid of TCP positions in layers orthogonal to the tracks.
 
     Parameters
     ----------
     center
         (3,) its centre less the TCP at home, base frame, m.
     half_width
-        (3,) half its size along each axis, m.
+        (3,) half its size along the tracks, across them in the base frame's x-y plane, and across both, m. The tracks follow
+        x to 4 degrees, so that these are nearly the base frame's axes.
     """
 
     center: Floats
     half_width: Floats
 
-    def points(self, home: Floats) -> Floats:
-        """(180, 3) positions, base frame, m, layer after layer, each walked in the opposite sense to the one before.
-
-        Parameters
-        ----------
-        home
-            (3,) TCP at the home commands, base frame, m.
-        """
+    def points(self, kinematics: RodKinematics) -> Floats:
+        """(180, 3) positions, base frame, m, layer after layer, each walked back along the path of the one before."""
         x, y, z = (np.linspace(-1.0, 1.0, count) for count in SHAPE)
         walk = []
         for i, layer in enumerate(x):
             rows = [(layer, across, up) for j, across in enumerate(y) for up in (z if j % 2 == 0 else z[::-1])]
             walk += rows if i % 2 == 0 else rows[::-1]
-        return np.asarray(home + self.center + np.array(walk) * self.half_width)
+        along = kinematics.v.mean(axis=0)
+        across = np.cross([0.0, 0.0, 1.0], along)
+        axes = np.array([along, across, np.cross(along, across)])
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        return np.asarray(kinematics.home.T[0] + self.center + (np.array(walk) * self.half_width) @ axes)
 
     def all_commands(self, model: Model) -> tuple[Floats, Poses]:
         """(180, 3) commands of all points, and the poses there.
@@ -67,7 +67,7 @@ class Grid:
             If the model can't reach a point.
         """
         kinematics = rod_kinematics(model)
-        q, poses = commands_for(kinematics, self.points(kinematics.home.T[0]))
+        q, poses = commands_for(kinematics, self.points(kinematics))
         if not poses.reached.all():
             raise UnreachableError(f"{model.robot.name} can't reach the whole grid", hint="make it smaller")
         return q, poses
@@ -79,31 +79,33 @@ class Grid:
         return q[((q >= lower) & (q <= upper)).all(axis=1)]
 
 
+RECOVERED = Grid(np.array([0.024, 0.133, -0.136]), np.array([0.676, 0.482, 0.534]))
+"""What :func:`recover_grid` gives for the shipped Gantry-Tau, to the millimetre."""
+
+
 def recover_grid(model: Model) -> Grid:
     """Fit the grid's six numbers to the 42 numbers of the rows L, P and C of Table III's position changes, and to nothing else.
 
-    The sums over 61 validation poses are taken as 61 times the mean over the grid, and both signs of the step. Each
-    number counts by its rounding and a modelling error of 3 per cent. Along its parallel tracks the machine is nearly
+    The sums over 61 validation poses are taken as 61 times the mean over the grid, and both signs of the step. All
+    numbers count alike, relative to their size. Along its parallel tracks the machine is nearly
     the same everywhere, so that these rows hardly tell the grid's extent there: a weak prior says that the layers fill the
     actuator range (to 20 mm), and that the grid is about a metre wide across it (to half a metre).
     """
     kinematics = rod_kinematics(model)
-    home = kinematics.home.T[0]
     lower, upper = tables().measurement.actuator_range
     printed = np.array([tables().position_mm[name] for name in FITTED])
-    sigma = np.hypot(MODEL_ERROR * printed, 0.05 / np.sqrt(3.0))  # printed to 0.1
     prior = np.array([(lower + upper) / 2.0, 0.0, 0.0, (upper - lower) / 2.0, 0.5, 0.5])
     prior_sigma = np.array([0.02, 0.5, 0.5, 0.02, 0.5, 0.5])
 
     def misfit(x: Floats) -> Floats:
-        q, poses = commands_for(kinematics, Grid(x[:3], x[3:]).points(home))
+        q, poses = commands_for(kinematics, Grid(x[:3], x[3:]).points(kinematics))
         inside = np.minimum(q - lower, upper - q).min(axis=1)
         weight = 1.0 / (1.0 + np.exp(-np.clip(np.where(poses.reached, inside, -1.0) / EDGE, -50.0, 50.0)))
         there = poses.reached
         slopes = position_slopes(model, q[there], poses[there], FITTED)
         mean = np.einsum("n,nrk->rk", weight[there], slopes) / weight.sum()
         ours = 1e3 * mean * 2.0 * 5e-5 * tables().measurement.calibration_poses
-        return np.concatenate([((ours - printed) / sigma).ravel(), (x - prior) / prior_sigma])
+        return np.concatenate([((ours / printed - 1.0) / MODEL_ERROR).ravel(), (x - prior) / prior_sigma])
 
-    found = least_squares(misfit, prior, diff_step=1e-3, xtol=1e-6, ftol=1e-6)
+    found = least_squares(misfit, prior, diff_step=np.full(6, 1e-3), xtol=1e-6, ftol=1e-6)
     return Grid(found.x[:3], found.x[3:])

@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measurement:
-    """What was measured (Sections I and III-B): counts, ranges in m, micrometres where a name says so, degrees where it says so.
+    """What was measured (Sections I and III-B): counts, ranges in m, and what names say in um and degrees.
 
     Parameters
     ----------

@@ -1,0 +1,106 @@
+"""What a step in one parameter does pose by pose: the data of the paper's Figs. 9 and 10."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy.euler import zyz_change
+from gtpin.accuracy.expected import closure_response
+from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.accuracy.sensitivity import closure_change
+from gtpin.accuracy.steps import PARAMETERS, STEP, poses_after, rod_step
+from gtpin.errors import ModelError
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """A model against measured poses (N).
+
+    Parameters
+    ----------
+    position
+        (N,) length of the TCP's error, m.
+    rotation
+        (N, 3) model less measured ZYZ angles, rad.
+    cost
+        (N,) the link's squared closure residual (\\|d\\|^2 - L^2)^2, m^4.
+    """
+
+    position: Floats
+    rotation: Floats
+    cost: Floats
+
+
+@dataclass(frozen=True)
+class StepChange:
+    """A model as it is, and after a step of one parameter of one link to either side.
+
+    Parameters
+    ----------
+    parameter, link, step
+        What was changed, whose, and by how much.
+    before, plus, minus
+        Errors without and after the steps.
+    """
+
+    parameter: str
+    link: str
+    step: float
+    before: Errors
+    plus: Errors
+    minus: Errors
+
+
+def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: str, step: float = STEP) -> StepChange:
+    """Step a parameter of a link to both sides.
+
+    Parameters
+    ----------
+    q
+        (N, n) commands.
+    measured
+        (N) poses measured there, base frame.
+    parameter, link
+        One of :data:`~gtpin.accuracy.steps.PARAMETERS`, and the name of a rod.
+
+    Raises
+    ------
+    ModelError
+        If the link has no such parameter, or there is no such link.
+    UnreachableError, ConvergenceError
+        As for :func:`~gtpin.accuracy.sensitivity.sensitivity`.
+    """
+    kinematics = rod_kinematics(model)
+    links = [rod.name for rod in model.robot.rods]
+    if link not in links or parameter not in PARAMETERS:
+        raise ModelError(f"no parameter {parameter} of a link {link}", hint=f"links are {', '.join(links)}")
+    change = rod_step(kinematics, q, parameter, links.index(link))
+    if change is None:
+        raise ModelError(f"link {link} of {model.robot.name} has no track", hint=f"{parameter} is of a track")
+    poses = reached_poses(kinematics, q)
+    ends = kinematics.ends(q)
+
+    def errors(size: float) -> Errors:
+        now = poses_after(kinematics, ends, poses, change, size) if size else poses
+        closure, by = closure_change(change, ends, measured, size)
+        off = np.linalg.norm(now.T - measured.T, axis=1)
+        return Errors(off, zyz_change(now.R, measured.R), np.asarray((closure + by) ** 2))
+
+    return StepChange(parameter, link, step, errors(0.0), errors(step), errors(-step))
+
+
+def drawn_measurements(model: Model, q: Floats, sigmas: Floats, seed: int = 0) -> Poses:
+    """Poses (N), base frame, of a machine whose closures miss the model's by Gaussian residuals of sigmas (k,), m^2."""
+    kinematics = rod_kinematics(model)
+    poses = reached_poses(kinematics, q)
+    residual = sigmas * np.random.default_rng(seed).standard_normal((len(q), len(model.robot.rods)))
+    off = np.einsum("nij,nj->ni", closure_response(kinematics, q, poses), residual)
+    return Poses(poses.T + off[:, :3], exp(off[:, 3:]) @ poses.R)

@@ -1,0 +1,222 @@
+"""From uncertainty to the TCP error to expect, position and orientation, over a set of poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import elliprg
+
+from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.errors import ModelError
+from gtpin.kinematics.closures import pose_jacobian, rod_vectors
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+CHUNK = 5_000_000
+"""Numbers that are held at once."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What is not known of a machine.
+
+    Parameters
+    ----------
+    parameters
+        (p, p) covariance of the model's geometric parameters, in their own units: the same at all poses of one machine.
+    closures
+        (k,) 1 sigma of each rod's closure residual \\|d\\|^2 - L^2, m^2: independent from pose to pose, as in the paper's cost.
+    repeatability
+        1 sigma of every actuator, m or rad, independent from pose to pose.
+    """
+
+    parameters: Floats | None = None
+    closures: Floats | None = None
+    repeatability: float = 0.0
+
+
+@dataclass(frozen=True)
+class Response:
+    """How the TCP goes with independent standard normal causes.
+
+    Parameters
+    ----------
+    fixed
+        (N, c, a) response to what one machine has at all poses alike, m and rad.
+    fresh
+        (N, c, b) response to what is new at every pose.
+    """
+
+    fixed: Floats
+    fresh: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """(N, c, c) covariance of the TCP's error at each pose."""
+        return self.fixed @ np.swapaxes(self.fixed, 1, 2) + self.fresh @ np.swapaxes(self.fresh, 1, 2)
+
+
+@dataclass(frozen=True)
+class Error:
+    """The length of an error vector, m or rad.
+
+    Parameters
+    ----------
+    at
+        (N,) its expectation at each pose.
+    mean
+        Its expectation over the poses.
+    p95
+        95 % of all machines and poses have less.
+    maximum
+        Expectation of the largest that one machine shows over the visited poses.
+    """
+
+    at: Floats
+    mean: float
+    p95: float
+    maximum: float
+
+
+@dataclass(frozen=True)
+class ExpectedError:
+    """The error to expect of a machine, against its model, at a set of poses.
+
+    Parameters
+    ----------
+    position, orientation
+        Lengths of the position error, m, and of the error's rotation vector, rad; the latter None where the arm has no
+        orientation to err in.
+    visits
+        Number of poses that ``maximum`` is over.
+    """
+
+    position: Error
+    orientation: Error | None
+    visits: int
+
+
+def closure_response(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floats:
+    """(N, 6, k) change of the TCP's pose, base frame, per unit closure residual \\|d\\|^2 - L^2, m^2, of each rod.
+
+    A residual c_i means that the rods at their nominal lengths would close at another pose: J dx = c / 2 with J the derivative
+    of (\\|d\\|^2 - L^2) / 2.
+    """
+    return np.asarray(np.linalg.inv(pose_jacobian(*rod_vectors(poses, kinematics.ends(q)))) / 2.0)
+
+
+def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
+    """The TCP's response at commands q (N, n), in the base frame, to what is uncertain.
+
+    Raises
+    ------
+    ModelError
+        If the uncertainty is not of the model's size, or closures are named of a robot without rods.
+    UnreachableError
+        If the commands can't be reached.
+    """
+    kinematics = model.kinematics
+    poses = reached_poses(kinematics, q)
+    fixed, fresh = np.zeros((len(q), 6, 0)), [np.zeros((len(q), 6, 0))]
+    if uncertainty.parameters is not None:
+        count = len(model.geometry.parameters)
+        if uncertainty.parameters.shape != (count, count):
+            shape = uncertainty.parameters.shape
+            raise ModelError(f"a covariance of shape {shape}", hint=f"{model.robot.name} has {count} parameters here")
+        fixed = kinematics.geometry_jacobian(q, poses) @ _root(uncertainty.parameters)
+    if uncertainty.closures is not None:
+        rods = rod_kinematics(model)
+        if np.shape(uncertainty.closures) != (len(model.robot.rods),):
+            raise ModelError(
+                f"{np.size(uncertainty.closures)} closure sigmas",
+                hint=f"give one for each of {len(model.robot.rods)} rods",
+            )
+        fresh.append(closure_response(rods, q, poses) * uncertainty.closures)
+    if uncertainty.repeatability > 0.0:
+        fresh.append(kinematics.command_jacobian(q, poses) * uncertainty.repeatability)
+    return Response(fixed, np.concatenate(fresh, axis=2))
+
+
+def expected_error(
+    model: Model, q: Floats, uncertainty: Uncertainty, *, visits: int | None = None, draws: int = 2000, seed: int = 0
+) -> ExpectedError:
+    """The error to expect at commands q (N, n); see :func:`expected_of`, and :func:`response` for errors."""
+    return expected_of(response(model, q, uncertainty), visits=visits, draws=draws, seed=seed)
+
+
+def expected_of(response: Response, *, visits: int | None = None, draws: int = 2000, seed: int = 0) -> ExpectedError:
+    """The error to expect of a response to standard normal causes.
+
+    Means are closed form (see :func:`mean_length`); what lies beyond them is by Monte Carlo over whole machines.
+
+    Parameters
+    ----------
+    visits
+        Number of poses, drawn from the N without repetition as far as they go, over which each machine's largest error is
+        taken; all N by default.
+    draws
+        Number of machines.
+    seed
+        Same seed, same numbers.
+    """
+    count = len(response.fixed)
+    visits = count if visits is None else visits
+    if visits < 1 or draws < 1:
+        raise ModelError(f"{visits} visits of {draws} machines", hint="ask for at least one of each")
+    covariance = response.covariance
+    sampled = _sample(response, visits, draws, np.random.default_rng(seed))
+    parts = [_error(covariance[:, :3, :3], sampled[0])]
+    if covariance.shape[1] == 6:
+        parts.append(_error(covariance[:, 3:, 3:], sampled[1]))
+    return ExpectedError(parts[0], parts[1] if len(parts) == 2 else None, visits)
+
+
+def mean_length(covariance: Floats) -> Floats:
+    """(N,) expected length of normal vectors of covariance (N, 3, 3).
+
+    E|x| = 2 sqrt(2 / pi) R_G(a, b, c) with a, b, c the eigenvalues: the radius of a standard normal vector has the mean
+    2 sqrt(2 / pi), and R_G is the mean of sqrt(a u1^2 + b u2^2 + c u3^2) over the unit sphere (Carlson; DLMF 19.23.6_5).
+    """
+    a, b, c = np.maximum(np.linalg.eigvalsh(covariance), 0.0).T
+    return np.asarray(2.0 * np.sqrt(2.0 / np.pi) * elliprg(a, b, c))
+
+
+def _error(covariance: Floats, lengths: Floats) -> Error:
+    at = mean_length(covariance)
+    largest = lengths.max(axis=1).mean()
+    return Error(at, float(at.mean()), float(np.quantile(lengths, 0.95)), float(largest))
+
+
+def _sample(response: Response, visits: int, draws: int, rng: np.random.Generator) -> Floats:
+    """(1 or 2, draws, visits) lengths of position and orientation errors."""
+    count, components, causes = response.fresh.shape
+    kept = np.empty((components // 3, draws, visits))
+    block = max(1, CHUNK // (visits * max(components, causes) * components))
+    for start in range(0, draws, block):
+        size = min(block, draws - start)
+        rows = np.array([_visited(count, visits, rng) for _ in range(size)])
+        machine = rng.standard_normal((size, response.fixed.shape[2]))
+        noise = rng.standard_normal((size, visits, causes))
+        error = np.tensordot(machine, response.fixed, axes=(1, 2))[np.arange(size)[:, None], rows]
+        error += np.einsum("mvci,mvi->mvc", response.fresh[rows], noise, optimize=True)
+        for part in range(components // 3):
+            kept[part, start : start + size] = np.linalg.norm(error[..., 3 * part : 3 * part + 3], axis=2)
+    return kept
+
+
+def _visited(count: int, visits: int, rng: np.random.Generator) -> npt.NDArray[np.intp]:
+    if visits == count:
+        return np.arange(count)
+    rounds = -(-visits // count)
+    return np.concatenate([rng.permutation(count) for _ in range(rounds)])[:visits]
+
+
+def _root(covariance: Floats) -> Floats:
+    """(p, p) F with F F' the covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,147 @@
+"""Which poses to measure: the best of many."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy.rods import reached_poses
+from gtpin.accuracy.signal import Signal, signal
+from gtpin.calibration.noise import Noise
+from gtpin.calibration.observability import Observability
+from gtpin.errors import ModelError
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+
+WORTH = 1e-9
+"""Gain, nats, from which on poses are exchanged."""
+
+
+def best_poses(signal: Signal, count: int) -> Rows:
+    """(count,) ascending rows of the poses that tell most together (D-optimal): greedy, then exchange until none gains.
+
+    An exchange takes one pose out and puts the one in that gains most (Fedorov 1972). No exchange of a single pose improves
+    on the result, which need not be the best of all.
+
+    Raises
+    ------
+    ModelError
+        If there are not that many poses.
+    """
+    if not 0 < count <= len(signal.B):
+        raise ModelError(
+            f"{count} poses out of {len(signal.B)}", hint="ask for at least one, and no more than there are"
+        )
+    chosen: list[int] = []
+    for _ in range(count):
+        gain = _gains(signal, chosen)
+        chosen.append(int(gain.argmax()))
+    improved = True
+    while improved:
+        improved = False
+        for place, row in enumerate(chosen):
+            others = chosen[:place] + chosen[place + 1 :]
+            gain = _gains(signal, others)
+            best = int(gain.argmax())
+            if gain[best] > gain[row] + WORTH:
+                chosen[place] = best
+                improved = True
+    return np.array(sorted(chosen))
+
+
+def _gains(signal: Signal, chosen: list[int]) -> Floats:
+    """(N,) nats that each pose adds to those chosen: log det(I + B C B'); minus infinity for these."""
+    information = signal.information(np.array(chosen, dtype=np.intp))
+    root = np.linalg.cholesky(np.linalg.inv(np.eye(len(information)) + information))
+    half = signal.B @ root
+    gain = np.linalg.slogdet(np.eye(signal.B.shape[1]) + half @ np.swapaxes(half, 1, 2))[1]
+    gain[chosen] = -np.inf
+    return np.asarray(gain)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The best poses out of candidates, and what is gained over poses drawn at random.
+
+    Parameters
+    ----------
+    rows
+        (count,) the chosen candidates.
+    nats, random_nats
+        log det(I + B'B) of the chosen, and (draws,) of random choices of as many.
+    error, random_error
+        Root mean square error, m, of the position that the calibrated model predicts at other commands: of the chosen poses,
+        and (draws,) of random ones.
+    learned
+        (p,) by parameter, how much of the tolerance's square the chosen would take away.
+    observability
+        By direction, with the indices O1 to O5.
+    """
+
+    rows: Rows
+    nats: float
+    random_nats: Floats
+    error: float
+    random_error: Floats
+    learned: Floats
+    observability: Observability
+
+
+def plan_poses(
+    model: Model,
+    candidates: Floats,
+    count: int,
+    noise: Noise,
+    at: Floats,
+    *,
+    orientation: bool = True,
+    free_frame: bool = False,
+    draws: int = 100,
+    seed: int = 0,
+) -> Plan:
+    """Choose the best poses for a calibration.
+
+    Parameters
+    ----------
+    candidates
+        (N, n) commands to choose from.
+    count
+        How many to choose.
+    noise, orientation, free_frame
+        See :func:`~gtpin.accuracy.signal.signal`.
+    at
+        (M, n) commands at which the calibrated model shall predict well.
+    draws, seed
+        Random choices to compare with; same seed, same choices.
+
+    Raises
+    ------
+    ModelError
+        If there are fewer candidates than are to be chosen.
+    UnreachableError
+        If commands can't be reached.
+    """
+    told = signal(model, candidates, noise, orientation=orientation, free_frame=free_frame)
+    rows = best_poses(told, count)
+    rng = np.random.default_rng(seed)
+    random = [rng.choice(len(candidates), count, replace=False) for _ in range(draws)]
+    predicted = model.kinematics.geometry_jacobian(at, reached_poses(model.kinematics, at))[:, :3]
+    scaled = predicted * model.geometry.tolerance
+
+    def error(rows: Rows) -> float:
+        spread = np.einsum("nip,pq,niq->n", scaled, told.covariance(rows), scaled, optimize=True)
+        return float(np.sqrt(spread.mean()))
+
+    return Plan(
+        rows=rows,
+        nats=told.nats(rows),
+        random_nats=np.array([told.nats(drawn) for drawn in random]),
+        error=error(rows),
+        random_error=np.array([error(drawn) for drawn in random]),
+        learned=told.learned(rows),
+        observability=told.observability(rows),
+    )

@@ -1,0 +1,213 @@
+"""What ``gtpin sensitivity`` writes: a table, expected errors as JSON, and figures."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy import figures
+from gtpin.accuracy.dexterity import dexterity
+from gtpin.accuracy.euler import well_told, zyz
+from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error, mean_length, response
+from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
+from gtpin.accuracy.workspace import Workspace, default_commands, workspace
+from gtpin.errors import GtpinError, GtpinWarning, ModelError
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Floats = npt.NDArray[np.float64]
+
+SCHEMA = "gtpin-accuracy/1"
+COUNTS = (7, 21, 21)
+"""Points of the maps along x, y and z."""
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """An accuracy analysis.
+
+    Parameters
+    ----------
+    model, q
+        Of what, and at which (N, n) commands.
+    sensitivity
+        Table III of these commands.
+    uncertainty
+        What was taken to be uncertain.
+    uncertain
+        In words.
+    expected
+        The errors to expect.
+    """
+
+    model: Model
+    q: Floats
+    sensitivity: Sensitivity
+    uncertainty: Uncertainty
+    uncertain: str
+    expected: ExpectedError
+
+    def to_json(self) -> dict[str, Any]:
+        """What accuracy.json holds, SI units.
+
+        ``schema``; ``robot``; ``poses``, how many; ``step`` of the sensitivity; ``uncertainty``, what was taken to be
+        uncertain; ``expected.position`` (m) and ``expected.orientation`` (rad), each with ``mean`` over the poses, ``p95`` of
+        all machines and poses, and ``maximum``, the largest over all the poses that a machine shows on average;
+        ``zyz_range``, ranges of the ZYZ Euler angles over the poses (rad), null where they jump; ``dexterity``, each
+        measure's ``least``, ``median`` and ``most`` over the poses
+        (see :class:`~gtpin.accuracy.dexterity.Dexterity`), null where it is infinite.
+        """
+        poses = self.model.kinematics.forward(self.q)
+        assert self.expected.orientation is not None
+        measures = {name: _range(values) for name, values in asdict(dexterity(self.model, self.q, poses)).items()}
+        return {
+            "schema": SCHEMA,
+            "robot": self.model.robot.name,
+            "poses": len(self.q),
+            "step": self.sensitivity.step,
+            "uncertainty": self.uncertain,
+            "expected": {
+                "position": _told(self.expected.position),
+                "orientation": _told(self.expected.orientation),
+            },
+            "zyz_range": _zyz_range(poses) if well_told(poses.R) else None,
+            "dexterity": measures,
+        }
+
+
+def analyse(
+    model: Model,
+    q: Floats | None = None,
+    *,
+    costs: Mapping[str, float] | None = None,
+    cost_poses: int = 61,
+    uncertainty: Uncertainty | None = None,
+    seed: int = 0,
+) -> Accuracy:
+    """Analyse a model's accuracy.
+
+    Parameters
+    ----------
+    q
+        (N, n) commands; by default a set that is spread over the actuators' ranges.
+    costs
+        Final cost by link: the sum over ``cost_poses`` poses of the squared closure residual, m^4, as in the paper's Table II.
+    uncertainty
+        What is uncertain. By default closure residuals of the costs' size where these are given, else the geometry, by its
+        manufacturing tolerances: a machine that nobody has calibrated.
+
+    Raises
+    ------
+    ModelError
+        If the robot has no rods, or a link has no cost or an impossible one.
+    UnreachableError
+        If the commands can't be reached.
+    """
+    q = default_commands(model) if q is None else q
+    sigmas = None if costs is None else _sigmas(model, costs, cost_poses)
+    found = sensitivity(model, q, sigmas=sigmas)
+    uncertain = "as given"
+    if uncertainty is None:
+        tolerance = model.geometry.tolerance
+        uncertainty = Uncertainty(np.diag(tolerance**2)) if sigmas is None else Uncertainty(closures=sigmas)
+        uncertain = "manufacturing tolerances" if sigmas is None else "closure residuals of the given costs"
+    return Accuracy(model, q, found, uncertainty, uncertain, expected_error(model, q, uncertainty, seed=seed))
+
+
+def write_sensitivity(
+    model: Model,
+    q: Floats | None,
+    folder: Path,
+    *,
+    costs: Mapping[str, float] | None = None,
+    cost_poses: int = 61,
+    uncertainty: Uncertainty | None = None,
+    seed: int = 0,
+) -> Accuracy:
+    """Write ``sensitivity.csv``, ``accuracy.json`` and figures into a folder; see :func:`analyse` for the rest.
+
+    Warns
+    -----
+    GtpinWarning
+        If matplotlib is missing: there are no figures then.
+    """
+    found = analyse(model, q, costs=costs, cost_poses=cost_poses, uncertainty=uncertainty, seed=seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    found.sensitivity.to_table().to_csv(folder / "sensitivity.csv", index=False, lineterminator="\n")
+    told = json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n"
+    (folder / "accuracy.json").write_text(told, encoding="utf-8")
+    try:
+        figures.new_figure(1.0, 1.0)
+    except GtpinError as error:
+        warnings.warn(f"no figures: {error}", GtpinWarning, stacklevel=2)
+        return found
+    for name, figure in all_figures(found).items():
+        figure.savefig(folder / f"{name}.png", metadata={"Software": None})
+    return found
+
+
+def all_figures(found: Accuracy) -> dict[str, Figure]:
+    """The figures of an analysis, by name: bars of the sensitivity, and maps over the box of the poses."""
+    model = found.model
+    T = model.kinematics.forward(found.q).T
+    space = workspace(model, T.min(axis=0), T.max(axis=0), COUNTS)
+    made = {"sensitivity": figures.sensitivity_bars(found.sensitivity)}
+    for name, (values, unit, title) in _maps(found, space).items():
+        made[f"map_{name}"] = figures.workspace_map(space, values, title, unit)
+    return made
+
+
+def _maps(found: Accuracy, space: Workspace) -> dict[str, tuple[Floats, str, str]]:
+    covariance = response(found.model, space.q, found.uncertainty).covariance
+    position, orientation = mean_length(covariance[:, :3, :3]), mean_length(covariance[:, 3:, 3:])
+    at = space.dexterity
+    return {
+        "position": (*_small(position, "m"), f"Expected position error ({found.uncertain})"),
+        "orientation": (*_small(orientation, "rad"), f"Expected orientation error ({found.uncertain})"),
+        "condition": (at.condition, "largest / smallest gain", "Condition number of TCP position by commands"),
+        "singularity": (at.singularity, "smallest singular value / at home", "Distance from singularity"),
+    }
+
+
+def _small(values: Floats, unit: str) -> tuple[Floats, str]:
+    """Values in thousandths or millionths of a unit, whichever reads better."""
+    return (1e3 * values, f"m{unit}") if values.max() >= 1e-3 else (1e6 * values, f"u{unit}")
+
+
+def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:
+    links = [rod.name for rod in model.robot.rods]
+    if set(costs) != set(links) or poses < 1 or not all(0.0 <= cost < np.inf for cost in costs.values()):
+        raise ModelError(
+            "costs that can't be the model's", hint=f"give one in m^4 for each of the links {', '.join(links)}"
+        )
+    return np.sqrt(np.array([costs[link] for link in links]) / poses)
+
+
+def _zyz_range(poses: Poses) -> dict[str, float]:
+    return dict(zip(("alpha", "beta", "gamma"), np.ptp(zyz(poses.R), axis=0).tolist(), strict=True))
+
+
+def _told(error: Error) -> dict[str, float]:
+    return {"mean": error.mean, "p95": error.p95, "maximum": error.maximum}
+
+
+def _range(values: Floats) -> dict[str, Any]:
+    """Least, median and most over the poses; None in place of what is not finite."""
+    told = {"least": values.min(axis=0), "median": np.median(values, axis=0), "most": values.max(axis=0)}
+    return {name: _finite(np.asarray(value).tolist()) for name, value in told.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return value if np.isfinite(value) else None

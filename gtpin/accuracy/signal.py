@@ -1,0 +1,97 @@
+"""What measuring at planned poses would tell of the geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy.rods import reached_poses
+from gtpin.calibration.noise import Noise
+from gtpin.calibration.observability import Observability, observability
+from gtpin.calibration.problem import in_frame
+from gtpin.kinematics.rotations import skew
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+
+FREE = 1.0
+"""1 sigma, m and rad, of an instrument's pose that is not known."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What poses would tell: derivatives of their whitened measurements by standard normal unknowns.
+
+    Parameters
+    ----------
+    B
+        (N, c, size) geometry in tolerances, then the instrument's pose, where that is free, in metres and radians.
+    names
+        Of the geometry's p parameters.
+    """
+
+    B: Floats
+    names: tuple[str, ...]
+
+    def information(self, rows: Rows | None = None) -> Floats:
+        """(size, size) B'B summed over some poses, or all."""
+        B = self.B if rows is None else self.B[rows]
+        flat = B.reshape(-1, B.shape[2])
+        return np.asarray(flat.T @ flat)
+
+    def nats(self, rows: Rows | None = None) -> float:
+        """Twice what measuring the poses would tell: log det(I + B'B), of which D-optimal poses have the most."""
+        information = self.information(rows)
+        return float(np.linalg.slogdet(np.eye(len(information)) + information)[1])
+
+    def covariance(self, rows: Rows | None = None) -> Floats:
+        """(p, p) of the geometry after measuring, in tolerances."""
+        information = self.information(rows)
+        p = len(self.names)
+        return np.asarray(np.linalg.inv(np.eye(len(information)) + information)[:p, :p])
+
+    def learned(self, rows: Rows | None = None) -> Floats:
+        """(p,) by parameter, how much of the tolerance's square measuring would take away."""
+        return np.asarray(1.0 - np.diag(self.covariance(rows)))
+
+    def observability(self, rows: Rows | None = None) -> Observability:
+        """What measuring would say by direction, and the indices O1 to O5."""
+        count = len(self.B) if rows is None else len(rows)
+        information, p = self.information(rows), len(self.names)
+        information[p:, p:] += np.eye(len(information) - p)
+        return observability(information, p, count * self.B.shape[1])
+
+
+def signal(model: Model, q: Floats, noise: Noise, *, orientation: bool = True, free_frame: bool = False) -> Signal:
+    """What measuring at commands q (N, n) would tell, the geometry's tolerances being the priors.
+
+    Parameters
+    ----------
+    noise
+        Of the poses; a station's line of sight has to be that of these very poses.
+    orientation
+        Whether orientations are measured too.
+    free_frame
+        Whether the instrument's pose has to be found as well.
+
+    Raises
+    ------
+    UnreachableError
+        If the commands can't be reached.
+    """
+    kinematics = model.kinematics
+    poses = reached_poses(kinematics, q)
+    components = 6 if orientation else 3
+    J = kinematics.geometry_jacobian(q, poses) * model.geometry.tolerance
+    J = in_frame(J, model.frame)
+    if free_frame:
+        motion = np.zeros((len(q), 6, 6))
+        motion[:, :3, :3] = motion[:, 3:, 3:] = FREE * np.eye(3)
+        seen = model.seen(poses).T
+        motion[:, :3, 3:] = -FREE * skew(seen - seen.mean(axis=0))
+        J = np.concatenate([J, motion], axis=2)
+    whitening = noise.whitening(in_frame(kinematics.command_jacobian(q, poses), model.frame), components)
+    return Signal(whitening @ J[:, :components], model.geometry.names)

@@ -1,0 +1,80 @@
+"""Stiffness of the TCP for rods and drives that give way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy.dexterity import unit_rows
+from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.errors import ModelError
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """Stiffness at N poses, the base frame's axes, about the TCP.
+
+    Parameters
+    ----------
+    matrix
+        (N, 6, 6) force and moment per displacement and rotation vector: N/m, N, N m.
+    principal
+        (N, 3) what a force at the TCP meets along the three principal directions, ascending, N/m (1 N/um = 1e6 N/m):
+        eigenvalues of the inverse of the compliance's block of positions, the platform being free to turn.
+    directions
+        (N, 3, 3) those directions, one a column.
+    """
+
+    matrix: Floats
+    principal: Floats
+    directions: Floats
+
+
+def stiffness(
+    model: Model, q: Floats, rod: float | Floats, drive: float | Floats = np.inf, poses: Poses | None = None
+) -> Stiffness:
+    """K = J' (1 / k_rod + B (1 / k_drive) B')^-1 J at commands q (N, n), unloaded.
+
+    J is the derivative of the rods' lengths by the TCP's pose, B that by the commands: a rod and the drive that moves it are
+    springs in a row, and rods on one cart share its drive.
+
+    Parameters
+    ----------
+    rod
+        N/m along a rod, joints included: one number, or (k,).
+    drive
+        N/m (N m/rad where it turns) of an actuator in the sense of its command: one number, or (n,); infinite where it does not
+        give way.
+    poses
+        (N) the poses there, base frame, where they are known.
+
+    Raises
+    ------
+    ModelError
+        If a stiffness is not positive or the robot has no rods.
+    UnreachableError
+        If the commands can't be reached.
+    """
+    kinematics = rod_kinematics(model)
+    rods, drives = (np.asarray(k, dtype=float) for k in (rod, drive))
+    shapes = ((rods, len(model.robot.rods)), (drives, model.robot.n_actuators))
+    if any(not (k > 0.0).all() or k.shape not in ((), (count,)) for k, count in shapes):
+        raise ModelError(
+            "a stiffness that is none", hint="give one positive number in N/m, or one for each rod or actuator"
+        )
+    poses = reached_poses(kinematics, q) if poses is None else poses
+    J = unit_rows(kinematics, q, poses)
+    B = -J @ kinematics.command_jacobian(q, poses)
+    give = (B / np.broadcast_to(drives, B.shape[-1:])) @ np.swapaxes(B, 1, 2)
+    give = give + np.diag(np.broadcast_to(1.0 / rods, len(model.robot.rods)))
+    matrix = np.swapaxes(J, 1, 2) @ np.linalg.solve(give, J)
+    compliance = np.linalg.inv(J)
+    compliance = compliance @ give @ np.swapaxes(compliance, 1, 2)
+    values, directions = np.linalg.eigh(compliance[:, :3, :3])
+    return Stiffness(matrix, 1.0 / values[:, ::-1], directions[:, :, ::-1])

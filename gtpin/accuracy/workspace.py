@@ -1,0 +1,146 @@
+"""Where the TCP can be brought, and how well the robot stands there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import qmc
+
+from gtpin.accuracy.dexterity import Dexterity, dexterity
+from gtpin.accuracy.rods import rod_kinematics
+from gtpin.errors import ModelError, UnreachableError
+from gtpin.kinematics.inverse import commands_for
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+CONDITIONED = 1.5
+"""Motion of the TCP by the actuators, over that at home, beyond which nobody would work."""
+SOUND = 0.5
+"""Distance from singularity, over that at home, below which nobody would work."""
+TRIES = 4
+"""Commands tried per wanted one."""
+SMALLEST_BOX = 1.0 / 64.0
+"""Part of the ranges below which the search gives up."""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A box grid of TCP positions.
+
+    Parameters
+    ----------
+    axes
+        Coordinates, m, of the grid along x, y and z of the base frame; nx, ny and nz of them.
+    reachable
+        (nx, ny, nz) whether the TCP can be brought there within the actuators' ranges.
+    q
+        (M, n) commands of the M reachable points, in the order of the grid's rows (z runs fastest).
+    poses
+        (M) the poses there, base frame.
+    dexterity
+        At the reachable points.
+    """
+
+    axes: tuple[Floats, Floats, Floats]
+    reachable: Mask
+    q: Floats
+    poses: Poses
+    dexterity: Dexterity
+
+    def on_grid(self, values: Floats) -> Floats:
+        """(nx, ny, nz) of values (M,) at the reachable points; NaN elsewhere."""
+        table = np.full(self.reachable.shape, np.nan)
+        table[self.reachable] = values
+        return table
+
+    @property
+    def volume(self) -> float:
+        """Volume, m^3, of the cells about the reachable points."""
+        cell = np.prod([np.diff(axis).mean() if len(axis) > 1 else 0.0 for axis in self.axes])
+        return float(self.reachable.sum() * cell)
+
+
+def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int, int] = (5, 15, 15)) -> Workspace:
+    """Ask a box for where the robot can go; its orientation is left to the arm.
+
+    Parameters
+    ----------
+    lower, upper
+        (3,) corners of the box, base frame, m.
+    counts
+        Points along x, y and z.
+
+    Raises
+    ------
+    ModelError
+        If the robot has no rods, or the box is none.
+    UnreachableError
+        If it can go nowhere in the box.
+    """
+    kinematics = rod_kinematics(model)
+    if min(counts) < 1 or not (np.asarray(lower) <= np.asarray(upper)).all():
+        raise ModelError(
+            "a box without points", hint="give its lower corner, its upper corner and at least one point a side"
+        )
+    axes = [np.linspace(a, b, count) for a, b, count in zip(lower, upper, counts, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    q, poses = commands_for(kinematics, points)
+    robot = model.robot
+    inside = poses.reached
+    inside[inside] = ((q[inside] >= robot.lower) & (q[inside] <= robot.upper)).all(axis=1)
+    if not inside.any():
+        raise UnreachableError(f"{robot.name} reaches no point of the box", hint="give a box about its home")
+    there = poses[inside]
+    return Workspace(
+        (axes[0], axes[1], axes[2]), inside.reshape(counts), q[inside], there, dexterity(model, q[inside], there)
+    )
+
+
+def default_commands(model: Model, count: int = 180) -> Floats:
+    """(count, n) commands spread evenly (Halton) over the ranges, where the robot stands about as well as at home.
+
+    An actuator without limits is taken from -pi to pi. Where the robot reaches hardly any of a box of commands, as one whose
+    actuators could do far more one by one than together, the box is shrunk towards home.
+
+    Raises
+    ------
+    ModelError
+        If the robot has no rods.
+    UnreachableError
+        If the robot reaches hardly any of its range even near home.
+    """
+    robot = model.robot
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    size = 1.0
+    while size >= SMALLEST_BOX:
+        a, b = robot.home_q + size * (lower - robot.home_q), robot.home_q + size * (upper - robot.home_q)
+        found = _fit_to_work(model, a, b, count)
+        if len(found) == count:
+            return found
+        size /= 2.0
+    raise UnreachableError(f"{robot.name} reaches hardly any of its range", hint="give commands")
+
+
+def _fit_to_work(model: Model, lower: Floats, upper: Floats, count: int) -> Floats:
+    """Up to count commands of a box that are reached and well conditioned, as far as a few tries for each find them."""
+    kinematics, home_q = rod_kinematics(model), model.robot.home_q[None]
+    at_home = np.linalg.norm(kinematics.command_jacobian(home_q, kinematics.forward(home_q)))
+    sequence = qmc.Halton(model.robot.n_actuators, scramble=False)
+    sequence.fast_forward(1)  # its first point is the corner of the box
+    found = np.zeros((0, home_q.shape[1]))
+    for _ in range(TRIES):
+        q = lower + sequence.random(count) * (upper - lower)
+        poses = kinematics.forward(q)
+        q, poses = q[poses.reached], poses[poses.reached]
+        gain = np.linalg.norm(kinematics.command_jacobian(q, poses), axis=(1, 2))
+        sound = dexterity(model, q, poses).singularity >= SOUND
+        found = np.vstack([found, q[sound & (gain <= CONDITIONED * at_home)]])
+        if len(found) >= count:
+            break
+    return found[:count]

@@ -1,0 +1,153 @@
+"""What a diagnosis says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from gtpin.calibration.result import Calibration
+from gtpin.diagnosis.shrinkage import Gap
+from gtpin.diagnosis.where import Where
+from gtpin.model import Model
+
+Verdict = Literal["none", "explained", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True)
+class Member:
+    """An effect at a site that could be the cause."""
+
+    effect: str
+    site: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause, and everything that could stand in for it.
+
+    Parameters
+    ----------
+    effect, site, probability
+        The leader of its class.
+    members
+        Its class: itself and what has at least 5 % of its probability.
+    parameters
+        By name: value, sigma, unit.
+    shrinkage
+        Share of the gap's power that goes away with it, beside the other causes.
+    """
+
+    effect: str
+    site: str
+    probability: float
+    members: tuple[Member, ...]
+    parameters: dict[str, tuple[float, float, str]]
+    shrinkage: float
+
+
+@dataclass(frozen=True)
+class Considered:
+    """A candidate, and what came of it."""
+
+    effect: str
+    site: str
+    log_evidence: float
+    probability: float
+    testable: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What is left after the causes.
+
+    Parameters
+    ----------
+    share
+        Of the excess of chi-square that geometry alone leaves.
+    p_value
+        Chance of a larger chi-square from noise alone.
+    correlates
+        Site, coordinates and p-value of free motions that go with it.
+    """
+
+    share: float
+    p_value: float
+    correlates: tuple[tuple[str, str, float], ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Verdict, causes, where the gap lies and how far it shrinks; see ``docs/diagnosis.md``.
+
+    Parameters
+    ----------
+    model
+        Predicts with the causes in; ``baseline.model`` without.
+    """
+
+    verdict: Verdict
+    causes: tuple[Cause, ...]
+    candidates: tuple[Considered, ...]
+    where: Where
+    gap: Gap
+    unexplained: Unexplained
+    baseline: Calibration
+    model: Model
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``."""
+        none = self.verdict == "none"
+        return {
+            "schema": "gtpin-diagnosis/1",
+            "verdict": self.verdict,
+            "causes": [
+                {
+                    "effect": c.effect,
+                    "site": c.site,
+                    "probability": c.probability,
+                    "class": [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in c.members],
+                    "parameters": {n: {"value": v, "sigma": s, "unit": u} for n, (v, s, u) in c.parameters.items()},
+                    "shrinkage": c.shrinkage,
+                }
+                for c in self.causes
+            ],
+            "candidates": [
+                {
+                    "effect": c.effect,
+                    "site": c.site,
+                    "log_evidence": c.log_evidence,
+                    "probability": c.probability,
+                    "testable": c.testable,
+                    "reason": c.reason,
+                }
+                for c in self.candidates
+            ],
+            "where": {
+                "rod": self.where.rod,
+                "site": self.where.site,
+                "axis": self.where.axis,
+                "covariate": self.where.covariate,
+                "region": [{"box": np.asarray(box).tolist(), "share": share} for box, share in self.where.region],
+            },
+            "gap": {
+                "position_rms_before": self.gap.before,
+                "position_rms_after": self.gap.after,
+                "noise_floor": self.gap.floor,
+                "shrinkage": None if none else self.gap.shrinkage,
+                "interval": None if none or self.gap.interval is None else list(self.gap.interval),
+                "method": "blocks of neighbouring poses left out in turn; interval by resampling blocks",
+            },
+            "unexplained": {
+                "share": self.unexplained.share,
+                "p_value": self.unexplained.p_value,
+                "correlates": [
+                    {"site": site, "covariate": coordinates, "p_value": p}
+                    for site, coordinates, p in self.unexplained.correlates
+                ],
+            },
+            "next_experiment": [],
+        }
