@@ -108,16 +108,10 @@ def diagnose(
     columns = {n: pool.columns[n] * s for n, s in zip(causes_model.names, causes_model.scale, strict=True)}
     together = np.hstack([*columns.values(), np.zeros((len(design.y), 0))])
     whole = gap(design, together, floor, blocks, rng)
-    shares = {
-        n: gap(
-            design,
-            np.hstack([v for m, v in columns.items() if m != n] + [np.zeros((len(design.y), 0))]),
-            floor,
-            blocks,
-            rng,
-        )
-        for n in columns
-    }
+    shares = {}
+    for cause in columns:
+        others = np.hstack([*(v for n, v in columns.items() if n != cause), np.zeros((len(design.y), 0))])
+        shares[cause] = gap(design, others, floor, blocks, rng)
     causes = [
         _cause(pool, model, i, name, classes[name], (whole.shrinkage or 0.0) - (shares[name].shrinkage or 0.0))
         for i, name in enumerate(causes_model.names)
@@ -225,7 +219,7 @@ def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
     log = np.array([gains[n] for n in names]) / TEMPERATURE
     probability = np.exp(log - logsumexp(log))
     members = [
-        Member(*n.split("@"), float(p))
+        Member(*_split(n), float(p))
         for n, p in zip(names, probability, strict=True)
         if p >= CLASS_SHARE * probability.max()
     ]
@@ -241,7 +235,7 @@ def _verdict(unknown: bool, classes: dict[str, tuple[Member, ...]]) -> Verdict:
 
 
 def _cause(pool: Pool, model: Model, place: int, name: str, members: tuple[Member, ...], shrinkage: float) -> Cause:
-    effect, site = name.split("@")
+    effect, site = _split(name)
     own = next((m for m in members if (m.effect, m.site) == (effect, site)), members[0])
     return Cause(effect, site, own.probability, members, _parameters(model.effects[place]), shrinkage)
 
@@ -261,22 +255,24 @@ def _parameters(active: ActiveEffect) -> dict[str, tuple[float, float, str]]:
     return found
 
 
+def _split(name: str) -> tuple[str, str]:
+    effect, _, site = name.partition("@")
+    return effect, site
+
+
 def _considered(pool: Pool, classes: dict[str, tuple[Member, ...]]) -> list[Considered]:
     gains = pool.gains(pool.empty)
     probability = {f"{m.effect}@{m.site}": m.probability for members in classes.values() for m in members}
     rows = [
-        Considered(*name.split("@"), float(gain), probability.get(name, 0.0), True, "") for name, gain in gains.items()
+        Considered(*_split(name), float(gain), probability.get(name, 0.0), True, "") for name, gain in gains.items()
     ]
     return sorted(rows, key=lambda row: -row.log_evidence)
 
 
 def _unexplained(pool: Pool, free: _Rivals, model: Posterior, baseline: Calibration) -> Unexplained:
     power = Conditional.on(pool.products, model).products.power
-    taken = (
-        float(np.diag(model.covariance @ pool.products.gram[np.ix_(*[pool.products.columns(model.names)] * 2)]).sum())
-        if model.names
-        else 0.0
-    )
+    columns = pool.products.columns(model.names)
+    taken = float(np.einsum("ij,ji->", model.covariance, pool.products.gram[np.ix_(columns, columns)]))
     dof = max(len(pool.design.y) - pool.design.n_geometry - taken, 1.0)
     excess = max(pool.products.power - len(pool.design.y) + pool.design.n_geometry, 1e-9)
     correlates = []

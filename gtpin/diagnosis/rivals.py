@@ -111,7 +111,7 @@ def _of_links(at: Situation) -> Iterator[tuple[str, str, Basis]]:
 
 def _of_platform(at: Situation) -> Iterator[tuple[str, str, Basis]]:
     """Motions of the target and tool on the plate, TCP frame."""
-    functions = list(_over_conditions(at)) + [("position", *_field(at, 2))]
+    functions = [*_over_conditions(at), ("position", *_field(at, 2))]
     for coordinates, waves, size in functions:
         twist = np.zeros((len(at), 6, 6, waves.shape[1]))
         twist[:, :3, :3] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
