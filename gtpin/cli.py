@@ -31,10 +31,14 @@ from gtpin.predict import prediction_table
 from gtpin.report.calibration_text import calibration_text
 from gtpin.robot.library import load_robot
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
 app = typer.Typer(
     name="gtpin",
     help="Closed-chain kinematics, calibration and diagnosis of the Gantry-Tau parallel robot and its kin.",
     no_args_is_help=True,
+    epilog="Example: gtpin demo -o first-try",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -199,7 +203,10 @@ def main() -> None:
 
 def _run() -> int:
     try:
-        return app(standalone_mode=False) or 0
+        code = app(standalone_mode=False) or 0
+        if code == INTERRUPTED:  # typer makes a code of the exception
+            raise KeyboardInterrupt
+        return code
     except typer.TyperException as error:  # wrong options, missing arguments
         _say("error", f"{getattr(error, 'format_message', error.__str__)()} (gtpin --help tells more)")
         return 2
@@ -211,7 +218,7 @@ def _run() -> int:
         return 2
     except (KeyboardInterrupt, typer.Abort):
         _say("error", "interrupted")
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         return 0
     except Exception as error:

@@ -48,11 +48,14 @@ class Model:
         The base frame in the instrument's frame; left out, the instrument measures in the base frame.
     effects
         What the geometry leaves out, with coefficients.
+    covariance
+        (p, p) of the geometry's parameters, m, rad and m/m, where they were identified; None where they are nominal.
     """
 
     geometry: Geometry
     frame: Frame = field(default_factory=Frame)
     effects: tuple[ActiveEffect, ...] = ()
+    covariance: Floats | None = None
 
     @property
     def robot(self) -> Robot:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gtpin.errors import GtpinError, ModelError
@@ -61,6 +62,7 @@ class _ModelFile(BaseModel):
     tracks: list[_TrackFile | None] = []
     parameters: dict[str, Finite]
     tolerance: dict[str, Annotated[float, Field(gt=0.0, allow_inf_nan=False)]]
+    covariance: list[list[Finite]] | None = None
     base_in_instrument: _FrameFile | None
 
 
@@ -94,6 +96,7 @@ def write_model(model: Model, folder: str | Path) -> None:
         tracks=[None if track is None else _TrackFile(**_track_lists(track)) for track in geometry.tracks],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
+        covariance=None if model.covariance is None else model.covariance.tolist(),
         base_in_instrument=None
         if frame.is_base
         else _FrameFile(position=frame.T.tolist(), orientation=to_quaternions(frame.R[None])[0].tolist()),
@@ -147,9 +150,14 @@ def _read_folder(folder: Path) -> Model:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         raise ModelError(first["msg"], file=file, column=key, hint="write the model again") from None
+    except (RecursionError, ValueError) as error:  # brackets nested a thousand deep, endless integers
+        raise ModelError(
+            f"no JSON that can be read ({str(error)[:80]})", file=file, hint="write the model again"
+        ) from None
     robot = Robot(Description.read(folder / told.nominal_urdf), told.tcp)
     try:
-        return Model(_geometry(robot, told), _frame(told))
+        geometry = _geometry(robot, told)
+        return Model(geometry, _frame(told), covariance=_covariance(geometry, told))
     except GtpinError as error:
         raise ModelError(error.what, file=file, hint="write the model again") from None
 
@@ -175,6 +183,17 @@ def _track(told: _TrackFile) -> MeasuredTrack:
         raise ModelError("a track's points differ in number")
     turns = None if told.turns is None else np.array(told.turns)
     return MeasuredTrack(np.array(told.q), np.array(told.path), turns, np.array(told.origin))
+
+
+def _covariance(geometry: Geometry, told: _ModelFile) -> npt.NDArray[np.float64] | None:
+    if told.covariance is None:
+        return None
+    count = len(geometry.parameters)
+    if len(told.covariance) != count or any(len(row) != count for row in told.covariance):
+        raise ModelError(f"the covariance is not {count} x {count}")
+    # In the order of the file's parameters, as it was written.
+    order = [list(told.parameters).index(name) for name in geometry.names]
+    return np.array(told.covariance)[np.ix_(order, order)]
 
 
 def _frame(told: _ModelFile) -> Frame:

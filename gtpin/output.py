@@ -33,8 +33,7 @@ def results_folder(target: Path) -> Iterator[Path]:
     try:
         with _writing(target):
             beside.mkdir(parents=True)
-        yield beside
-        with _writing(target):
+            yield beside
             _place(beside, target)
         placed = True
     finally:

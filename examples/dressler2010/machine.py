@@ -1,9 +1,6 @@
-"""A virtual twin of the machine of Dressler, Brogårdh and Robertsson (ICRA 2010): its geometry is the paper's, its carts err.
+"""A virtual twin of the machine of Dressler, Brogårdh and Robertsson (ICRA 2010): their geometry, and carts and rods that err.
 
-The paper's numbers: geometry (Table II, model 3), the size of the carts' errors (cart 2 between 25 and 140 micrometres, cart 1
-most linear), a shift along the track that depends on where the other carts are, 28 points a cart, 150 random poses.
-Assumed: the shapes of the errors, the carts' rotations, the rods' lengths changing with the arm's posture, where the target sat,
-the noise. The assumed sizes are such that the costs by link come out like Table II's last column; Table I is not used.
+README.md says which number is the paper's and which is assumed.
 """
 
 from __future__ import annotations
@@ -20,43 +17,55 @@ from gtpin.kinematics.rod_kinematics import RodKinematics
 
 Floats = npt.NDArray[np.float64]
 
-ALONG = (10e-6, 80e-6, 15e-6)  # m, rms of the smooth error along tracks 1 to 3
-ACROSS = (8e-6, 20e-6, 12e-6)  # m, rms of the smooth error across
-ROTATION = (15e-6, 40e-6, 150e-6)  # rad, rms of roll, pitch and yaw of carts 1 to 3
-COUPLING = (10e-6, 120e-6, 30e-6)  # m of shift along the track per metre that the other carts are ahead
-LENGTH = (
-    65e-6,
-    50e-6,
-    20e-6,
-)  # m, rms change of a rod's length with the arm's posture, by cart: fewer rods, less stiff
-RACK = (5e-6, 10e-6, 5e-6)  # m, amplitude at the rack's tooth, which 28 points can't see
+RANGE = (-0.65, 0.70)  # m, the commands at which the carts were measured
+DIRECTION = (  # travel of the six rods' joints per commanded metre, base frame: Table II, model 3, as printed
+    [(0.99773, -0.06636, -0.00544)],
+    [(0.99761, -0.06584, -0.00544), (0.99744, -0.06589, -0.00562)],
+    [(0.99766, -0.06600, -0.00515), (0.99764, -0.06607, -0.00507), (0.99774, -0.06597, -0.00507)],
+)
+
+# Assumed. Sizes for carts 1 to 3: rms of what a linear function does not explain.
+ALONG = (12e-6, 45e-6, 12e-6)  # m along the track, over the cart's own command
+ACROSS = (8e-6, 35e-6, 8e-6)  # m across it, each of two directions
+TURN = (20e-6, 40e-6, 20e-6)  # rad, roll, pitch and yaw, over the cart's own command
+SHIFT = (5e-6, 30e-6, 10e-6)  # m along the track, over where the other carts are
+SWAY = (10e-6, 35e-6, 15e-6)  # m across it, likewise
+STRETCH = (64e-6, 35e-6, 12e-6)  # m of a cluster's rods, likewise: the fewer rods, the less stiff they are
+RACK = (5e-6, 10e-6, 5e-6)  # m, amplitude of a wave along the track at every tooth of the rack
 TOOTH = 0.0209  # m
-TARGET = ((0.05, -0.10, 0.05), (0.05, 0.12, -0.12), (0.05, 0.08, -0.15))  # m, from the joints' mean: by 2b and by 3c
+OWN, OTHERS = (0.25, 0.9), (0.5, 1.2)  # m, shortest and longest waves over a cart's own command, and over the others'
+TARGET = (
+    (0.05, -0.10, 0.05),
+    (0.08, 0.03, -0.02),
+    (0.08, 0.09, -0.19),
+)  # m, T-Mac from the joints' mean: beside 2b, 3c
 
 
 @dataclass(frozen=True)
-class Smooth:
-    """A random smooth function of a cart's command: a few waves of 0.5 to 3 m, as straightness and linearity errors are."""
+class Waves:
+    """A random function of points (N, d), m: five waves, whose rms about a linear function is given."""
 
-    waves: Floats
+    vectors: Floats
     phases: Floats
     weights: Floats
 
     @staticmethod
-    def draw(rng: np.random.Generator, rms: float) -> Smooth:
-        weights = rng.standard_normal(5)
-        return Smooth(
-            1 / rng.uniform(0.5, 3.0, 5),
-            rng.uniform(0, 2 * np.pi, 5),
-            rms * np.sqrt(2) * weights / np.linalg.norm(weights),
-        )
+    def draw(rng: np.random.Generator, rms: float, lengths: tuple[float, float], d: int) -> Waves:
+        directions = rng.standard_normal((5, d))
+        directions *= 2 * np.pi / rng.uniform(*lengths, (5, 1)) / np.linalg.norm(directions, axis=1, keepdims=True)
+        raw = Waves(directions, rng.uniform(0, 2 * np.pi, 5), rng.standard_normal(5))
+        points = np.stack(np.meshgrid(*[np.linspace(*RANGE, 28)] * d), axis=-1).reshape(-1, d)
+        linear = np.column_stack([np.ones(len(points)), points])
+        values = raw(points)
+        left = values - linear @ np.linalg.lstsq(linear, values, rcond=None)[0]
+        return Waves(raw.vectors, raw.phases, raw.weights * rms / left.std())
 
-    def __call__(self, q: Floats) -> Floats:
-        return np.asarray(np.sin(2 * np.pi * q[..., None] * self.waves + self.phases) @ self.weights)
+    def __call__(self, points: Floats) -> Floats:
+        return np.asarray(np.sin(points @ self.vectors.T + self.phases) @ self.weights)
 
 
 class Twin:
-    """The machine."""
+    """The machine: one draw of its errors for each seed."""
 
     def __init__(self, seed: int = 2010) -> None:
         rng = np.random.default_rng(seed)
@@ -64,40 +73,52 @@ class Twin:
         self.rods = RodKinematics(gtpin.Geometry.nominal(self.robot))
         self.carrier = np.array([rod.carrier for rod in self.robot.rods])
         self.middle = np.array([self.rods.C0[self.carrier == c].mean(axis=0) for c in range(3)])
-        self.along = [Smooth.draw(rng, rms) for rms in ALONG]
-        self.across = [[Smooth.draw(rng, rms) for _ in range(3)] for rms in ACROSS]
-        self.rotation = [[Smooth.draw(rng, rms) for _ in range(3)] for rms in ROTATION]
-        self.length = [Smooth.draw(rng, LENGTH[c]) for c in self.carrier]
+        self.direction = [np.mean(directions, axis=0) for directions in DIRECTION]
+        self.turning = [self._turning(c) for c in range(3)]
+        self.along = [Waves.draw(rng, rms, OWN, 1) for rms in ALONG]
+        self.across = [[Waves.draw(rng, rms, OWN, 1) for _ in "yz"] for rms in ACROSS]
+        self.turns = [[Waves.draw(rng, rms, OWN, 1) for _ in "xyz"] for rms in TURN]
+        self.shift = [Waves.draw(rng, rms, OTHERS, 2) for rms in SHIFT]
+        self.sway = [[Waves.draw(rng, rms, OTHERS, 2) for _ in "yz"] for rms in SWAY]
+        self.stretch = [Waves.draw(rng, rms, OTHERS, 2) for rms in STRETCH]
         self.phase = rng.uniform(0, 2 * np.pi, 3)
 
     def on_cart(self, cart: int, q: Floats, point: Floats) -> Floats:
         """(N, 3) where a point of a cart is at commands q (N, 3); the point is given at zero, base frame, m."""
-        v, s = self.robot.actuators[cart].axis, q[:, cart]
-        others = self.ahead(cart, q)
-        along = (
-            self.along[cart](s)
-            + COUPLING[cart] * others
-            + RACK[cart] * np.sin(2 * np.pi * s / TOOTH + self.phase[cart])
-        )
-        across = np.stack([f(s) for f in self.across[cart]], axis=1)
-        turn = np.stack([f(s) for f in self.rotation[cart]], axis=1)
-        across -= (across @ v)[:, None] * v
-        return np.asarray(point + (s + along)[:, None] * v + across + np.cross(turn, point - self.middle[cart]))
+        own, others = q[:, [cart]], ahead(cart, q)
+        rack = RACK[cart] * np.sin(2 * np.pi * q[:, cart] / TOOTH + self.phase[cart])
+        along = q[:, cart] + self.along[cart](own) + self.shift[cart](others) + rack
+        # The tracks follow x to four degrees, so that y and z are across them.
+        across = [f(own) + g(others) for f, g in zip(self.across[cart], self.sway[cart], strict=True)]
+        moved = point + along[:, None] * self.direction[cart]
+        moved[:, 1:] += np.stack(across, axis=1)
+        return moved + np.cross(self.turn(cart, q), point - self.middle[cart])
+
+    def turn(self, cart: int, q: Floats) -> Floats:
+        """(N, 3) small rotation of a cart about the mean of its joints, base frame, rad."""
+        own = q[:, [cart]]
+        return np.asarray(own * self.turning[cart] + np.stack([f(own) for f in self.turns[cart]], axis=1))
+
+    def _turning(self, cart: int) -> Floats:
+        """(3,) rad/m: how a rigid cart turns on its way, so that its joints' directions are closest to the printed ones."""
+        lever = self.rods.C0[self.carrier == cart] - self.middle[cart]
+        by_turn = np.concatenate([np.cross(np.eye(3), r).T for r in lever])
+        apart = np.asarray(DIRECTION[cart]) - self.direction[cart]
+        return np.asarray(np.linalg.lstsq(by_turn, apart.ravel(), rcond=1e-6)[0])
 
     def ends(self, q: Floats) -> RodEnds:
         """The rods' ends at commands (N, 3)."""
         C = np.stack([self.on_cart(c, q, self.rods.C0[i]) for i, c in enumerate(self.carrier)], axis=1)
-        stretch = [self.length[i](self.ahead(c, q)) for i, c in enumerate(self.carrier)]
+        stretch = [self.stretch[c](ahead(c, q)) for c in self.carrier]
         return RodEnds(self.rods.P, C, self.rods.L0 + np.stack(stretch, axis=1))
-
-    @staticmethod
-    def ahead(cart: int, q: Floats) -> Floats:
-        """(N,) how far the other carts are ahead of one, m."""
-        return np.asarray(q[:, [c for c in range(3) if c != cart]].mean(axis=1) - q[:, cart])
 
     def poses(self, q: Floats) -> Poses:
         """True poses at commands (N, 3), base frame: the exact closures, followed from home."""
-        home = self.rods.home
-        start = follow(lambda s, rows: self.ends(0.0 * q[:1]), home, 5.0)
+        start = follow(lambda s, rows: self.ends(0.0 * q[:1]), self.rods.home, 5.0)
         begin = Poses(np.tile(start.T, (len(q), 1)), np.tile(start.R, (len(q), 1, 1)))
         return follow(lambda s, rows: self.ends(s[:, None] * q[rows]), begin, 5.0)
+
+
+def ahead(cart: int, q: Floats) -> Floats:
+    """(N, 2) how far the other two carts are ahead of one, m: the arm's posture, and with it the load."""
+    return np.delete(q, cart, axis=1) - q[:, [cart]]

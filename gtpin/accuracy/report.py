@@ -103,8 +103,8 @@ def analyse(
     costs
         Final cost by link: the sum over ``cost_poses`` poses of the squared closure residual, m^4, as in the paper's Table II.
     uncertainty
-        What is uncertain. By default closure residuals of the costs' size where these are given, else the geometry, by its
-        manufacturing tolerances: a machine that nobody has calibrated.
+        What is uncertain. By default closure residuals of the costs' size where these are given, else the geometry: by the
+        covariance of its calibration, or by manufacturing tolerances where nobody has calibrated it.
 
     Raises
     ------
@@ -118,10 +118,16 @@ def analyse(
     found = sensitivity(model, q, sigmas=sigmas)
     uncertain = "as given"
     if uncertainty is None:
-        tolerance = model.geometry.tolerance
-        uncertainty = Uncertainty(np.diag(tolerance**2)) if sigmas is None else Uncertainty(closures=sigmas)
-        uncertain = "manufacturing tolerances" if sigmas is None else "closure residuals of the given costs"
+        uncertain, uncertainty = _usual_uncertainty(model, sigmas)
     return Accuracy(model, q, found, uncertainty, uncertain, expected_error(model, q, uncertainty, seed=seed))
+
+
+def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncertainty]:
+    if sigmas is not None:
+        return "closure residuals of the given costs", Uncertainty(closures=sigmas)
+    if model.covariance is not None:
+        return "covariance of the calibration", Uncertainty(model.covariance)
+    return "manufacturing tolerances", Uncertainty(np.diag(model.geometry.tolerance**2))
 
 
 def write_sensitivity(

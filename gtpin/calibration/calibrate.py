@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -14,13 +15,13 @@ from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds
 from gtpin.data import Dataset, check_plausible
-from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.errors import DatasetError, GtpinWarning, RobotError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model import Frame, Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
-from gtpin.robot.parameters import Per
+from gtpin.robot.parameters import TOLERANCE, Per
 from gtpin.robot.robot import Robot
 
 Mask = npt.NDArray[np.bool_]
@@ -70,7 +71,8 @@ def calibrate(
     GtpinWarning
         Of poses that are set aside, by name.
     """
-    robot = load_robot(dataset.robot_reference) if robot is None else robot
+    robot = _robot_of(dataset) if robot is None else robot
+    _check_tolerances(dataset)
     if model is None:
         geometry = Geometry.nominal(
             robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=tuple(without)
@@ -98,6 +100,26 @@ def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress 
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
     return Calibration.of(settled, start.seen(poses[settled.used]), rejected)
+
+
+def _robot_of(dataset: Dataset) -> Robot:
+    try:
+        return load_robot(dataset.robot_reference)
+    except RobotError as error:
+        if error.file is not None:
+            raise
+        raise DatasetError(error.what, file=_toml(dataset), column="robot", hint=error.hint) from None
+
+
+def _check_tolerances(dataset: Dataset) -> None:
+    for kind in dataset.tolerance:
+        if kind not in TOLERANCE:
+            hint = f"kinds are {', '.join(TOLERANCE)}"
+            raise DatasetError("unknown kind of tolerance", file=_toml(dataset), column=f"tolerance.{kind}", hint=hint)
+
+
+def _toml(dataset: Dataset) -> Path | None:
+    return None if dataset.path is None else dataset.path / "dataset.toml"
 
 
 def measured_poses(dataset: Dataset) -> Measured:

@@ -19,7 +19,7 @@ MAX_DAMPING = 1e12
 STEP = 1e-7
 """Step, in tolerances, at which the fit has converged."""
 DECREASE = 1e-10
-"""Decrease of the cost that a step promises, per unit of cost, at which the fit has converged."""
+"""Decrease of the cost that a step promises, per unit of cost, at which the fit has converged, unless told otherwise."""
 ROUNDING = 1e-6
 """The same where no step lowers the cost: rounding then hides what is left to gain."""
 
@@ -67,6 +67,9 @@ def fit(
     weigh: Callable[[Floats], Floats],
     x: Floats | None = None,
     progress: Callable[[int, float], None] | None = None,
+    *,
+    decrease: float = DECREASE,
+    enough: int = MAX_ITERATIONS,
 ) -> Fit:
     """Minimise the weighted squares of the whitened residuals plus the prior's.
 
@@ -80,6 +83,10 @@ def fit(
         Where to start: nominal by default.
     progress
         Called with the iteration and the root mean square of the weighted residuals.
+    decrease
+        Decrease of the cost that a step promises, per unit of cost, at which the fit has converged.
+    enough
+        Steps after which the last iterate will do, for a rough fit that another one follows.
 
     Raises
     ------
@@ -101,10 +108,12 @@ def fit(
         cost = _cost(problem, point.x, residual, weight)
         if progress is not None:
             progress(iteration, float(np.sqrt((weight[:, None] * residual**2).mean())))
+        if iteration >= enough:
+            return Fit(problem, point, residual, weight, information, iteration)
         while True:
             step = _step(information + np.diag(problem.prior), gradient, damping)
             promised = float(step @ gradient) / 2.0
-            if damping == 0.0 and (np.abs(step).max() <= STEP or promised <= DECREASE * max(cost, 1.0)):
+            if damping == 0.0 and (np.abs(step).max() <= STEP or promised <= decrease * max(cost, 1.0)):
                 return Fit(problem, point, residual, weight, information, iteration)
             trial = problem.point(point.x + step, point.poses)
             if trial.poses.reached.all():

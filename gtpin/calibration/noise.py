@@ -228,7 +228,7 @@ def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, decla
     chosen = best.x if 2.0 * (cost(simpler) - float(best.fun)) > SHOWN else simpler
     if all(declared):
         return replace(trial(chosen), source="declared")
-    return replace(trial(chosen), source="repeats", dof=float(3 * len(contrast)))
+    return replace(trial(chosen), source="repeats", dof=float(3 * len(contrast))).at_least(SMALLEST)
 
 
 def _tamed(contrast: Floats) -> Floats:

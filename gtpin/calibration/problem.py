@@ -15,6 +15,10 @@ Floats = npt.NDArray[np.float64]
 
 CHUNK = 4096
 """Poses whose derivatives are held in memory at once."""
+FARTHEST = 1e12
+"""Whitened residual at which all are cut off, so that the square of any gross error is a number."""
+ALIGNMENTS = 20
+"""Reweighted fits by which the first guess of the instrument's pose gets rid of gross errors."""
 FRAME_UNIT = 1e-3
 """Unit, m and rad, of the instrument's pose in x: of the size of tolerances, so that x is evenly scaled."""
 
@@ -100,7 +104,7 @@ class Problem:
 
     def whiten(self, values: Floats) -> Floats:
         """(N, c) values in units of the noise."""
-        return np.asarray(np.einsum("nij,nj->ni", self.whitening, values))
+        return np.asarray(np.clip(np.einsum("nij,nj->ni", self.whitening, values), -FARTHEST, FARTHEST))
 
     def normal_equations(self, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
         """J'WJ (size, size) and J'Wr (size,) of the data alone, J the derivative of the whitened prediction by x."""
@@ -137,7 +141,7 @@ class Problem:
     @property
     def _pivot(self) -> Floats:
         """(3,) what the view turns about: amid the poses, where shift and turn are nearly independent."""
-        return np.asarray(self.measured.T.mean(axis=0))
+        return np.asarray(np.median(self.measured.T, axis=0))
 
     def _frame(self, x: Floats) -> Frame:
         if not self.free_frame:
@@ -158,11 +162,23 @@ def in_frame(J: Floats, frame: Frame) -> Floats:
 
 def rough_frame(predicted: Poses, measured: Measured) -> Frame:
     """Where the base frame lies in the instrument's frame, by the best fit of the positions (Kabsch), or of the rotations
-    where the positions lie on a line.
+    where the positions lie on a line. Gross errors hardly pull: what is far off has little weight.
     """
-    a, b = predicted.T - predicted.T.mean(axis=0), measured.T - measured.T.mean(axis=0)
+    far = np.linalg.norm(measured.T - np.median(measured.T, axis=0), axis=1)
+    weight = (far <= 10.0 * np.median(far)).astype(float)
+    for _ in range(ALIGNMENTS):
+        frame = _aligned(predicted, measured, weight)
+        off = np.linalg.norm(measured.T - predicted.moved(frame.T, frame.R).T, axis=1)
+        weight = 1.0 / np.maximum(off / max(float(np.median(off)), 1e-9), 1.0)
+    return frame
+
+
+def _aligned(predicted: Poses, measured: Measured, weight: Floats) -> Frame:
+    w = weight / weight.sum()
+    centre_a, centre_b = w @ predicted.T, w @ measured.T
+    a, b = predicted.T - centre_a, measured.T - centre_b
     # Orientation tells the turn even where the positions don't; a metre of position counts as much as a radian.
-    turns = np.zeros((3, 3)) if measured.R is None else np.einsum("nij,nkj->ik", measured.R, predicted.R)
-    U, _, Vt = np.linalg.svd(b.T @ a + turns)
+    turns = np.zeros((3, 3)) if measured.R is None else np.einsum("n,nij,nkj->ik", w, measured.R, predicted.R)
+    U, _, Vt = np.linalg.svd((w[:, None] * b).T @ a + turns)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    return Frame(measured.T.mean(axis=0) - R @ predicted.T.mean(axis=0), R)
+    return Frame(centre_b - R @ centre_a, R)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -91,9 +91,10 @@ class Calibration:
         information = final.information * settled.tails.kept(components)
         x_covariance = np.linalg.inv(information + np.diag(problem.prior))
         p, tolerance = problem.n_geometry, geometry.tolerance
+        covariance = x_covariance[:p, :p] * np.outer(tolerance, tolerance)
         return Calibration(
-            model=final.point.model,
-            covariance=x_covariance[:p, :p] * np.outer(tolerance, tolerance),
+            model=replace(final.point.model, covariance=covariance),
+            covariance=covariance,
             observability=observability(information, p, final.residual.size),
             noise=settled.noise,
             enlarged=enlarged,

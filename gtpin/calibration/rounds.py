@@ -28,6 +28,10 @@ FREE_ROUNDS = 8
 """Rounds after which no more poses are set aside and tails only become heavier, lest two readings of the data take turns."""
 ROUGH = 5e-6
 """Sigma, m and rad, that the rough fit goes down to: with less, the cost is a narrow curved valley far from its minimum."""
+ROUGHLY = 1e-4
+"""Relative decrease of the cost at which the rough fit is good enough: its weights may go on taking turns below that."""
+ROUGH_STEPS = 15
+"""Steps after which the rough fit is near enough to tell gross errors: reweighting can creep."""
 SETTLED = 1e-3
 """Relative change of an estimated sigma at which it has settled."""
 LACK_OF_FIT = 1e-3
@@ -116,7 +120,7 @@ class Rounds:
         """
         J = in_frame(self.start.kinematics.command_jacobian(self.measured.q, self.near), self.start.frame)
         noise, used, tails = self._first_noise(), np.ones(len(self.near), dtype=bool), weights.Tails()
-        outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, None, "rough fit")
+        outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, None, "rough fit", rough=True)
         if not all(self._declared):  # gross errors and tails are judged by the size of the noise
             noise = noises.roughly(noise, self.measured.minus(self._predicted(outcome)), self._declared)
         for number in range(1, MAX_ROUNDS + 1):
@@ -132,7 +136,9 @@ class Rounds:
             if number > 1 and settled:
                 return Settled(outcome, used, noise, tails)
             used, noise, tails = now_used, now_noise, now_tails
-            outcome = self._fit(used, noise, J, tails.weigh, outcome.point.x, f"fit {number}")
+            # Gross errors may have led the rough fit far astray; without them, nominal is a good place to start.
+            x = None if number == 1 and not used.all() else outcome.point.x
+            outcome = self._fit(used, noise, J, tails.weigh, x, f"fit {number}")
         raise ConvergenceError(
             f"noise and gross errors have not settled in {MAX_ROUNDS} rounds", hint="declare the noise in dataset.toml"
         )
@@ -155,7 +161,14 @@ class Rounds:
         ).at_least(noises.SMALLEST)
 
     def _fit(
-        self, used: Mask, noise: Noise, J: Floats, weigh: Callable[[Floats], Floats], x: Floats | None, what: str
+        self,
+        used: Mask,
+        noise: Noise,
+        J: Floats,
+        weigh: Callable[[Floats], Floats],
+        x: Floats | None,
+        what: str,
+        rough: bool = False,
     ) -> Fit:
         def report(iteration: int, rms: float) -> None:
             if self.progress is not None:
@@ -164,6 +177,8 @@ class Rounds:
         measured = self.measured.take(used)
         whitening = noise.take(used).whitening(J[used], measured.components)
         problem = Problem(self.start, measured, whitening, self.instrument.frame == "free")
+        if rough:
+            return fit(problem, weigh, x, report, decrease=ROUGHLY, enough=ROUGH_STEPS)
         return fit(problem, weigh, x, report)
 
     def _predicted(self, outcome: Fit) -> Poses:

@@ -13,6 +13,8 @@ Floats = npt.NDArray[np.float64]
 
 REJECTION = 1e-3
 """Chance that a single good pose out of all is set aside, for Gaussian noise."""
+ABSURD = 10.0
+"""Residual's norm, over that of the bulk, beyond which a pose does not even pull."""
 TAIL_Z = 4.0
 """Standard errors by which the fourth moment must exceed a Gaussian's before tails count as heavy."""
 FREEDOMS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0)
@@ -34,10 +36,13 @@ def robust_scale(residual: Floats) -> float:
 
 
 def huber(residual: Floats) -> Floats:
-    """(N,) weights that bound the pull of a pose beyond the 95 % point of its residual's norm (Huber 1964)."""
+    """(N,) weights that bound the pull of a pose beyond the 95 % point of its residual's norm (Huber 1964).
+
+    A pose that is absurdly far out has none: its share of the cost would leave no digits to the others.
+    """
     norm = np.sqrt(square_norms(residual)) / robust_scale(residual)
     bound = np.sqrt(chi2.ppf(0.95, residual.shape[1]))
-    return np.asarray(np.minimum(1.0, bound / np.maximum(norm, 1e-300)))
+    return np.where(norm > ABSURD, 0.0, np.minimum(1.0, bound / np.maximum(norm, 1e-300)))
 
 
 def gross(residual: Floats, used: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -251,7 +251,7 @@ def _parameters(active: ActiveEffect) -> dict[str, tuple[float, float, str]]:
             if step > 0.0:
                 moved = active.coefficients + step * np.eye(len(size))[i]
                 slope[i] = (active.effect.parameters(moved, active.setting)[name][0] - value) / step
-        found[name] = (value, float(np.sqrt(max(slope @ active.covariance @ slope, 0.0))), unit)
+        found[name] = (value, float(max(float(slope @ active.covariance @ slope), 0.0) ** 0.5), unit)
     return found
 
 

@@ -1,11 +1,13 @@
 """What the noise is taken to be: declared, from repeats or from residuals, of trackers, with heavy tails and gross errors."""
 
+import dataclasses
 import warnings
 
 import numpy as np
 import pytest
 from monte_carlo import ONCE, assert_chi2, study
-from scipy.stats import binom, chi2, norm
+from scipy.stats import binom, chi2
+from scipy.stats import t as student
 from virtual_gantry import (
     ORIENTATION_SIGMA,
     POSITION_SIGMA,
@@ -19,13 +21,13 @@ from virtual_gantry import (
 import gtpin
 from gtpin.data import Instrument
 
-MACHINES = 40
+MACHINES = 30
 SIGMAS = np.repeat([POSITION_SIGMA, ORIENTATION_SIGMA], 3)
 
 
 def mean_is(values, truth, bias=0.0):
     """The mean of independent estimates is the truth within what their own scatter allows, and a bias that is stated."""
-    bound = norm.isf(ONCE / 2) * np.std(values, ddof=1) / np.sqrt(len(values)) + bias
+    bound = student.isf(ONCE / 2, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)) + bias
     assert abs(np.mean(values) - truth) < bound, (np.mean(values), truth, bound)
 
 
@@ -63,13 +65,15 @@ def test_repeated_visits_show_the_repeatability_of_the_carts(declared):
         visits = np.repeat(np.arange(60), 3)
         asked = commands(rng, 60)[visits]
         # The carts come to rest elsewhere each time; the commands are the same.
-        true = measured(machine, asked + truth * rng.standard_normal(asked.shape), rng, pose=[str(i) for i in range(180)])
+        true = measured(
+            machine, asked + truth * rng.standard_normal(asked.shape), rng, pose=[str(i) for i in range(180)]
+        )
         dataset = gtpin.Dataset(
             true.robot, [str(i) for i in visits], asked, true.position, true.orientation, instrument=true.instrument
         )
         return machine, dataset if declared else undeclared(dataset)
 
-    found = study(make, 40)
+    found = study(make, 25)
     mean_is([c.noise.repeatability for c in found.calibrations], truth, 0.01 * truth)
     # Undeclared, what belongs to the tracker is told from what belongs to the carts.
     mean_is([c.noise.position_sigma for c in found.calibrations], POSITION_SIGMA, 0.02 * POSITION_SIGMA)
@@ -112,7 +116,7 @@ def test_a_station_tells_noise_along_the_line_of_sight_from_noise_across_it(rati
         )
         return machine, measured(machine, q, rng, noise=noise, instrument=instrument)
 
-    found = study(make, 40)
+    found = study(make, 25)
     # The ratio comes from residuals that the fit has shrunk, along and across alike: 3 % for what is left of that.
     mean_is(np.log([c.noise.range_ratio for c in found.calibrations]), np.log(ratio), 0.03)
     found.assert_covers()
@@ -129,7 +133,7 @@ def test_heavy_tails_spoil_neither_values_nor_intervals(declared):
         dataset = measured(machine, commands(rng, 120), rng, noise=noise)
         return machine, dataset if declared else undeclared(dataset)
 
-    found = study(make, MACHINES)
+    found = study(make, 25)
     found.assert_unbiased()
     # The tails' freedoms are themselves estimated from 120 poses: 1 % beside the spread.
     n = len(found.calibrations)
@@ -150,16 +154,14 @@ def gross_case(seed, wrong=5, count=120):
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     position = clean.position.copy()
     position[bad] += direction * 10.0 ** rng.uniform(-3.0, -1.0, (wrong, 1))
-    spoilt = gtpin.Dataset(
-        clean.robot, clean.pose, q, position, clean.orientation, instrument=clean.instrument
-    )
+    spoilt = gtpin.Dataset(clean.robot, clean.pose, q, position, clean.orientation, instrument=clean.instrument)
     return machine, spoilt, clean.take(np.setdiff1d(np.arange(count), bad)), {str(i) for i in bad}
 
 
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
     good_lost = 0
-    runs = 30
+    runs = 15
     for seed in range(runs):
         _, spoilt, clean, bad = gross_case(seed)
         if not declared:
@@ -182,13 +184,30 @@ def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
 
 
 def test_gross_errors_of_positions_alone_are_set_aside():
-    for seed in range(10):
-        _, spoilt, _, bad = gross_case(seed)
+    for seed in range(25):
+        _, spoilt, _, bad = gross_case(seed, wrong=3, count=60)
         positions = gtpin.Dataset(
             spoilt.robot, spoilt.pose, spoilt.q, spoilt.position, instrument=Instrument(position_sigma=POSITION_SIGMA)
         )
         with pytest.warns(gtpin.GtpinWarning, match="gross"):
             assert bad <= set(gtpin.calibrate(positions).rejected)
+
+
+@pytest.mark.parametrize("orientation", [True, False], ids=["poses", "positions"])
+@pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
+@pytest.mark.parametrize("size", [0.1, 10.0, 1e4, 1e12, 1e200])
+def test_gross_errors_of_any_size_are_set_aside(size, free, orientation):
+    """From a slip of a decimetre to an overflowed cell, also where they must not mislead the guess of the frame."""
+    rng = np.random.default_rng([int(np.log10(size)) + 5, free, orientation])
+    machine = draw(rng, free=free)
+    clean = measured(machine, commands(rng, 60), rng, orientation=orientation)
+    position = clean.position.copy()
+    position[[7, 20, 33]] += size * rng.choice([-1.0, 1.0], (3, 3)) * rng.uniform(0.3, 1.0, (3, 3))
+    with pytest.warns(gtpin.GtpinWarning, match="gross"), np.errstate(over="ignore"):
+        found = gtpin.calibrate(dataclasses.replace(clean, position=position))
+    assert {"7", "20", "33"} <= set(found.rejected)
+    assert len(found.rejected) <= 4  # one more is an accident of one dataset in a thousand, two do not happen
+    assert abs(found.chi2_per_dof - 1.0) < 4.5 * np.sqrt(2.0 / found.dof)
 
 
 def test_gross_errors_of_orientation_and_of_commands_are_set_aside():
@@ -198,9 +217,7 @@ def test_gross_errors_of_orientation_and_of_commands_are_set_aside():
     quaternion, wrong_q = clean.orientation.copy(), q.copy()
     quaternion[3] = quaternion[3][[0, 2, 1, 3]]  # components that were swapped
     wrong_q[7, 1] += 0.01  # a typing error of a centimetre
-    spoilt = gtpin.Dataset(
-        clean.robot, clean.pose, wrong_q, clean.position, quaternion, instrument=clean.instrument
-    )
+    spoilt = gtpin.Dataset(clean.robot, clean.pose, wrong_q, clean.position, quaternion, instrument=clean.instrument)
     with pytest.warns(gtpin.GtpinWarning, match="3, 7"):
         assert {"3", "7"} <= set(gtpin.calibrate(spoilt).rejected)
 

@@ -63,7 +63,7 @@ class Gantry:
         turns = np.zeros((6, 2))
         for name, value in deviations.items():
             kind, owner, axis = re.fullmatch(r"(\w+)\[(\w+)\]\.?(\w?)", name).groups()
-            rods = [RODS.index(owner)] if owner in RODS else list(np.flatnonzero(CART == int(owner[-1]) - 1))
+            rods = [RODS.index(owner)] if owner in RODS else list(np.flatnonzero(int(owner[-1]) - 1 == CART))
             if kind == "length":
                 L[rods] += value
             elif kind == "scale":

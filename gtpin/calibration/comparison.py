@@ -1,0 +1,150 @@
+"""Errors of models 1 to 5 on held-out poses, side by side: the paper's Table I for any dataset, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+Cost = Literal["pose", "closure"]
+
+RESAMPLES = 2000
+"""Bootstrap samples behind every interval."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """One model's errors on held-out poses.
+
+    Parameters
+    ----------
+    model
+        1 to 5.
+    row
+        (N,) rows of the dataset's poses within the measured tracks.
+    pose
+        (N,) their ids.
+    position
+        (N,) length of each position error, m.
+    orientation
+        (N,) angle of each orientation error, rad; None where orientation was not measured.
+    angles
+        (N, 3) measured less predicted ZYZ Euler angles, rad; likewise None.
+    closure_cost
+        (k,) squared closure residuals of each rod summed over the held-out poses, m^4; None where they can't be had.
+    measured
+        (k,) rods whose track was taken as measured.
+    """
+
+    model: int
+    row: Rows
+    pose: npt.NDArray[np.object_]
+    position: Floats
+    orientation: Floats | None
+    angles: Floats | None
+    closure_cost: Floats | None
+    measured: tuple[bool, ...]
+
+    def figures(self, rows: Rows | slice = slice(None)) -> dict[str, float | None]:
+        """Mean, largest and root mean square error of some of the poses, in the units of the columns' names."""
+        p = self.position[rows] * 1e6
+        o = None if self.orientation is None else float(np.sqrt((self.orientation[rows] ** 2).mean()) * 1e3)
+        return {
+            "mean_um": float(p.mean()),
+            "max_um": float(p.max()),
+            "rms_um": float(np.sqrt((p**2).mean())),
+            "orientation_rms_mrad": o,
+        }
+
+    def intervals(self, seed: int) -> dict[str, tuple[float, float] | None]:
+        """95 % bootstrap intervals of the figures; visits of a pose are drawn together.
+
+        That of the largest error ends at the largest one seen: no resampling tells of poses that were not visited.
+        """
+        rng = np.random.default_rng(seed)
+        _, visit = np.unique(self.pose.astype(str), return_inverse=True)
+        order = np.argsort(visit, kind="stable")
+        groups = np.split(order, np.flatnonzero(np.diff(visit[order])) + 1)
+        samples = []
+        for _ in range(RESAMPLES):
+            drawn = rng.integers(0, len(groups), len(groups))
+            samples.append(self.figures(np.concatenate([groups[g] for g in drawn])))
+        return {name: _interval([sample[name] for sample in samples]) for name in samples[0]}
+
+    @staticmethod
+    def joined(parts: Sequence[Held]) -> Held:
+        """The same model's errors on several parts of a dataset, in the dataset's order."""
+        row = np.concatenate([part.row for part in parts])
+        order = np.argsort(row, kind="stable")
+        costs = [part.closure_cost for part in parts if part.closure_cost is not None]
+
+        def in_order(arrays: Sequence[npt.NDArray[Any] | None]) -> Any:
+            known = [array for array in arrays if array is not None]
+            return np.concatenate(known)[order] if known else None
+
+        return replace(
+            parts[0],
+            row=row[order],
+            pose=in_order([part.pose for part in parts]),
+            position=in_order([part.position for part in parts]),
+            orientation=in_order([part.orientation for part in parts]),
+            angles=in_order([part.angles for part in parts]),
+            closure_cost=np.sum(costs, axis=0) if costs else None,
+            measured=tuple(any(rod) for rod in zip(*(part.measured for part in parts), strict=True)),
+        )
+
+
+def _interval(values: Sequence[float | None]) -> tuple[float, float] | None:
+    if values[0] is None:
+        return None
+    low, high = np.percentile(np.array(values, dtype=float), (2.5, 97.5))
+    return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The models that the dataset allows, side by side.
+
+    Parameters
+    ----------
+    held
+        One entry a model, in their order.
+    seed
+        Of the halves and of the bootstrap.
+    cost
+        What the models were fitted by.
+    """
+
+    held: tuple[Held, ...]
+    seed: int
+    cost: Cost
+
+    def table(self) -> pd.DataFrame:
+        """``model, mean_um, max_um, rms_um, orientation_rms_mrad, poses``, one row a model."""
+        return pd.DataFrame([{"model": h.model, **h.figures(), "poses": len(h.position)} for h in self.held])
+
+    def intervals(self) -> list[dict[str, tuple[float, float] | None]]:
+        """95 % bootstrap intervals of every figure, one entry a model."""
+        return [held.intervals(self.seed) for held in self.held]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``compare.json``."""
+        rows = []
+        for held, interval in zip(self.held, self.intervals(), strict=True):
+            rows.append(
+                {
+                    "model": held.model,
+                    **held.figures(),
+                    "poses": len(held.position),
+                    "interval": {name: None if ends is None else list(ends) for name, ends in interval.items()},
+                    "closure_cost_m4": None if held.closure_cost is None else held.closure_cost.tolist(),
+                    "measured_tracks": list(held.measured),
+                }
+            )
+        return {"schema": "gtpin-compare/1", "cost": self.cost, "seed": self.seed, "models": rows}

@@ -1,0 +1,49 @@
+"""``gtpin compare``: the paper's models 1 to 5 side by side on held-out poses."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from gtpin.calibration.compare import compare as run_comparison
+from gtpin.calibration.comparison import Comparison
+from gtpin.calibration.figures import write_comparison
+from gtpin.commands.terminal import AsJson, DatasetFolder, Output, Seed, progress_of, tell
+from gtpin.data import Dataset
+from gtpin.output import results_folder
+
+
+def compare(
+    dataset: DatasetFolder,
+    output: Output,
+    closure: Annotated[
+        bool, typer.Option("--closure", help="Fit by the paper's squared closure residuals instead of pose residuals.")
+    ] = False,
+    choose: Annotated[
+        bool, typer.Option("--choose", help="Model 5: choose each link's track by cross-validation, not as the paper did.")
+    ] = False,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Compare models 1 to 5 of Dressler et al. 2010 on poses that were not fitted (2, 4 and 5 need carts.csv)."""
+    read = Dataset.read(dataset)
+    with results_folder(output) as folder:
+        with progress_of("comparing") as progress:
+            comparison = run_comparison(
+                read,
+                cost="closure" if closure else "pose",
+                choice="validation" if choose else "paper",
+                seed=seed,
+                progress=progress,
+            )
+        write_comparison(comparison, folder)
+    tell(comparison.to_json(), f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}", as_json)
+
+
+def _text(comparison: Comparison) -> str:
+    lines = ["model   mean (95 %)          max     rms    um, held-out position error"]
+    for row, interval in zip(comparison.table().itertuples(), comparison.intervals(), strict=True):
+        low, high = interval["mean_um"] or (float("nan"), float("nan"))
+        lines.append(f"{row.model:>5}   {row.mean_um:5.0f} ({low:.0f} .. {high:.0f})".ljust(28) + f"{row.max_um:6.0f}  {row.rms_um:6.0f}")
+    return "\n".join(lines)

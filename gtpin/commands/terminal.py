@@ -1,0 +1,49 @@
+"""What all commands share: options, progress, and how results are told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress as RichProgress
+from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from gtpin.calibration.rounds import Progress
+
+Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; created.", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+Seed = Annotated[int, typer.Option("--seed", help="Makes every random step repeatable.", min=0)]
+DatasetFolder = Annotated[Path, typer.Argument(help="Folder that holds dataset.toml and poses.csv.", show_default=False)]
+ModelReference = Annotated[
+    str, typer.Argument(help="Folder of a model, name of a shipped robot, or path of a URDF.", show_default=False)
+]
+
+
+def write_json(file: Path, content: object) -> None:
+    """Write a result as JSON, floats so that they read back bit by bit."""
+    file.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def tell(result: object, text: str, as_json: bool) -> None:
+    """Print a result: as text for people, or as JSON alone."""
+    typer.echo(json.dumps(result, indent=1, allow_nan=False) if as_json else text.rstrip("\n"))
+
+
+@contextmanager
+def progress_of(what: str) -> Iterator[Progress]:
+    """Progress of long work, for people: nothing where standard error is not a terminal."""
+    console = Console(stderr=True)
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with RichProgress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what)
+
+        def report(step: str, iteration: int, size: float) -> None:
+            detail = f", iteration {iteration}, residuals {size:.3g} times the noise" if iteration else ""
+            bar.update(task, description=f"{what}: {step}{detail}")
+
+        yield report

@@ -1,0 +1,166 @@
+"""Which parameters a calibration identifies, and with which tolerances."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from monte_carlo import study
+from virtual_gantry import ROBOT, commands, draw, measured, names
+
+import gtpin
+from gtpin.errors import ConvergenceError, DatasetError, GtpinError
+
+
+def case(seed=0, count=60, **kwargs):
+    rng = np.random.default_rng(seed)
+    machine = draw(rng)
+    return machine, measured(machine, commands(rng, count), rng, **kwargs)
+
+
+def test_the_contract_s_48_are_the_default():
+    _, dataset = case()
+    found = gtpin.calibrate(dataset)
+    assert sorted(found.names) == sorted(names())
+    assert len(found.names) == 48
+
+
+@pytest.mark.parametrize(
+    ("options", "count"),
+    [
+        ({"directions": "rod"}, 54),
+        ({"scale": "actuator"}, 51),
+        ({"scale": "rod"}, 54),
+        ({"directions": "rod", "scale": "rod"}, 60),
+    ],
+    ids=str,
+)
+def test_options_add_parameters_that_are_identified_as_well(options, count):
+    drawn = names(options.get("directions", "actuator"), options.get("scale"))
+    assert len(drawn) == count
+
+    def make(rng):
+        machine = draw(rng, drawn)
+        return machine, measured(machine, commands(rng, 80), rng)
+
+    found = study(make, 30, **options)
+    assert sorted(found.calibrations[0].names) == sorted(drawn)
+    found.assert_covers()
+    found.assert_unbiased()
+    found.assert_fits()
+
+
+def test_parameters_left_out_stay_nominal():
+    rng = np.random.default_rng(4)
+    drawn = [name for name in names() if not name.startswith(("track_direction", "length[2a]"))]
+    machine = draw(rng, drawn)
+    found = gtpin.calibrate(measured(machine, commands(rng, 80), rng), without=["track_direction", "length[2a]"])
+    assert sorted(found.names) == sorted(drawn)
+    nominal = found.model.kinematics
+    rod = next(rod for rod in ROBOT.rods if rod.name == "2a")
+    assert nominal.L0[1] == rod.L
+    np.testing.assert_allclose(nominal.v, [ROBOT.actuators[rod.carrier].axis for rod in ROBOT.rods], atol=1e-15)
+    assert abs(found.chi2_per_dof - 1.0) < 5.0 * np.sqrt(2.0 / found.dof)
+
+
+def test_what_was_left_out_wrongly_shows_as_a_lack_of_fit():
+    _, dataset = case()
+    found = gtpin.calibrate(dataset, without=["track_direction"])
+    assert found.chi2_per_dof > 2.0
+    assert found.enlarged == pytest.approx(np.sqrt(found.chi2_per_dof)) or np.isfinite(found.freedom)
+
+
+def test_a_name_that_is_no_parameter_is_refused():
+    _, dataset = case()
+    with pytest.raises(GtpinError, match=r"length\[9z\]"):
+        gtpin.calibrate(dataset, without=["length[9z]"])
+
+
+def test_the_dataset_s_tolerances_override_the_robot_s():
+    _, dataset = case()
+    tight = gtpin.calibrate(replace(dataset, tolerance={"platform_joint": 1e-6}))
+    usual = gtpin.calibrate(dataset)
+    for found, kind, size in ((tight, "platform", 1e-6), (usual, "platform", 1e-3), (tight, "cart_joint", 2e-3)):
+        assert {t for n, t in zip(found.names, found.model.geometry.tolerance, strict=True) if n.startswith(kind)} == {
+            size
+        }
+    off = [d for n, d in zip(tight.names, tight.model.geometry.deviation, strict=True) if n.startswith("platform")]
+    assert (
+        np.abs(off).max()
+        < 1e-4
+        < max(
+            abs(d) for n, d in zip(usual.names, usual.model.geometry.deviation, strict=True) if n.startswith("platform")
+        )
+    )
+
+
+def test_a_tolerance_of_unknown_kind_is_refused():
+    _, dataset = case()
+    with pytest.raises(GtpinError, match="belt_length"):
+        gtpin.calibrate(replace(dataset, tolerance={"belt_length": 1e-3}))
+
+
+def test_fewer_numbers_than_parameters_are_refused():
+    _, dataset = case(count=8)
+    with pytest.raises(DatasetError, match="at least 9 poses"):
+        gtpin.calibrate(dataset)
+    gtpin.calibrate(case(count=9)[1])
+    with pytest.raises(DatasetError, match="at least 17 poses"):
+        gtpin.calibrate(case(count=16, orientation=False)[1])
+
+
+@pytest.mark.parametrize("count", [9, 12, 20])
+def test_few_poses_are_no_reason_to_claim_more_than_is_known(count):
+    def make(rng):
+        machine = draw(rng)
+        return machine, measured(machine, commands(rng, count), rng)
+
+    found = study(make, 40)
+    found.assert_covers()
+    found.assert_fits()
+
+
+def test_poses_of_another_machine_do_not_converge_in_silence():
+    rng = np.random.default_rng(0)
+    _, dataset = case()
+    shuffled = replace(dataset, q=rng.permutation(dataset.q))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)
+        try:
+            found = gtpin.calibrate(shuffled)
+        except ConvergenceError:
+            return
+    # What comes out all the same says that it does not fit.
+    assert found.chi2_per_dof > 100 or len(found.rejected) > 10
+
+
+def test_an_iteration_limit_that_is_hit_is_an_error(monkeypatch):
+    _, dataset = case()
+    monkeypatch.setattr("gtpin.calibration.gauss_newton.MAX_ITERATIONS", 1)
+    with pytest.raises(ConvergenceError, match="not converged"):
+        gtpin.calibrate(dataset)
+
+
+def test_rounds_that_do_not_settle_are_an_error(monkeypatch):
+    _, dataset = case()
+    monkeypatch.setattr("gtpin.calibration.rounds.MAX_ROUNDS", 1)
+    with pytest.raises(ConvergenceError, match="settled"):
+        gtpin.calibrate(dataset)
+
+
+def test_it_takes_few_steps_from_nominal():
+    for seed in range(10):
+        steps = []
+        gtpin.calibrate(
+            case(seed)[1], progress=lambda what, iteration, size, steps=steps: steps.append((what, iteration))
+        )
+        assert max(iteration for _, iteration in steps) <= 8
+        assert len(steps) <= 20
+
+
+def test_the_order_of_the_rows_means_nothing():
+    _, dataset = case(3)
+    again = gtpin.calibrate(dataset.take(np.random.default_rng(0).permutation(len(dataset))))
+    found = gtpin.calibrate(dataset)
+    assert (np.abs(again.values - found.values) <= 1e-6 * found.sigma).all()
+    np.testing.assert_allclose(again.sigma, found.sigma, rtol=1e-7)

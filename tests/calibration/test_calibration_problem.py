@@ -1,0 +1,122 @@
+"""The least-squares problem: its derivatives, and its optimum as scipy finds it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+from virtual_gantry import (
+    ORIENTATION_SIGMA,
+    POSITION_SIGMA,
+    Gantry,
+    commands,
+    draw,
+    measured,
+    names,
+    tolerance,
+)
+
+import gtpin
+from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.noise import Noise, line_of_sight
+from gtpin.calibration.problem import Problem, in_frame, rough_frame
+from gtpin.model import Frame, Model
+from gtpin.robot.geometry import Geometry
+
+SCALES = {"plain": {}, "sixty": {"directions": "rod", "scale": "rod"}}
+
+
+@pytest.mark.parametrize("away", [False, True], ids=["start", "away"])
+@pytest.mark.parametrize("orientation", [True, False], ids=["poses", "positions"])
+@pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
+@pytest.mark.parametrize("options", SCALES.values(), ids=SCALES)
+def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, free, orientation, away):
+    rng = np.random.default_rng(2)
+    machine = draw(rng, free=free)
+    q = commands(rng, 7)
+    dataset = measured(machine, q, rng, orientation=orientation)
+    nominal = Model(Geometry.nominal(gtpin.load_robot("gantry_tau"), **options))
+    poses, seen = nominal.predict(q), measured_poses(dataset)
+    start = replace(nominal, frame=rough_frame(poses, seen)) if free else nominal
+    J = in_frame(nominal.kinematics.command_jacobian(q, poses), start.frame)
+    # Everything that the whitening can hold: range and angle, and the carts' repeatability.
+    sight, reach = line_of_sight(dataset.position, np.array([1.5, -7.0, 0.3]))
+    noise = Noise(POSITION_SIGMA, ORIENTATION_SIGMA, 2e-5, sight, reach, 0.4)
+    problem = Problem(start, seen, noise.whitening(J, seen.components), free)
+    assert problem.size == len(start.geometry.names) + 6 * free
+    # Away from the start by several tolerances, and by 3 cm and 0.3 rad of the instrument's pose.
+    x = rng.standard_normal(problem.size) * ([2.0] * problem.n_geometry + [30.0] * 3 * free + [300.0] * 3 * free) * away
+    found = problem.jacobian(problem.point(x), slice(0, 7))
+    h = 1e-3
+    for k in range(problem.size):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = x.copy()
+            moved[k] += sign * h
+            ends.append(problem.point(moved).model.seen(problem.point(moved).poses))
+        step = ends[0].minus(ends[1]) if orientation else ends[0].T - ends[1].T
+        # h of a tolerance is about a micrometre: differences are good to 1e-6 of it, and to rounding in the closures.
+        np.testing.assert_allclose(
+            found[:, :, k], problem.whiten(step) / (2.0 * h), rtol=1e-5, atol=1e-5 * np.abs(found).max(initial=1.0)
+        )
+
+
+@pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
+def test_scipy_finds_the_same_optimum(free):
+    rng = np.random.default_rng(11)
+    machine = draw(rng, free=free)
+    q = commands(rng, 25)
+    dataset = measured(machine, q, rng)
+    found = gtpin.calibrate(dataset)
+    parameters = names()
+    sizes = np.array([tolerance(name) for name in parameters])
+    turn = Rotation.from_quat(dataset.orientation, scalar_first=True)
+    view = found.model.frame  # scipy starts from here, and moves it by 1e-5 m and rad a unit
+
+    def residual(x):
+        T, R = Gantry.nominal().off(dict(zip(parameters, sizes * x[:48], strict=True))).poses(q)
+        seen = Rotation.from_matrix(R)
+        if free:
+            look = Rotation.from_rotvec(1e-5 * x[51:]) * Rotation.from_matrix(view.R)
+            T, seen = look.apply(T) + view.T + 1e-5 * x[48:51], look * seen
+        left = np.hstack([(dataset.position - T) / POSITION_SIGMA, (turn * seen.inv()).as_rotvec() / ORIENTATION_SIGMA])
+        return np.concatenate([left.ravel(), x[:48]])
+
+    def jacobian(x):
+        # scipy's own steps are too short for a tolerance of a millimetre: rounding would show.
+        steps = 1e-3 * np.eye(len(x))
+        return np.transpose([(residual(x + step) - residual(x - step)) / 2e-3 for step in steps])
+
+    best = least_squares(residual, np.zeros(54 if free else 48), jacobian, xtol=1e-12, ftol=1e-14, gtol=1e-8)
+    values = [dict(zip(parameters, best.x[:48], strict=True))[name] for name in found.names]
+    off = (found.model.geometry.deviation / found.model.geometry.tolerance - values) / (
+        found.sigma / found.model.geometry.tolerance
+    )
+    assert np.abs(off).max() < 1e-3
+    x = found.model.geometry.deviation / found.model.geometry.tolerance
+    assert found.chi2 + x @ x == pytest.approx(2.0 * best.cost, rel=1e-6)
+    # The covariance too: J'J at scipy's optimum, by its finite differences.
+    covariance = np.linalg.inv(best.jac.T @ best.jac)[:48, :48] * np.outer(sizes, sizes)
+    order = [parameters.index(name) for name in found.names]
+    np.testing.assert_allclose(found.sigma, np.sqrt(np.diag(covariance))[order], rtol=1e-3)
+
+
+def test_the_free_frame_is_found_from_any_stand():
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        machine = draw(rng, free=True)
+        found = gtpin.calibrate(measured(machine, commands(rng, 60), rng))
+        assert not found.model.frame.is_base
+        q = commands(rng, 20)
+        T, turn = machine.seen(q)
+        poses = found.model.predict(q)
+        assert np.abs(poses.T - T).max() < 6 * POSITION_SIGMA
+        assert (Rotation.from_matrix(poses.R) * turn.inv()).magnitude().max() < 6 * ORIENTATION_SIGMA
+
+
+def test_a_robot_frame_stays_the_base_frame():
+    rng = np.random.default_rng(0)
+    found = gtpin.calibrate(measured(draw(rng), commands(rng, 40), rng))
+    assert found.model.frame.is_base
+    assert np.array_equal(found.model.frame.T, Frame().T)

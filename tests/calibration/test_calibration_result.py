@@ -1,0 +1,240 @@
+"""What a calibration tells: its JSON, its text, and the model that it leaves behind."""
+
+import json
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from virtual_gantry import commands, draw, measured, names, undeclared
+
+import gtpin
+from gtpin.data import Instrument
+from gtpin.errors import GtpinError
+from gtpin.report.calibration_text import calibration_text
+
+KEYS = {
+    "schema": str,
+    "model": str,
+    "poses": int,
+    "rejected": list,
+    "position_rms_before": float,
+    "position_rms_after": float,
+    "orientation_rms_before": float,
+    "orientation_rms_after": float,
+    "chi2_per_dof": float,
+    "iterations": int,
+    "parameters": list,
+    "unobservable": list,
+    "correlations": list,
+}
+
+
+def calibrated(seed=0, drawn=None, free=False, **options):
+    rng = np.random.default_rng(seed)
+    machine = draw(rng, drawn, free=free)
+    dataset = measured(machine, commands(rng, 60), rng)
+    return dataset, gtpin.calibrate(dataset, **options)
+
+
+@pytest.fixture(scope="module")
+def case():
+    return calibrated()
+
+
+def test_the_json_has_the_contract_s_keys_and_types(case):
+    _, found = case
+    told = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    for key, kind in KEYS.items():
+        assert isinstance(told[key], kind), key
+    assert told["schema"] == "gtpin-calibration/1"
+    assert told["poses"] == 60
+    assert told["rejected"] == []
+    parameter = {
+        "name": str,
+        "value": float,
+        "sigma": float,
+        "unit": str,
+        "nominal": float,
+        "tolerance": float,
+        "learned": float,
+    }
+    for entry in told["parameters"]:
+        assert {key: type(value) for key, value in entry.items()} == parameter
+        assert 0.0 < entry["sigma"] <= entry["tolerance"] * (1 + 1e-9)
+        assert entry["learned"] == pytest.approx(1.0 - (entry["sigma"] / entry["tolerance"]) ** 2)
+        assert entry["unit"] == ("rad" if entry["name"].startswith("track") else "m")
+    assert sorted(entry["name"] for entry in told["parameters"]) == sorted(names())
+    assert told["unobservable"]
+    for entry in told["unobservable"]:
+        assert set(entry) == {"direction", "learned"}
+        assert set(entry["direction"]) <= set(names())
+    assert told["correlations"]
+    for entry in told["correlations"]:
+        assert set(entry) == {"a", "b", "rho"}
+        assert entry["a"] != entry["b"]
+        assert abs(entry["rho"]) <= 1.0
+
+
+def test_root_mean_squares_are_of_the_error_s_length_per_pose(case):
+    dataset, found = case
+    told = found.to_json()
+    for model, word in ((found.model, "after"), (gtpin.Model(gtpin.Geometry.nominal(found.model.robot)), "before")):
+        poses = model.predict(dataset.q)
+        position = np.sqrt(((dataset.position - poses.T) ** 2).sum(axis=1).mean())
+        turn = Rotation.from_quat(dataset.orientation, scalar_first=True) * Rotation.from_matrix(poses.R).inv()
+        assert told[f"position_rms_{word}"] == pytest.approx(position)
+        assert told[f"orientation_rms_{word}"] == pytest.approx(np.sqrt((turn.magnitude() ** 2).mean()))
+    assert told["position_rms_after"] < 1e-4 < told["position_rms_before"]
+
+
+def test_where_no_orientation_was_measured_none_is_told(case):
+    dataset, _ = case
+    found = gtpin.calibrate(replace(dataset, orientation=None))
+    told = found.to_json()
+    assert told["orientation_rms_before"] is None
+    assert told["orientation_rms_after"] is None
+    assert "orientation error" not in calibration_text(found)
+
+
+def test_the_text_names_every_parameter_and_the_fit(case):
+    _, found = case
+    text = calibration_text(found)
+    assert all(name in text for name in names())
+    assert f"{found.chi2_per_dof:.3f}" in text
+    assert "as declared" in text
+    assert "set aside" not in text
+
+
+def test_the_text_names_poses_that_were_set_aside(case):
+    dataset, _ = case
+    position = dataset.position.copy()
+    position[[4, 31], 2] += 0.02
+    with pytest.warns(gtpin.GtpinWarning, match="4, 31"):
+        found = gtpin.calibrate(replace(dataset, position=position))
+    assert set(found.to_json()["rejected"]) >= {"4", "31"}
+    line = next(line for line in calibration_text(found).splitlines() if "set aside" in line)
+    assert {"4", "31"} <= set(line.replace(",", " ").split())
+
+
+def test_the_text_admits_a_lack_of_fit_and_says_where_sigmas_come_from(case):
+    dataset, _ = case
+    fine = Instrument(position_sigma=5e-6, orientation_sigma=2e-5)
+    found = gtpin.calibrate(replace(dataset, instrument=fine))
+    assert "does not explain" in calibration_text(found)
+    assert found.to_json()["chi2_per_dof"] > 4.0
+    assert "from the residuals" in calibration_text(gtpin.calibrate(undeclared(dataset)))
+
+
+@pytest.mark.parametrize(
+    ("free", "options"),
+    [(False, {}), (True, {}), (False, {"directions": "rod", "scale": "rod"}), (False, {"without": ["length"]})],
+    ids=str,
+)
+def test_a_model_folder_gives_the_same_model_again(tmp_path, free, options):
+    drawn = [name for name in names() if not name.startswith(tuple(options.get("without", ["-"])))]
+    _, found = calibrated(1, drawn, free=free, **options)
+    gtpin.write_model(found.model, tmp_path / "model")
+    q = commands(np.random.default_rng(5), 40)
+    expected = found.model.predict(q)
+    for reference in (tmp_path / "model", tmp_path, tmp_path / "model" / "model.json"):
+        again = gtpin.read_model(reference)
+        assert again.geometry.names == found.names
+        assert np.array_equal(again.geometry.values, found.values)
+        assert np.array_equal(again.geometry.tolerance, found.model.geometry.tolerance)
+        # The frame is written as a quaternion: rounding of 1e-16 rad at ten metres.
+        assert np.abs(again.predict(q).minus(expected)).max() < 1e-13
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_urdf_of_a_calibrated_model_predicts_what_the_model_does(tmp_path, seed):
+    _, found = calibrated(seed)
+    gtpin.write_model(found.model, tmp_path)
+    q = commands(np.random.default_rng(seed), 40)
+    expected = found.model.predict(q)
+    assert np.abs(gtpin.read_model(tmp_path / "robot.urdf").predict(q).minus(expected)).max() < 1e-9
+    # And by Pinocchio alone: the loops close at the model's poses, found from the URDF's own numbers.
+    robot = gtpin.load_robot(tmp_path / "robot.urdf")
+    posture = gtpin.home(robot)
+    for i in range(0, 40, 8):
+        there = posture.moved_to(q[i])
+        assert np.abs(there.T - expected.T[i]).max() < 1e-9
+        assert np.abs(pin.log3(there.R @ expected.R[i].T)).max() < 1e-9
+
+
+@pytest.fixture(scope="module")
+def model_json(tmp_path_factory, case):
+    folder = tmp_path_factory.mktemp("model")
+    gtpin.write_model(case[1].model, folder)
+    return folder, (folder / "model.json").read_text()
+
+
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+def read_or_refuse(folder, text):
+    file = folder / "model.json"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        said = ""
+        try:
+            gtpin.read_model(folder).predict(np.zeros((1, 3)))
+        except GtpinError as error:
+            said = str(error)
+        assert "\n" not in said
+
+
+@given(data=st.data())
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_model_json_with_other_values_is_read_or_refused(model_json, data):
+    folder, text = model_json
+    told = json.loads(text)
+    key = data.draw(st.sampled_from(sorted(told)))
+    if isinstance(told[key], dict) and told[key] and data.draw(st.booleans()):
+        told[key][data.draw(st.sampled_from(sorted(told[key])))] = data.draw(ANYTHING)
+    elif data.draw(st.booleans()):
+        told[key] = data.draw(ANYTHING)
+    else:
+        del told[key]
+    read_or_refuse(folder, json.dumps(told))
+
+
+@given(cut=st.integers(0, 3000), junk=st.binary(max_size=6))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_damaged_model_json_is_read_or_refused(model_json, cut, junk):
+    folder, text = model_json
+    read_or_refuse(folder, text.encode()[:cut] + junk + text.encode()[cut + len(junk) :])
+    read_or_refuse(folder, text.encode()[:cut] + junk)
+
+
+@pytest.mark.parametrize(
+    "content", ["[" * 100_000, '{"schema": 1' + "0" * 10_000 + "}", "", "null", "[]", '"model"'], ids=lambda t: t[:8]
+)
+def test_a_model_json_that_is_no_model_is_refused(model_json, content):
+    folder, _ = model_json
+    (folder / "model.json").write_text(content)
+    with pytest.raises(GtpinError, match=r"model\.json"):
+        gtpin.read_model(folder)
+
+
+def test_a_model_without_its_urdf_is_refused(tmp_path, case):
+    gtpin.write_model(case[1].model, tmp_path)
+    (tmp_path / "nominal.urdf").unlink()
+    with pytest.raises(GtpinError, match=r"nominal\.urdf"):
+        gtpin.read_model(tmp_path)
+
+
+@pytest.mark.parametrize("reference", ["nowhere", "nowhere/model", "no.urdf", ""])
+def test_a_model_that_is_not_there_is_refused(tmp_path, monkeypatch, reference):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(GtpinError):
+        gtpin.read_model(reference)

@@ -1,0 +1,232 @@
+"""What each command writes and prints."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import gtpin
+from gtpin.data import Dataset
+
+COMMANDS = "pose,q1,q2,q3\nb,0.1,0.2,0.3\na,0,0,0\n7,-0.1,0.05,0.2\n"
+
+
+def test_calibrate_writes_the_model_and_its_numbers(calibrated, source):
+    assert {path.name for path in calibrated.iterdir()} >= {"model", "calibration.json"}
+    assert {path.name for path in (calibrated / "model").iterdir()} >= {"model.json", "robot.urdf"}
+    told = json.loads((calibrated / "calibration.json").read_text())
+    assert told["schema"] == "gtpin-calibration/1"
+    assert len(told["parameters"]) == 48
+    assert told["poses"] == len(Dataset.read(source))
+    assert 0.7 < told["chi2_per_dof"] < 1.3
+    model = gtpin.read_model(calibrated)
+    assert {p["name"]: p["value"] for p in told["parameters"]} == dict(
+        zip(model.geometry.names, model.geometry.values, strict=True)
+    )
+
+
+def test_calibrate_predicts_what_it_was_not_shown(run, tmp_path):
+    made = run("simulate", "-o", tmp_path / "set", "--poses", "100", "--seed", "4", "--truth")
+    assert made.code == 0
+    assert run("calibrate", tmp_path / "set", "-o", tmp_path / "out").code == 0
+    assert run("predict", tmp_path / "out", tmp_path / "set" / "commands.csv", "-o", tmp_path / "p.csv").code == 0
+    truth, found = pd.read_csv(tmp_path / "set" / "truth.csv"), pd.read_csv(tmp_path / "p.csv")
+    assert list(found.columns) == ["pose", "x", "y", "z", "qw", "qx", "qy", "qz"]
+    off = np.sqrt(((found[["x", "y", "z"]] - truth[["x", "y", "z"]]) ** 2).sum(axis=1).mean())
+    assert off < 15e-6  # the noise's length is 26 um; 100 poses leave a third of it
+    dots = (found[["qw", "qx", "qy", "qz"]] * truth[["qw", "qx", "qy", "qz"]]).sum(axis=1)
+    assert (np.abs(dots) > 1.0 - 1e-8).all()
+
+
+@pytest.mark.parametrize("command", ["calibrate", "predict", "simulate", "demo"])
+def test_json_prints_the_result_and_nothing_else(run, source, calibrated, tmp_path, command):
+    arguments = {
+        "calibrate": [source, "-o", tmp_path / "out"],
+        "predict": [calibrated, source / "commands.csv", "-o", tmp_path / "p.csv"],
+        "simulate": ["-o", tmp_path / "sim", "--poses", "12"],
+        "demo": ["-o", tmp_path / "demo"],
+    }[command]
+    ran = run(command, *arguments, "--json")
+    assert ran.code == 0
+    assert ran.err == ""
+    told = json.loads(ran.out)
+    if command == "calibrate":
+        assert told == json.loads((tmp_path / "out" / "calibration.json").read_text())
+    if command == "demo":
+        assert told.items() >= json.loads((tmp_path / "demo" / "calibration.json").read_text()).items()
+    if command == "predict":
+        assert [row["pose"] for row in told] == [str(p) for p in pd.read_csv(tmp_path / "p.csv")["pose"]]
+
+
+def test_without_json_people_are_told_what_was_written(run, source, tmp_path):
+    ran = run("calibrate", source, "-o", tmp_path / "out")
+    assert ran.code == 0
+    assert ran.err == ""
+    assert "calibration.json" in ran.out
+    assert "chi-square" in ran.out
+
+
+def test_simulate_writes_a_dataset_that_reads_and_calibrates(run, tmp_path):
+    assert run("simulate", "-o", tmp_path / "set", "--poses", "30", "--seed", "2").code == 0
+    dataset = Dataset.read(tmp_path / "set")
+    assert len(set(dataset.pose)) == 30
+    assert dataset.robot == "gantry_tau"
+    assert {path.name for path in (tmp_path / "set").iterdir()} == {"dataset.toml", "poses.csv", "commands.csv"}
+    assert run("calibrate", tmp_path / "set", "-o", tmp_path / "out").code == 0
+
+
+def test_simulate_takes_a_robot_by_its_urdf(run, tmp_path, calibrated):
+    urdf = tmp_path / "own" / "machine.urdf"
+    urdf.parent.mkdir()
+    urdf.write_bytes((calibrated / "model" / "robot.urdf").read_bytes())
+    assert run("simulate", "-o", tmp_path / "deep" / "set", "--robot", urdf, "--poses", "20").code == 0
+    told = (tmp_path / "deep" / "set" / "dataset.toml").read_text()
+    assert 'robot = "../../own/machine.urdf"' in told
+    assert run("calibrate", tmp_path / "deep" / "set", "-o", tmp_path / "out").code == 0
+
+
+def test_demo_needs_nothing_but_a_folder(run, tmp_path, monkeypatch, tree):
+    monkeypatch.chdir(tmp_path)
+    ran = run("demo")
+    assert ran.code == 0
+    assert ran.err == ""
+    assert "held-out" in ran.out
+    files = tree(tmp_path)
+    assert list(tmp_path.iterdir()) == [tmp_path / "gtpin-demo"]
+    for name in ("calibration.json", "report.txt", "model/model.json", "model/robot.urdf", "dataset/poses.csv"):
+        assert files[f"gtpin-demo/{name}"]
+    told = run("demo", "--json").out
+    assert json.loads(told)["held_out_rms_after"] < 10e-6 < json.loads(told)["held_out_rms_before"]
+
+
+@pytest.mark.parametrize("command", ["simulate", "calibrate", "predict", "demo"])
+def test_the_same_seed_gives_the_same_bytes(run, source, calibrated, tmp_path, tree, command):
+    arguments = {
+        "simulate": ["--poses", "15", "--seed", "5", "--truth"],
+        "calibrate": [source],
+        "predict": [calibrated, source / "commands.csv"],
+        "demo": ["--seed", "3"],
+    }[command]
+    outputs = []
+    for name in ("one", "two"):
+        target = tmp_path / name / ("p.csv" if command == "predict" else "result")
+        assert run(command, *arguments, "-o", target).code == 0
+        files = tree(tmp_path / name)
+        outputs.append({k: v for k, v in files.items() if k.endswith((".json", ".csv", ".urdf", ".toml"))})
+    assert outputs[0] == outputs[1]
+    assert outputs[0]
+
+
+def test_another_seed_gives_another_machine(run, tmp_path):
+    texts = []
+    for seed in (0, 1):
+        assert run("simulate", "-o", tmp_path / str(seed), "--poses", "10", "--seed", seed).code == 0
+        texts.append((tmp_path / str(seed) / "poses.csv").read_text())
+    assert texts[0] != texts[1]
+
+
+def test_the_seed_is_nought_by_default(run, tmp_path, tree):
+    for name, arguments in (("one", []), ("two", ["--seed", "0"])):
+        assert run("simulate", "-o", tmp_path / name, "--poses", "10", *arguments).code == 0
+    assert tree(tmp_path / "one") == tree(tmp_path / "two")
+
+
+def test_the_order_of_rows_means_nothing_to_calibrate(run, dataset, calibrated, tmp_path):
+    header, *rows = (dataset / "poses.csv").read_text().splitlines()
+    shuffled = [rows[i] for i in np.random.default_rng(1).permutation(len(rows))]
+    (dataset / "poses.csv").write_text("\n".join([header, *shuffled]) + "\n")
+    assert run("calibrate", dataset, "-o", tmp_path / "out").code == 0
+    one, two = (json.loads((folder / "calibration.json").read_text()) for folder in (calibrated, tmp_path / "out"))
+    assert one["chi2_per_dof"] == pytest.approx(two["chi2_per_dof"], rel=1e-9)
+    for a, b in zip(one["parameters"], two["parameters"], strict=True):
+        assert a["name"] == b["name"]
+        assert abs(a["value"] - b["value"]) < 1e-6 * a["sigma"]
+
+
+@pytest.mark.parametrize("kind", ["name", "urdf", "folder", "output"])
+def test_predict_takes_a_name_a_urdf_a_model_folder_and_an_output_folder(run, calibrated, tmp_path, kind):
+    model = {
+        "name": "gantry_tau",
+        "urdf": calibrated / "model" / "robot.urdf",
+        "folder": calibrated / "model",
+        "output": calibrated,
+    }[kind]
+    (tmp_path / "c.csv").write_text(COMMANDS)
+    assert run("predict", model, tmp_path / "c.csv", "-o", tmp_path / "p.csv").code == 0
+    found = pd.read_csv(tmp_path / "p.csv", dtype={"pose": str})
+    assert list(found["pose"]) == ["b", "a", "7"]  # in the order given
+    q = pd.read_csv(tmp_path / "c.csv")[["q1", "q2", "q3"]].to_numpy()
+    expected = gtpin.read_model(calibrated if kind != "name" else "gantry_tau").predict(q)
+    assert np.abs(found[["x", "y", "z"]].to_numpy() - expected.T).max() < 1e-9
+    norms = np.linalg.norm(found[["qw", "qx", "qy", "qz"]].to_numpy(), axis=1)
+    np.testing.assert_allclose(norms, 1.0, atol=1e-12)
+    assert (np.abs((found[["qw", "qx", "qy", "qz"]].to_numpy() * expected.quaternions).sum(axis=1)) > 1 - 1e-12).all()
+
+
+def test_predict_writes_numbers_that_lose_nothing(run, calibrated, tmp_path):
+    (tmp_path / "c.csv").write_text(COMMANDS)
+    assert run("predict", calibrated, tmp_path / "c.csv", "-o", tmp_path / "p.csv").code == 0
+    found = pd.read_csv(tmp_path / "p.csv")
+    expected = gtpin.read_model(calibrated).predict([[0.1, 0.2, 0.3], [0, 0, 0], [-0.1, 0.05, 0.2]])
+    assert np.array_equal(found[["x", "y", "z"]].to_numpy(), expected.T)
+
+
+def test_predict_reads_parquet_and_a_dataset_s_own_poses(run, calibrated, source, tmp_path):
+    pd.read_csv(source / "commands.csv", dtype={"pose": str}).to_parquet(tmp_path / "c.parquet")
+    assert run("predict", calibrated, tmp_path / "c.parquet", "-o", tmp_path / "a.csv").code == 0
+    assert run("predict", calibrated, source / "commands.csv", "-o", tmp_path / "b.csv").code == 0
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    assert run("predict", calibrated, source / "poses.csv", "-o", tmp_path / "d.csv").code == 0
+    assert len(pd.read_csv(tmp_path / "d.csv")) == len(Dataset.read(source))
+
+
+def test_predict_answers_in_the_instrument_s_frame(run, dataset, tmp_path):
+    toml = (dataset / "dataset.toml").read_text()
+    (dataset / "dataset.toml").write_text(toml.replace('frame = "robot"', 'frame = "free"'))
+    frame = pd.read_csv(dataset / "poses.csv")
+    x, y = frame["x"].copy(), frame["y"].copy()
+    frame["x"], frame["y"], frame["z"] = -y + 20.0, x - 3.0, frame["z"] + 1.0  # a quarter turn about z, and a shift
+    half = np.sqrt(0.5)
+    w, i, j, k = (frame[c].copy() for c in ("qw", "qx", "qy", "qz"))
+    frame["qw"], frame["qx"], frame["qy"], frame["qz"] = half * (w - k), half * (i - j), half * (i + j), half * (w + k)
+    frame.to_csv(dataset / "poses.csv", index=False)
+    assert run("calibrate", dataset, "-o", tmp_path / "out").code == 0
+    assert run("predict", tmp_path / "out", dataset / "poses.csv", "-o", tmp_path / "p.csv").code == 0
+    found = pd.read_csv(tmp_path / "p.csv")
+    assert np.abs(found[["x", "y", "z"]] - frame[["x", "y", "z"]]).max(axis=None) < 8 * 15e-6
+
+
+def test_calibrate_reads_parquet_bom_and_any_line_ending(run, dataset, calibrated, tmp_path):
+    text = (dataset / "poses.csv").read_bytes()
+    reference = json.loads((calibrated / "calibration.json").read_text())
+    for name, content in (("crlf", text.replace(b"\n", b"\r\n")), ("bom", b"\xef\xbb\xbf" + text)):
+        (dataset / "poses.csv").write_bytes(content)
+        assert run("calibrate", dataset, "-o", tmp_path / name).code == 0
+        assert json.loads((tmp_path / name / "calibration.json").read_text()) == reference
+    pd.read_csv(dataset / "poses.csv", dtype={"pose": str}).to_parquet(dataset / "poses.parquet")
+    (dataset / "poses.csv").unlink()
+    assert run("calibrate", dataset, "-o", tmp_path / "parquet").code == 0
+    assert json.loads((tmp_path / "parquet" / "calibration.json").read_text()) == reference
+
+
+def test_the_program_works_from_end_to_end(program, tmp_path):
+    """As people run it: relative paths, one process after the other."""
+    for arguments in (
+        ["simulate", "-o", "set", "--poses", "20"],
+        ["calibrate", "set", "-o", "out"],
+        ["predict", "out", "set/commands.csv", "-o", "p.csv"],
+        ["predict", "out", "set/commands.csv", "-o", "new/folder/p.csv"],
+    ):
+        ran = program(*arguments, cwd=tmp_path)
+        assert ran.code == 0, ran.err
+        assert ran.err == ""
+        assert "\x1b" not in ran.out
+    assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "new" / "folder" / "p.csv").read_bytes()
+    assert {path.name for path in tmp_path.iterdir()} == {"set", "out", "p.csv", "new"}
+
+
+def test_the_package_is_found_from_anywhere():
+    assert Path(gtpin.__file__).is_file()
+    assert "gantry_tau" in gtpin.robot_names()

@@ -1,0 +1,403 @@
+"""Every wrong input of the contract's table: exit code 2, one line, no traceback, nothing left behind."""
+
+import json
+import os
+import shutil
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import gtpin
+from gtpin.errors import ConvergenceError
+
+FAR_APART = (1.9, -1.9, 0.0)
+"""Within a width of the range, but no posture closes the loops there."""
+
+
+def spoil(dataset, column, row, value):
+    frame = pd.read_csv(dataset / "poses.csv", dtype=str)
+    frame.loc[row, column] = value
+    frame.to_csv(dataset / "poses.csv", index=False)
+
+
+def numbers(dataset, change):
+    frame = pd.read_csv(dataset / "poses.csv", dtype={"pose": str})
+    change(frame)
+    frame.to_csv(dataset / "poses.csv", index=False)
+
+
+def text(file, change):
+    file.write_text(change(file.read_text()))
+
+
+def scaled(columns, factor):
+    def change(frame):
+        frame[columns] *= factor
+
+    return lambda d: numbers(d, change)
+
+
+def xyzw(frame):
+    w = frame["qw"].copy()
+    frame["qw"], frame["qx"], frame["qy"], frame["qz"] = frame["qx"].copy(), frame["qy"].copy(), frame["qz"].copy(), w
+
+
+def toml(old, new):
+    return lambda d: text(d / "dataset.toml", lambda t: t.replace(old, new) if old else t + new)
+
+
+def csv(change):
+    return lambda d: text(d / "poses.csv", change)
+
+
+def one_id_two_commands(frame):
+    frame.loc[frame.index[1], "pose"] = frame.loc[frame.index[0], "pose"]
+
+
+WRONG = {
+    "no folder": (shutil.rmtree, "dataset.toml"),
+    "no toml": (lambda d: (d / "dataset.toml").unlink(), "dataset.toml"),
+    "no poses": (lambda d: (d / "poses.csv").unlink(), "poses.csv"),
+    "toml that is none": (lambda d: (d / "dataset.toml").write_text("schema = \n"), "dataset.toml, row 1"),
+    "toml of bytes": (lambda d: (d / "dataset.toml").write_bytes(b"\xff\xfe\x00"), "UTF-8"),
+    "wrong schema": (toml("gtpin-dataset/1", "gtpin-dataset/9"), "gtpin-dataset/1"),
+    "unknown key": (toml("position_sigma", "position_sgima"), "position_sgima"),
+    "unknown section": (toml("", "\n[weather]\nrain = 1\n"), "weather"),
+    "unknown robot": (toml('robot = "gantry_tau"', 'robot = "gantry_mu"'), "gantry_mu"),
+    "a urdf that is not there": (toml('robot = "gantry_tau"', 'robot = "../machine.urdf"'), "machine.urdf"),
+    "sigma of nought": (toml("position_sigma = 1.5e-05", "position_sigma = 0.0"), "position_sigma"),
+    "negative sigma": (toml("orientation_sigma = 5e-05", "orientation_sigma = -5e-5"), "orientation_sigma"),
+    "unknown tolerance": (toml("", "\n[tolerance]\nbelt = 1e-3\n"), "belt"),
+    "negative tolerance": (toml("", "\n[tolerance]\nlink_length = -1e-3\n"), "link_length"),
+    "unknown frame": (toml('"robot"', '"tracker"'), "frame"),
+    "missing column": (lambda d: numbers(d, lambda f: f.pop("y")), "column y"),
+    "missing command": (lambda d: numbers(d, lambda f: f.pop("q3")), "q"),
+    "doubled column": (csv(lambda t: t.replace("x,y,z", "x,x,z", 1)), "column x"),
+    "doubled command": (csv(lambda t: t.replace("q2", "q1", 1)), "column q1"),
+    "short row": (csv(lambda t: t.rstrip("\n").rsplit(",", 1)[0] + "\n"), "row 67"),
+    "two headers": (csv(lambda t: t.split("\n", 1)[0] + "\n" + t), "row 2"),
+    "no header": (csv(lambda t: t.split("\n", 1)[1]), "header"),
+    "text": (lambda d: spoil(d, "x", 3, "about 1"), "row 5, column x"),
+    "blank": (lambda d: spoil(d, "q2", 0, ""), "row 2, column q2"),
+    "nan": (lambda d: spoil(d, "qz", 7, "NaN"), "row 9, column qz"),
+    "infinity": (lambda d: spoil(d, "z", 7, "-inf"), "row 9, column z"),
+    "no rows": (csv(lambda t: t.split("\n", 1)[0] + "\n"), "poses.csv"),
+    "empty file": (csv(lambda t: ""), "poses.csv"),
+    "too few rows": (csv(lambda t: "\n".join(t.split("\n")[:7]) + "\n"), "at least 9 poses"),
+    "one id, two commands": (lambda d: numbers(d, one_id_two_commands), "pose"),
+    "command far outside": (lambda d: spoil(d, "q2", 5, "4.5"), "row 7, column q2"),
+    "commands in millimetres": (scaled(["q1", "q2", "q3"], 1000.0), "millimetres"),
+    "positions in millimetres": (scaled(["x", "y", "z"], 1000.0), "millimetres"),
+    "xyzw": (lambda d: numbers(d, xyzw), "xyzw"),
+    "quaternion norm": (lambda d: spoil(d, "qw", 4, "0.9"), "row 6"),
+    "not utf-8": (lambda d: (d / "poses.csv").write_bytes(b"pose,q1\n\xff\xfe,1\n"), "poses.csv"),
+    "a folder for a table": (lambda d: [(d / "poses.csv").unlink(), (d / "poses.csv").mkdir()], "poses.csv"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_wrong_datasets_are_refused_in_one_line_that_names_the_place(run, dataset, tmp_path, tree, kind):
+    change, named = WRONG[kind]
+    change(dataset)
+    before = tree(tmp_path)
+    error = run("calibrate", dataset, "-o", tmp_path / "deep" / "down" / "out").failed()
+    assert named in error
+    assert str(tmp_path) in error  # the file or folder
+    assert tree(tmp_path) == before
+
+
+def test_a_dataset_given_as_its_file_is_refused(run, dataset, tmp_path):
+    assert "folder" in run("calibrate", dataset / "poses.csv", "-o", tmp_path / "out").failed()
+
+
+COMMANDS = {
+    "missing file": (None, "c.csv"),
+    "empty": ("", "c.csv"),
+    "no rows": ("pose,q1,q2,q3\n", "c.csv"),
+    "missing command": ("pose,q1,q2\na,0,0\n", "q"),
+    "too many commands": ("pose,q1,q2,q3,q4\na,0,0,0,0\n", "q4"),
+    "no pose": ("q1,q2,q3\n0,0,0\n", "pose"),
+    "text": ("pose,q1,q2,q3\na,0,zero,0\n", "row 2, column q2"),
+    "millimetres": ("pose,q1,q2,q3\na,100,200,300\nb,-100,30,20\n", "millimetres"),
+    "far outside": ("pose,q1,q2,q3\na,0,0,0\nb,0,0,2.5\n", "row 3, column q3"),
+    "two headers": ("pose,q1,q2,q3\npose,q1,q2,q3\na,0,0,0\n", "row 2"),
+}
+
+
+@pytest.mark.parametrize("kind", COMMANDS)
+def test_wrong_commands_are_refused_in_one_line_that_names_the_place(run, tmp_path, tree, kind):
+    content, named = COMMANDS[kind]
+    if content is not None:
+        (tmp_path / "c.csv").write_text(content)
+    before = tree(tmp_path)
+    assert named in run("predict", "gantry_tau", tmp_path / "c.csv", "-o", tmp_path / "deep" / "p.csv").failed()
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("model", ["gantry_mu", "nowhere.urdf", "no/folder", "", "empty", "broken", "text.urdf"])
+def test_a_model_that_is_none_is_refused(run, source, tmp_path, model, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "model.json").write_text('{"schema": "gtpin-model/1"')
+    (tmp_path / "text.urdf").write_text("no robot")
+    error = run("predict", model, source / "commands.csv", "-o", "p.csv").failed()
+    assert model in error
+    assert not (tmp_path / "p.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["calibrate"],
+        ["calibrate", "set"],
+        ["calibrate", "set", "-o"],
+        ["predict", "gantry_tau", "-o", "p.csv"],
+        ["simulate", "-o", "s", "--poses", "0"],
+        ["simulate", "-o", "s", "--poses", "many"],
+        ["simulate", "-o", "s", "--seed", "-1"],
+        ["simulate", "-o", "s", "--robot", "gantry_mu"],
+        ["simulate", "-o", "s", "--robot", "no/such.urdf"],
+        ["polish"],
+        ["--gloss"],
+    ],
+    ids=" ".join,
+)
+def test_a_wrong_command_line_is_refused_in_one_line(run, tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    run(*arguments).failed()
+    assert list(tmp_path.iterdir()) == []
+
+
+# ------------------------------------------------------------------------------------------------------- warnings
+
+
+def warned(ran):
+    assert ran.code == 0, ran.err
+    lines = ran.err.splitlines()
+    assert lines
+    assert all(line.startswith("gtpin: warning: ") for line in lines)
+    return ran.err
+
+
+def test_a_command_a_little_outside_the_range_is_warned_of(run, dataset, tmp_path):
+    (tmp_path / "c.csv").write_text("pose,q1,q2,q3\nfine,0,0,0\nout,0.72,0.6,0.6\n")
+    told = warned(run("predict", "gantry_tau", tmp_path / "c.csv", "-o", tmp_path / "p.csv"))
+    assert "out" in told
+    assert len(pd.read_csv(tmp_path / "p.csv")) == 2
+
+
+def test_a_pose_that_can_t_be_reached_is_set_aside_by_name(run, dataset, tmp_path):
+    assert not gtpin.read_model("gantry_tau").predict([FAR_APART]).reached.any(), "choose another pose"
+    frame = pd.read_csv(dataset / "poses.csv", dtype={"pose": str})
+    lost = frame.iloc[[0]].copy()
+    lost["pose"] = "lost"
+    lost[["q1", "q2", "q3"]] = FAR_APART
+    pd.concat([frame, lost]).to_csv(dataset / "poses.csv", index=False)
+    assert "lost" in warned(run("calibrate", dataset, "-o", tmp_path / "out"))
+    told = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert told["rejected"] == ["lost"]
+    assert told["poses"] == len(frame)
+    assert "lost" in (tmp_path / "out" / "report.txt").read_text()
+
+
+def test_predict_names_the_row_of_a_pose_that_can_t_be_reached(run, tmp_path, tree):
+    row = ",".join(map(str, FAR_APART))
+    (tmp_path / "c.csv").write_text(f"pose,q1,q2,q3\na,0,0,0\nlost,{row}\nb,0,0,0.1\n")
+    before = tree(tmp_path)
+    error = run("predict", "gantry_tau", tmp_path / "c.csv", "-o", tmp_path / "deep" / "p.csv").failed()
+    assert "c.csv, row 3" in error
+    assert "lost" in error
+    assert tree(tmp_path) == before
+
+
+def test_a_covariate_that_does_not_vary_is_warned_of(run, dataset, tmp_path):
+    numbers(dataset, lambda f: f.insert(1, "payload", 5.0))
+    assert "payload" in warned(run("calibrate", dataset, "-o", tmp_path / "out"))
+
+
+def test_gross_errors_are_named_in_a_warning_and_in_the_result(run, dataset, tmp_path):
+    frame = pd.read_csv(dataset / "poses.csv", dtype={"pose": str})
+    spoil(dataset, "x", 10, repr(float(frame.loc[10, "x"]) + 0.005))
+    name = frame.loc[10, "pose"]
+    assert name in warned(run("calibrate", dataset, "-o", tmp_path / "out")).replace(",", " ").split()
+    assert name in json.loads((tmp_path / "out" / "calibration.json").read_text())["rejected"]
+
+
+def test_warnings_do_not_disturb_json(run, dataset, tmp_path):
+    numbers(dataset, lambda f: f.insert(1, "payload", 5.0))
+    ran = run("calibrate", dataset, "-o", tmp_path / "out", "--json")
+    assert "payload" in warned(ran)
+    assert json.loads(ran.out)["schema"] == "gtpin-calibration/1"
+
+
+# ------------------------------------------------------------------------------------------------------ other ends
+
+
+def test_a_fit_that_does_not_converge_exits_with_1_and_leaves_nothing(run, dataset, tmp_path, tree, monkeypatch):
+    monkeypatch.setattr("gtpin.calibration.gauss_newton.MAX_ITERATIONS", 1)
+    before = tree(tmp_path)
+    error = run("calibrate", dataset, "-o", tmp_path / "deep" / "out").failed(1)
+    assert "not converged" in error
+    assert tree(tmp_path) == before
+
+
+def test_a_demo_that_does_not_converge_leaves_nothing(run, tmp_path, tree, monkeypatch):
+    def fail(*_, **__):
+        raise ConvergenceError("the fit has not converged")
+
+    monkeypatch.setattr("gtpin.cli.run_calibration", fail)
+    run("demo", "-o", tmp_path / "demo").failed(1)
+    assert tree(tmp_path) == {}
+
+
+def test_a_fault_of_gtpin_s_own_is_one_line_too(run, dataset, tmp_path, tree, monkeypatch):
+    def fail(*_, **__):
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.delenv("GTPIN_TRACEBACK", raising=False)
+    monkeypatch.setattr("gtpin.cli.run_calibration", fail)
+    before = tree(tmp_path)
+    assert "ZeroDivisionError" in run("calibrate", dataset, "-o", tmp_path / "out").failed(3)
+    assert tree(tmp_path) == before
+
+
+def test_an_interruption_is_one_line_and_leaves_nothing(run, dataset, tmp_path, tree, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gtpin.cli.run_calibration", stop)
+    before = tree(tmp_path)
+    run("calibrate", dataset, "-o", tmp_path / "out").failed(130)
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("command", ["calibrate", "simulate", "demo", "predict"])
+def test_an_output_that_is_of_the_wrong_kind_is_refused(run, source, tmp_path, tree, command):
+    taken = tmp_path / "taken"
+    if command == "predict":
+        taken.mkdir()
+    else:
+        taken.write_text("mine")
+    arguments = {"calibrate": [source], "predict": ["gantry_tau", source / "commands.csv"]}.get(command, [])
+    before = tree(tmp_path)
+    assert "taken" in run(command, *arguments, "-o", taken).failed()
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("command", ["calibrate", "simulate", "predict"])
+def test_an_output_below_a_file_is_refused(run, source, tmp_path, tree, command):
+    (tmp_path / "file").write_text("mine")
+    arguments = {"calibrate": [source], "predict": ["gantry_tau", source / "commands.csv"]}.get(command, [])
+    before = tree(tmp_path)
+    run(command, *arguments, "-o", tmp_path / "file" / "out" / "p.csv").failed()
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="root may write anywhere")
+def test_an_output_that_may_not_be_written_is_refused(run, source, tmp_path):
+    locked = tmp_path / "locked"
+    locked.mkdir()
+    locked.chmod(0o500)
+    assert "locked" in run("calibrate", source, "-o", locked / "out").failed()
+
+
+@pytest.mark.parametrize("command", ["calibrate", "simulate", "predict", "demo"])
+def test_a_full_disk_is_one_line_and_leaves_nothing(run, source, tmp_path, tree, command, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("gtpin.output.os.replace", full)
+    arguments = {"calibrate": [source], "predict": ["gantry_tau", source / "commands.csv"]}.get(command, [])
+    assert "No space" in run(command, *arguments, "-o", tmp_path / "deep" / "out").failed()
+    assert tree(tmp_path) == {}
+
+
+@pytest.mark.parametrize("command", ["calibrate", "simulate", "predict", "demo"])
+def test_a_disk_that_fills_while_writing_is_one_line_too(run, source, tmp_path, tree, command, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    for place in ("pathlib.Path.write_text", "pandas.DataFrame.to_csv"):
+        monkeypatch.setattr(place, full)
+    arguments = {"calibrate": [source], "predict": ["gantry_tau", source / "commands.csv"]}.get(command, [])
+    assert "No space" in run(command, *arguments, "-o", tmp_path / "deep" / "out").failed()
+    assert tree(tmp_path) == {}
+
+
+def test_an_output_folder_is_updated_and_what_else_is_in_it_stays(run, dataset, tmp_path, tree):
+    target = tmp_path / "out"
+    (target / "model").mkdir(parents=True)
+    (target / "notes.txt").write_text("mine")
+    (target / "calibration.json").write_text("old")
+    assert run("calibrate", dataset, "-o", target).code == 0
+    assert (target / "notes.txt").read_text() == "mine"
+    assert json.loads((target / "calibration.json").read_text())["poses"] > 0
+    assert (target / "model" / "model.json").is_file()
+    assert not [path for path in [*target.iterdir(), *tmp_path.iterdir()] if path.name.startswith(".")]
+    # A failure after that leaves the old results as they are.
+    before = tree(target)
+    spoil(dataset, "x", 3, "nan")
+    run("calibrate", dataset, "-o", target).failed()
+    assert tree(target) == before
+
+
+def test_predict_replaces_a_file_and_leaves_its_neighbours(run, source, tmp_path):
+    (tmp_path / "p.csv").write_text("old")
+    (tmp_path / "q.csv").write_text("mine")
+    assert run("predict", "gantry_tau", source / "commands.csv", "-o", tmp_path / "p.csv").code == 0
+    assert (tmp_path / "q.csv").read_text() == "mine"
+    assert len(pd.read_csv(tmp_path / "p.csv")) == 20
+    assert {path.name for path in tmp_path.iterdir()} == {"p.csv", "q.csv"}
+
+
+# -------------------------------------------------------------------------------------------- anything at all
+
+CELL = st.one_of(
+    st.floats().map(repr),
+    st.sampled_from(["", "NaN", "0", "1e400", "-0.0", "1,5", '"', "0.1 m", "\x00", "é"]),
+    st.text(max_size=4),
+)
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_commands_with_any_cell_are_predicted_or_refused(run, tmp_path_factory, data):
+    folder = tmp_path_factory.mktemp("any")
+    names = data.draw(st.permutations(["pose", "q1", "q2", "q3"]))
+    rows = [[str(i) if name == "pose" else "0.05" for name in names] for i in range(3)]
+    for _ in range(data.draw(st.integers(0, 2))):
+        rows[data.draw(st.integers(0, 2))][data.draw(st.integers(0, 3))] = data.draw(CELL)
+    content = "\n".join([",".join(names), *(",".join(row) for row in rows)]) + "\n"
+    (folder / "c.csv").write_bytes(content.encode("utf-8", "surrogatepass"))
+    ran = run("predict", "gantry_tau", folder / "c.csv", "-o", folder / "p.csv")
+    if ran.code == 0:
+        found = pd.read_csv(folder / "p.csv")
+        assert np.isfinite(found[["x", "y", "z", "qw", "qx", "qy", "qz"]]).all(axis=None)
+    else:
+        ran.failed()
+        assert [path.name for path in folder.iterdir()] == ["c.csv"]
+
+
+@given(data=st.data())
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_datasets_with_any_cell_are_calibrated_or_refused(run, source, tmp_path_factory, data):
+    folder = tmp_path_factory.mktemp("any") / "set"
+    shutil.copytree(source, folder)
+    lines = [line.split(",") for line in (folder / "poses.csv").read_text().splitlines()]
+    for _ in range(data.draw(st.integers(1, 2))):
+        row, column = data.draw(st.integers(0, len(lines) - 1)), data.draw(st.integers(0, len(lines[0]) - 1))
+        lines[row][column] = data.draw(CELL)
+    (folder / "poses.csv").write_bytes("\n".join(",".join(line) for line in lines).encode("utf-8", "surrogatepass"))
+    ran = run("calibrate", folder, "-o", folder.parent / "out")
+    assert ran.code in (0, 2)
+    if ran.code == 0:
+        told = json.loads((folder.parent / "out" / "calibration.json").read_text())
+        assert 0.5 < told["chi2_per_dof"] < 2.0  # a wrong cell is a gross error of one pose at most
+    else:
+        ran.failed()
+        assert [path.name for path in folder.parent.iterdir()] == ["set"]
