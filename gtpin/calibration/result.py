@@ -52,7 +52,7 @@ class Calibration:
     chi2, dof
         Squares of the whitened residuals, and measured components less what was learned.
     iterations
-        Steps of the last fit.
+        Gauss-Newton steps of all the rounds together.
     residual
         (poses, 3 or 6) measured less predicted of the rows that were used, m and rad, instrument's frame.
     residual_before
@@ -103,7 +103,7 @@ class Calibration:
             rejected=rejected,
             chi2=settled.chi2,
             dof=settled.dof,
-            iterations=judged.iterations,
+            iterations=settled.steps,
             residual=problem.measured.minus(final.point.model.seen(final.point.poses)),
             residual_before=problem.measured.minus(before),
         )

@@ -50,12 +50,15 @@ class Settled:
         (N,) the poses that are no gross errors.
     noise, tails
         What the fit took the noise to be.
+    steps
+        Steps of all the fits together.
     """
 
     fit: Fit
     used: Mask
     noise: Noise
     tails: weights.Tails
+    steps: int
 
     @property
     def chi2(self) -> float:
@@ -121,6 +124,7 @@ class Rounds:
         J = in_frame(self.start.kinematics.command_jacobian(self.measured.q, self.near), self.start.frame)
         noise, used, tails = self._first_noise(), np.ones(len(self.near), dtype=bool), weights.Tails()
         outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, None, "rough fit", rough=True)
+        steps = outcome.iterations
         if not all(self._declared):  # gross errors and tails are judged by the size of the noise
             noise = noises.roughly(noise, self.measured.minus(self._predicted(outcome)), self._declared)
         for number in range(1, MAX_ROUNDS + 1):
@@ -134,11 +138,12 @@ class Rounds:
                 now_tails = min(tails, now_tails, key=lambda t: t.freedom)
             settled = (now_used == used).all() and now_tails.freedom == tails.freedom and _same(noise, now_noise)
             if number > 1 and settled:
-                return Settled(outcome, used, noise, tails)
+                return Settled(outcome, used, noise, tails, steps)
             used, noise, tails = now_used, now_noise, now_tails
             # Gross errors may have led the rough fit far astray; without them, nominal is a good place to start.
             x = None if number == 1 and not used.all() else outcome.point.x
             outcome = self._fit(used, noise, J, tails.weigh, x, f"fit {number}")
+            steps += outcome.iterations
         raise ConvergenceError(
             f"noise and gross errors have not settled in {MAX_ROUNDS} rounds", hint="declare the noise in dataset.toml"
         )

@@ -21,7 +21,8 @@ def compare(
         bool, typer.Option("--closure", help="Fit by the paper's squared closure residuals instead of pose residuals.")
     ] = False,
     choose: Annotated[
-        bool, typer.Option("--choose", help="Model 5: choose each link's track by cross-validation, not as the paper did.")
+        bool,
+        typer.Option("--choose", help="Model 5: choose each link's track by cross-validation, not as the paper did."),
     ] = False,
     seed: Seed = 0,
     as_json: AsJson = False,
@@ -38,12 +39,17 @@ def compare(
                 progress=progress,
             )
         write_comparison(comparison, folder)
-    tell(comparison.to_json(), f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}", as_json)
+    tell(
+        comparison.to_json(),
+        f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}",
+        as_json,
+    )
 
 
 def _text(comparison: Comparison) -> str:
     lines = ["model   mean (95 %)          max     rms    um, held-out position error"]
     for row, interval in zip(comparison.table().itertuples(), comparison.intervals(), strict=True):
         low, high = interval["mean_um"] or (float("nan"), float("nan"))
-        lines.append(f"{row.model:>5}   {row.mean_um:5.0f} ({low:.0f} .. {high:.0f})".ljust(28) + f"{row.max_um:6.0f}  {row.rms_um:6.0f}")
+        mean = f"{row.model:>5}   {row.mean_um:5.0f} ({low:.0f} .. {high:.0f})"
+        lines.append(f"{mean:<28}{row.max_um:6.0f}  {row.rms_um:6.0f}")
     return "\n".join(lines)

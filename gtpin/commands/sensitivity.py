@@ -33,23 +33,21 @@ def sensitivity(
         q = asked.q
     with results_folder(output) as folder:
         accuracy = write_sensitivity(found, q, folder, seed=seed)
-    tell(accuracy.to_json(), f"{_text(accuracy)}\nWritten: {output / 'sensitivity.csv'}, {output / 'accuracy.json'}", as_json)
+    tell(
+        accuracy.to_json(),
+        f"{_text(accuracy)}\nWritten: {output / 'sensitivity.csv'}, {output / 'accuracy.json'}",
+        as_json,
+    )
 
 
 def _text(accuracy: Accuracy) -> str:
     told = accuracy.to_json()
     position, orientation = told["expected"]["position"], told["expected"]["orientation"]
-    return (
-        f"Expected error of {told['robot']} over {told['poses']} poses, from {told['uncertainty']}:\n"
-        f"  position     mean {_um(position['mean'])}, 95 % {_um(position['p95'])}, maximum {_um(position['maximum'])}\n"
-        f"  orientation  mean {_urad(orientation['mean'])}, 95 % {_urad(orientation['p95'])}, "
-        f"maximum {_urad(orientation['maximum'])}"
-    )
-
-
-def _um(value: float) -> str:
-    return f"{value * 1e6:.1f} um"
-
-
-def _urad(value: float) -> str:
-    return f"{value * 1e6:.1f} urad"
+    lines = [f"Expected error of {told['robot']} over {told['poses']} poses, from {told['uncertainty']}:"]
+    for what, unit, error in (("position", "um", position), ("orientation", "urad", orientation)):
+        mean, p95, largest = (error[key] * 1e6 for key in ("mean", "p95", "maximum"))
+        lines.append(
+            f"  {what:<12} mean {mean:.1f} {unit}; 95 % of machines and poses below {p95:.1f} {unit}; "
+            f"largest of a machine, on average, {largest:.1f} {unit}"
+        )
+    return "\n".join(lines)

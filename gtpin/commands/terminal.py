@@ -18,7 +18,9 @@ from gtpin.calibration.rounds import Progress
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; created.", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Seed = Annotated[int, typer.Option("--seed", help="Makes every random step repeatable.", min=0)]
-DatasetFolder = Annotated[Path, typer.Argument(help="Folder that holds dataset.toml and poses.csv.", show_default=False)]
+DatasetFolder = Annotated[
+    Path, typer.Argument(help="Folder that holds dataset.toml and poses.csv.", show_default=False)
+]
 ModelReference = Annotated[
     str, typer.Argument(help="Folder of a model, name of a shipped robot, or path of a URDF.", show_default=False)
 ]

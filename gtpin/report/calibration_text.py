@@ -6,6 +6,8 @@ import numpy as np
 
 from gtpin.calibration.result import Calibration
 
+HEAVY = 1.5
+"""Chi-square per degree of freedom from which heavy tails are not taken for granted."""
 SHOWN = 8
 """Correlations and unobservable directions that are listed."""
 
@@ -61,6 +63,10 @@ def _noise(c: Calibration) -> str:
         )
     if np.isfinite(c.freedom):
         lines.append(f"  tails heavier than Gaussian: t distribution with {c.freedom:g} degrees of freedom")
+        if c.chi2_per_dof > HEAVY:
+            lines.append(
+                "  Either the noise has such tails, or the geometry leaves something out: compare chi-square above."
+            )
     return "\n".join(lines)
 
 

@@ -250,7 +250,7 @@ def test_a_demo_that_does_not_converge_leaves_nothing(run, tmp_path, tree, monke
     def fail(*_, **__):
         raise ConvergenceError("the fit has not converged")
 
-    monkeypatch.setattr("gtpin.cli.run_calibration", fail)
+    monkeypatch.setattr("gtpin.commands.demo.calibrate", fail)
     run("demo", "-o", tmp_path / "demo").failed(1)
     assert tree(tmp_path) == {}
 
@@ -260,7 +260,7 @@ def test_a_fault_of_gtpin_s_own_is_one_line_too(run, dataset, tmp_path, tree, mo
         raise ZeroDivisionError("a bug")
 
     monkeypatch.delenv("GTPIN_TRACEBACK", raising=False)
-    monkeypatch.setattr("gtpin.cli.run_calibration", fail)
+    monkeypatch.setattr("gtpin.commands.calibrate.run_calibration", fail)
     before = tree(tmp_path)
     assert "ZeroDivisionError" in run("calibrate", dataset, "-o", tmp_path / "out").failed(3)
     assert tree(tmp_path) == before
@@ -270,7 +270,7 @@ def test_an_interruption_is_one_line_and_leaves_nothing(run, dataset, tmp_path, 
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gtpin.cli.run_calibration", stop)
+    monkeypatch.setattr("gtpin.commands.calibrate.run_calibration", stop)
     before = tree(tmp_path)
     run("calibrate", dataset, "-o", tmp_path / "out").failed(130)
     assert tree(tmp_path) == before

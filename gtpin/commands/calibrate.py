@@ -1,0 +1,48 @@
+"""``gtpin calibrate``: identify the geometry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gtpin.calibration.calibrate import calibrate as run_calibration
+from gtpin.calibration.result import Calibration
+from gtpin.commands.terminal import AsJson, DatasetFolder, Output, progress_of, tell, write_json
+from gtpin.data import Dataset
+from gtpin.model_folder import write_model
+from gtpin.output import results_folder
+from gtpin.report.calibration_text import calibration_text
+
+
+def calibrate(
+    dataset: DatasetFolder,
+    output: Output,
+    model: Annotated[
+        int | None,
+        typer.Option(
+            "--model", help="One of the paper's models 1 to 5 instead of the default parameters.", min=1, max=5
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify the robot's geometry from measured poses."""
+    with results_folder(output) as folder:
+        with progress_of("calibrating") as progress:
+            calibration = run_calibration(Dataset.read(dataset), model=model, progress=progress)
+        result = write_calibration(calibration, folder, model)
+    written = f"\n\nWritten: {output / 'calibration.json'}, {output / 'report.txt'}, {output / 'model'}"
+    tell(result, calibration_text(calibration).rstrip() + written, as_json)
+
+
+def write_calibration(
+    calibration: Calibration, folder: Path, model: int | None = None, verdict: str = ""
+) -> dict[str, object]:
+    """Write ``model/``, ``calibration.json`` and ``report.txt``; give what ``calibration.json`` holds."""
+    result = calibration.to_json() | {"model": "default" if model is None else model}
+    write_model(calibration.model, folder / "model")
+    write_json(folder / "calibration.json", result)
+    text = calibration_text(calibration)
+    (folder / "report.txt").write_text(f"{verdict}\n\n{text}" if verdict else text, encoding="utf-8")
+    return result

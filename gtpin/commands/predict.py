@@ -1,0 +1,35 @@
+"""``gtpin predict``: what the instrument would read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gtpin.commands.terminal import AsJson, ModelReference, tell
+from gtpin.data import Commands
+from gtpin.errors import GtpinError
+from gtpin.model_folder import read_model
+from gtpin.output import results_folder
+from gtpin.predict import predict as run_prediction
+from gtpin.predict import prediction_table
+
+
+def predict(
+    model: ModelReference,
+    commands: Annotated[
+        Path, typer.Argument(help="CSV or Parquet table with the columns pose, q1 .. qn.", show_default=False)
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="CSV file for the poses.", show_default=False)],
+    as_json: AsJson = False,
+) -> None:
+    """Predict what the instrument would read, without noise."""
+    found = read_model(model)
+    asked = Commands.read(commands, found.robot.n_actuators)
+    table = prediction_table(asked, run_prediction(found, asked))
+    if output.is_dir():
+        raise GtpinError("this is a folder", file=output, hint="name a CSV file")
+    with results_folder(output.parent) as folder:
+        table.to_csv(folder / output.name, index=False, lineterminator="\n")
+    tell(table.to_dict(orient="records"), f"{len(table)} poses predicted. Written: {output}", as_json)
