@@ -1,5 +1,10 @@
-"""A virtual machine to try the package on: its geometry is known, its measurements are noisy."""
+"""Virtual machines to try the package on: one without errors but its geometry's, and one with hidden effects."""
 
+from gtpin.plant.bulk import draw_case
+from gtpin.plant.case import make_case
+from gtpin.plant.digest import digest
+from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.simulate import Simulation, simulate
+from gtpin.plant.truth import Case, Truth
 
-__all__ = ["Simulation", "simulate"]
+__all__ = ["Case", "Simulation", "Truth", "digest", "draw_case", "make_case", "simulate", "simulate_scenario"]

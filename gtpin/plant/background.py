@@ -1,0 +1,52 @@
+"""Weak other effects that every machine has, too weak to be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.causes.cause import Cause
+from gtpin.plant.causes.kinds import CATALOGUE
+from gtpin.plant.energy import PastGeometry
+from gtpin.plant.response import Plant
+
+BESIDE = (2.0, 12.0)
+"""Between which their energy together is drawn where the machine has an effect."""
+ALONE = (0.5, 4.0)
+"""The same where it has none."""
+MANY = (2, 5)
+MOST = 2.0
+"""Times the typical size: beyond, an effect that hardly shows is left out."""
+
+
+def weak_others(
+    plant: Plant,
+    rows: npt.NDArray[np.int_],
+    past: PastGeometry,
+    taken: Collection[tuple[str, str]],
+    beside: bool,
+    rng: np.random.Generator,
+) -> tuple[list[tuple[Cause, float]], float]:
+    """Some effects that are not ``taken``, with their amplitudes, and the energy that they have together."""
+    robot = plant.machine.robot
+    causes, shares, displaced = [], [], []
+    for i in rng.choice(len(CATALOGUE), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
+        site = str(rng.choice(CATALOGUE[i].sites(robot)))
+        if (CATALOGUE[i].name, site) in taken:
+            continue
+        cause = CATALOGUE[i].at(robot, site, rng)
+        displacement = plant.displacement([(cause, 1.0)])[rows]
+        energy = past.energy(displacement)
+        share = float(min(np.sqrt(rng.exponential() / max(energy, 1e-9)), MOST))
+        causes.append(cause)
+        shares.append(share)
+        displaced.append(share * displacement)
+    wanted = float(rng.uniform(*(BESIDE if beside else ALONE)))
+    if not causes:
+        return [], 0.0
+    whole = past.energy(np.sum(displaced, axis=0))
+    factor = min(np.sqrt(wanted / max(whole, 1e-9)), MOST / max(shares))
+    active = [(cause, share * factor) for cause, share in zip(causes, shares, strict=True)]
+    return active, past.energy(plant.displacement(active)[rows])

@@ -1,0 +1,46 @@
+"""Cases in bulk, with everything drawn at random."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.plant.case import Case, make_case
+from gtpin.plant.tracker import Noise
+
+SHARES = {"one": 0.70, "two": 0.12, "none": 0.08, "unknown": 0.10}
+"""How often a machine has one effect of the catalogue, two, none, or one that is in no catalogue."""
+LACKING: tuple[tuple[str, ...], ...] = ((), ("temp",), ("payload",), ("session",), ("speed",), ("time",), ("approach",))
+"""Columns that a rough case lacks."""
+
+
+def draw_case(seed: int, *, rough: bool = False, poses: int | None = None) -> Case:
+    """Draw a case: what the machine has, how strong it is, and how it was measured.
+
+    Parameters
+    ----------
+    seed
+        Same seed, same bytes.
+    rough
+        Draw also heavy tails, gross errors, noise by range or undeclared, missing columns, and 70 to 200 poses.
+    poses
+        Number of poses, where it shall not be drawn.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
+    what = str(rng.choice(list(SHARES), p=list(SHARES.values())))
+    number = {"one": 1, "two": 2, "none": 0, "unknown": 1}[what]
+    noise: Noise | None = None
+    without: tuple[str, ...] = ()
+    if rough:
+        noise, without = _rough_noise(rng), LACKING[int(rng.integers(len(LACKING)))]
+        poses = poses or int(rng.integers(70, 201))
+    return make_case(seed, n_effects=number, unknown=what == "unknown", poses=poses, noise=noise, without=without)
+
+
+def _rough_noise(rng: np.random.Generator) -> Noise:
+    return Noise(
+        declared=bool(rng.random() < 0.5),
+        by_range=float(rng.choice([0.0, 0.5])),
+        tails=float(rng.uniform(3.0, 6.0)) if rng.random() < 0.5 else None,
+        gross=float(rng.choice([0.0, 0.01, 0.03])),
+        orientations=bool(rng.random() < 0.85),
+    )

@@ -1,0 +1,92 @@
+"""Cases for a blind check: a machine with an effect at random, or with the effects asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtpin.plant.build import Wanted, build, known_robot
+from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED, kind
+from gtpin.plant.conditions import Conditions
+from gtpin.plant.tracker import Noise
+from gtpin.plant.truth import Case, Truth
+
+__all__ = ["Case", "Truth", "make_case"]
+
+ENERGY = (30.0, 4000.0)
+"""Between which an effect's energy is drawn, uniformly in its logarithm."""
+POSES = (140, 280)
+"""Between which the number of poses is drawn."""
+
+
+def make_case(
+    seed: int,
+    *,
+    effects: Sequence[tuple[str, str | None]] | None = None,
+    n_effects: int = 1,
+    unknown: bool = False,
+    energy: float | tuple[float, float] | None = None,
+    poses: int | None = None,
+    held_out: int = 120,
+    noise: Noise | None = None,
+    conditions: Conditions | None = None,
+    without: tuple[str, ...] = (),
+    background: bool = True,
+    robot: str = "gantry_tau",
+) -> Case:
+    """Make a case: draw whatever is not given.
+
+    Parameters
+    ----------
+    seed
+        Same seed and arguments, same bytes.
+    effects
+        (id, site) of each; a site of None is drawn. Left out, ``n_effects`` of the catalogue are drawn.
+    unknown
+        Draw from outside the catalogue.
+    energy
+        Of each effect; drawn uniformly in its logarithm between two numbers, 30 and 4,000 where left out.
+    poses
+        Number of different commands; a tenth of them is visited twice. 140 to 280 where left out.
+    held_out
+        Number of commands that are not measured.
+    noise, conditions
+        Of instrument and measurement; conditions are drawn, so that the effects can show, where left out.
+    without
+        Columns, or beginnings of their names, that the files lack besides those of ``conditions``.
+    background
+        Whether weak other effects are on.
+    robot
+        Name of a shipped robot, or the path of a URDF; one with rods on carts.
+
+    Raises
+    ------
+    GtpinError
+        If an effect or site is not known, or there is nothing to measure.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
+    found = known_robot(robot)
+    kinds = UNLISTED if unknown else CATALOGUE
+    if effects is None:
+        chosen = [kinds[i] for i in rng.choice(len(kinds), size=n_effects, replace=False)] if n_effects else []
+        effects = [(k.name, None) for k in chosen]
+    span = (energy, energy) if isinstance(energy, int | float) else energy or ENERGY
+    wanted = []
+    for name, site in effects:
+        place = site or str(rng.choice(kind(name).sites(found)))
+        wanted.append(Wanted(name, place, energy=float(np.exp(rng.uniform(*np.log(span))))))
+    needs = {need for name, _ in effects for need in kind(name).needs}
+    drawn = Conditions.draw(rng, needs)
+    measured = conditions or drawn
+    count = int(rng.integers(POSES[0], POSES[1] + 1))
+    return build(
+        wanted,
+        seed,
+        robot=robot,
+        poses=poses if poses is not None else count,
+        held_out=held_out,
+        noise=noise or Noise(),
+        conditions=measured.model_copy(update={"without": measured.without + without}),
+        background=background,
+    )

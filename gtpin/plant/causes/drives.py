@@ -1,0 +1,127 @@
+"""Errors along a track: what a drive's counts, rack and servo get wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.causes.cause import Cause, Site
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.fields import Field, curve, uneven_curve
+from gtpin.plant.situation import Situation
+
+Floats = npt.NDArray[np.float64]
+
+REACH = 0.8
+"""Tracks err over commands from -REACH to REACH, m."""
+
+
+def along(situation: Situation, site: Site, travel: Floats) -> Deviation:
+    """A cart that is off along its track by travel (N,), m."""
+    deviation = situation.unbent()
+    deviation.travel[:, site.cart] = travel
+    return deviation
+
+
+def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
+    """100 ppm of the travel, a few of them not constant along the scale."""
+    uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.015, 0.05)
+    sign = rng.choice([-1.0, 1.0])
+
+    def cause(now: Situation) -> Deviation:
+        q = now.q[:, site.cart]
+        return along(now, site, sign * 1e-4 * (q + part * 0.35 * uneven(q)))
+
+    return cause
+
+
+def linearity(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um: smooth, with rough patches, at times a step."""
+    error = uneven_curve(rng, -REACH, REACH)
+    return lambda now: along(now, site, 3e-5 * error(now.q[:, site.cart]))
+
+
+def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
+    """20 um at every tooth or pinion turn: with harmonics, drifting amplitude, and a jump of phase where segments meet."""
+    period = float(np.exp(rng.uniform(np.log(0.012), np.log(0.025)) if rng.random() < 0.4 else rng.uniform(-2.8, -1.4)))
+    phases = rng.uniform(0.0, 2.0 * np.pi, 3)
+    strengths = np.array([1.0, rng.uniform(0.05, 0.25), rng.uniform(0.0, 0.12)])
+    drift, depth = curve(rng, -REACH, REACH, 0.4, "twice"), rng.uniform(0.05, 0.25)
+    joint, jump = rng.uniform(-0.6, 0.6), rng.uniform(-0.5, 0.5) * (rng.random() < 0.5)
+
+    def cause(now: Situation) -> Deviation:
+        q = now.q[:, site.cart]
+        turn = 2.0 * np.pi * q / period + jump * (q > joint)
+        wave = sum(a * np.sin((k + 1) * turn + p) for k, (a, p) in enumerate(zip(strengths, phases, strict=True)))
+        return along(now, site, 2e-5 * wave * (1.0 + depth * drift(q)))
+
+    return cause
+
+
+def rack_step(site: Site, rng: np.random.Generator) -> Cause:
+    """40 um where two segments meet: over the width of a tooth, with the second segment a little out of pitch and rough."""
+    place, width = rng.uniform(-0.42, 0.42), rng.uniform(0.001, 0.008)
+    pitch, rough = rng.uniform(-0.25, 0.25), curve(rng, -REACH, REACH, 0.05, "once")
+    size, sign = rng.uniform(0.02, 0.08), rng.choice([-1.0, 1.0])
+
+    def cause(now: Situation) -> Deviation:
+        q = now.q[:, site.cart]
+        step = 0.5 * (1.0 + np.tanh((q - place) / width)) + pitch * np.maximum(q - place, 0.0)
+        return along(now, site, sign * 4e-5 * (step + size * rough(q)))
+
+    return cause
+
+
+def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um from session to session, of which some per cent settle within the session's first part."""
+    shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
+
+    def cause(now: Situation) -> Deviation:
+        session = now.visits.session
+        since = now.visits.time - np.array([now.visits.time[session == s].min() for s in session])
+        return along(now, site, 3e-5 * shifts[session] * (1.0 - settling * np.exp(-since / 600.0)))
+
+    return cause
+
+
+def backlash(site: Site, rng: np.random.Generator) -> Cause:
+    """15 um to either side: less where the load presses, wider where the rack is worn, creeping back in the course of time."""
+    sign = rng.choice([-1.0, 1.0])
+    load, wear, creep = rng.uniform(0.05, 0.3), rng.uniform(0.05, 0.2), rng.uniform(-0.2, 0.2)
+    worn = curve(rng, -REACH, REACH, 0.35)
+    taken = rng.uniform(0.003, 0.006)  # m of travel until most of the play is taken up
+
+    def cause(now: Situation) -> Deviation:
+        q, approach = now.q[:, site.cart], now.visits.approach[:, site.cart]
+        pressing = now.pull(site.cart) @ now.machine.tracks[site.cart]
+        gap = (1.0 - load * np.tanh(np.abs(pressing) / 300.0)) * (1.0 + wear * worn(q) + creep * now.visits.phase)
+        move = np.abs(q - now.visits.before[:, site.cart])
+        return along(now, site, sign * 1.5e-5 * approach * gap * np.tanh(move / taken))
+
+    return cause
+
+
+def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
+    """0.2 ms of the speed, a part of the acceleration, and less at high speed, where feed-forward helps."""
+    saturation, inertia = rng.uniform(0.0, 0.8), rng.uniform(0.5e-5, 2e-5)
+    wear, uneven = rng.uniform(0.0, 0.12), curve(rng, -REACH, REACH, 0.3)
+
+    def cause(now: Situation) -> Deviation:
+        speed, acceleration = now.visits.speed[:, site.cart], now.visits.acceleration[:, site.cart]
+        lag = 2e-4 * speed / (1.0 + saturation * np.abs(speed)) * (1.0 + wear * uneven(now.q[:, site.cart]))
+        return along(now, site, -lag - inertia * acceleration)
+
+    return cause
+
+
+def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um with where the other carts are, slightly with where this one is."""
+    field, own = Field.draw(rng, [0.55, 0.55]), Field.draw(rng, [0.5, 0.5, 0.5])
+    part, slope = rng.uniform(0.05, 0.25), rng.standard_normal(2)
+
+    def cause(now: Situation) -> Deviation:
+        others = np.delete(now.q, site.cart, axis=1)[:, :2]
+        values = field(others) + others @ slope + part * own(now.q[:, :3])
+        return along(now, site, 2.5e-5 * values)
+
+    return cause

@@ -1,0 +1,44 @@
+"""Errors of a guideway: a cart that strays across its track and turns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.plant.causes.cause import Cause, Site
+from gtpin.plant.causes.drives import REACH
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.fields import curve, uneven_curve
+from gtpin.plant.situation import Situation
+
+
+def straightness(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um in each of two directions across; some per cent go with the load that presses the cart on its rail."""
+    errors = [uneven_curve(rng, -REACH, REACH) for _ in "ab"]
+    sizes, load = rng.uniform(0.5, 1.5, 2), rng.uniform(-0.1, 0.1)
+
+    def cause(now: Situation) -> Deviation:
+        q, across = now.q[:, site.cart], now.machine.across[site.cart]
+        pressed = 1.0 + load * np.tanh(now.pull(site.cart)[:, 2] / 300.0)
+        deviation = now.unbent()
+        for error, size, axis in zip(errors, sizes, across, strict=True):
+            deviation.shift[:, site.cart] += (3e-5 * size * pressed * error(q))[:, None] * axis
+        return deviation
+
+    return cause
+
+
+def cart_rotation(site: Site, rng: np.random.Generator) -> Cause:
+    """60 urad of roll, pitch and yaw, with some that alternates from block to block of the rail."""
+    errors = [uneven_curve(rng, -REACH, REACH) for _ in "abc"]
+    blocks = [curve(rng, -REACH, REACH, 0.04, "rough") for _ in "abc"]
+    sizes, part = rng.uniform(0.4, 1.6, 3), rng.uniform(0.02, 0.12)
+
+    def cause(now: Situation) -> Deviation:
+        q = now.q[:, site.cart]
+        axes = np.vstack([now.machine.across[site.cart], now.machine.tracks[site.cart]])
+        angles = [size * (e(q) + part * b(q)) for e, b, size in zip(errors, blocks, sizes, strict=True)]
+        deviation = now.unbent()
+        deviation.turn[:, site.cart] = 6e-5 * np.column_stack(angles) @ axes
+        return deviation
+
+    return cause

@@ -1,0 +1,79 @@
+"""Errors of the measurement: where the instrument stands, its scale, and the target on the platform."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.plant.causes.cause import Cause, Site
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.fields import curve
+from gtpin.plant.situation import Situation
+
+SIZES = np.array([2.5e-5] * 3 + [5e-6] * 3)
+"""m and rad: some metres away the two come to much the same."""
+
+
+def tracker_drift(site: Site, rng: np.random.Generator) -> Cause:
+    """25 um and 5 urad in the course of the day: settling at first, wandering, with a jolt now and then."""
+    wander = [curve(rng, 0.0, 1.0, rng.uniform(0.25, 0.8), "twice") for _ in range(6)]
+    rough = [curve(rng, 0.0, 1.0, 0.05, "rough") for _ in range(6)]
+    settling, soon = rng.standard_normal(6), rng.uniform(0.1, 0.6)
+    jolt, when = 0.4 * rng.standard_normal(6) * (rng.random() < 0.4), rng.uniform(0.1, 0.9)
+    part, sizes = rng.uniform(0.03, 0.12), SIZES * rng.uniform(0.4, 1.4, 6)
+
+    def cause(now: Situation) -> Deviation:
+        t = now.visits.phase
+        columns = [w(t) + part * r(t) for w, r in zip(wander, rough, strict=True)]
+        moved = np.column_stack(columns) + settling * (1.0 - np.exp(-t / soon))[:, None] + jolt * (t > when)[:, None]
+        deviation = now.unbent()
+        deviation.frame[:] = sizes * moved
+        return deviation
+
+    return cause
+
+
+def frame_shift(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um and 6 urad from session to session, which drift a little within the session."""
+    shifts = 1.2 * SIZES * rng.standard_normal((20, 6))
+    drift = [curve(rng, 0.0, 1.0, 0.2, "twice") for _ in range(6)]
+    part = rng.uniform(0.03, 0.12)
+
+    def cause(now: Situation) -> Deviation:
+        deviation = now.unbent()
+        within = np.column_stack([d(now.visits.phase) for d in drift])
+        deviation.frame[:] = shifts[now.visits.session] + part * SIZES * within
+        return deviation
+
+    return cause
+
+
+def tracker_scale(site: Site, rng: np.random.Generator) -> Cause:
+    """20 ppm of the distance; a few go with the air's temperature and with the time."""
+    sign, air = rng.choice([-1.0, 1.0]), rng.uniform(-1.5e-7, 1.5e-7)
+    wander, part = curve(rng, 0.0, 1.0, 0.3, "twice"), rng.uniform(0.003, 0.012)
+
+    def cause(now: Situation) -> Deviation:
+        day = now.visits.day
+        warm = day.frame_at(now.visits.time) - day.frame[0]
+        deviation = now.unbent()
+        deviation.scale[:] = sign * 2e-5 * (1.0 + part * wander(now.visits.phase)) + air * warm
+        return deviation
+
+    return cause
+
+
+def target_offset(site: Site, rng: np.random.Generator) -> Cause:
+    """100 um in each direction; a fraction of a per cent gives with the payload and as the day goes on.
+
+    The rest is what geometry absorbs: more of a departure would be an effect of another name.
+    """
+    offset, yields = rng.standard_normal(3), rng.uniform(-0.001, 0.001, 3)
+    creep = curve(rng, 0.0, 1.0, 0.4, "twice")
+
+    def cause(now: Situation) -> Deviation:
+        deviation = now.unbent()
+        load = now.visits.payload[:, None] / 20.0
+        deviation.target[:] = 1e-4 * (offset + yields * load + 0.0003 * creep(now.visits.phase)[:, None])
+        return deviation
+
+    return cause

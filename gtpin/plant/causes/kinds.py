@@ -1,0 +1,59 @@
+"""All kinds of error that the plant knows: those of the contract's table, and those that are in no catalogue."""
+
+from __future__ import annotations
+
+from gtpin.errors import GtpinError
+from gtpin.plant.causes import drives, guides, heat, instrument, joints, stiffness, unlisted_loads, unlisted_structure
+from gtpin.plant.causes.cause import Kind
+
+CATALOGUE = (
+    Kind("encoder_scale", "carts", drives.encoder_scale, largest=10.0),
+    Kind("linearity", "carts", drives.linearity),
+    Kind("rack_periodic", "carts", drives.rack_periodic),
+    Kind("rack_step", "carts", drives.rack_step),
+    Kind("zero_shift", "carts", drives.zero_shift, ("session",)),
+    Kind("backlash", "carts", drives.backlash),
+    Kind("servo_lag", "carts", drives.servo_lag, ("speed",)),
+    Kind("cross_coupling", "carts", drives.cross_coupling),
+    Kind("straightness", "carts", guides.straightness),
+    Kind("cart_rotation", "carts", guides.cart_rotation),
+    Kind("cart_compliance", "carts", stiffness.cart_compliance, ("payload",)),
+    Kind("link_compliance", "arm", stiffness.link_compliance, ("payload",)),
+    Kind("joint_clearance", "links", joints.joint_clearance, ("force",), largest=6.0),
+    Kind("joint_runout", "links", joints.joint_runout),
+    Kind("thermal_links", "arm", heat.thermal_links, ("heat",)),
+    Kind("thermal_track", "carts", heat.thermal_track, ("heat",)),
+    Kind("tracker_drift", "frame", instrument.tracker_drift),
+    Kind("frame_shift", "frame", instrument.frame_shift, ("session",)),
+    Kind("tracker_scale", "frame", instrument.tracker_scale, largest=10.0),
+    Kind("target_offset", "platform", instrument.target_offset, largest=5.0),
+)
+"""The contract's table."""
+UNLISTED = (
+    Kind("hose_drag", "platform", unlisted_loads.hose_drag),
+    Kind("cable_chain", "carts", unlisted_loads.cable_chain),
+    Kind("plate_bending", "platform", unlisted_loads.plate_bending, ("payload",)),
+    Kind("foot_settling", "carts", unlisted_structure.foot_settling),
+    Kind("joint_stick", "links", unlisted_structure.joint_stick),
+    Kind("frame_bending", "frame", unlisted_structure.frame_bending),
+    Kind("thermal_twist", "frame", unlisted_structure.thermal_twist, ("heat",)),
+    Kind("nest_tilt", "platform", unlisted_structure.nest_tilt),
+    Kind("encoder_slip", "carts", unlisted_structure.encoder_slip),
+    Kind("guide_whip", "carts", unlisted_structure.guide_whip, ("speed",)),
+)
+"""What is in no catalogue."""
+
+
+def kind(name: str) -> Kind:
+    """The kind of a name.
+
+    Raises
+    ------
+    GtpinError
+        If there is none.
+    """
+    for known in (*CATALOGUE, *UNLISTED):
+        if known.name == name:
+            return known
+    names = ", ".join(k.name for k in (*CATALOGUE, *UNLISTED))
+    raise GtpinError(f"no effect is called {name!r}", hint=f"known here: {names}")

@@ -1,0 +1,64 @@
+"""What gives way under load: carts on their guides and drives, links and their joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.causes.cause import Cause, Site
+from gtpin.plant.causes.drives import REACH
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.fields import curve
+from gtpin.plant.situation import Situation
+
+Floats = npt.NDArray[np.float64]
+
+GIVE = 1e-7
+"""m/N of a cart along its track at small forces: a rack and pinion of 10 N/um."""
+STRETCH = 5e-8
+"""m/N of a link with its two joints at small forces: 20 N/um."""
+
+
+def hertz(force: Floats, exponent: float, scale: float) -> Floats:
+    """A force (any shape), N, less what stiffening contacts take off: linear when small, a power below one when large."""
+    return np.asarray(force * (1.0 + (force / scale) ** 2) ** ((exponent - 1.0) / 2.0))
+
+
+def cart_compliance(site: Site, rng: np.random.Generator) -> Cause:
+    """A cart on springs that stiffen: along and across its track, and in tipping; softer in places, with some hysteresis."""
+    exponent, scale = rng.uniform(0.75, 0.95), rng.uniform(100.0, 400.0)
+    give = GIVE * np.array([rng.uniform(0.7, 1.3), *rng.uniform(0.1, 0.6, 2)])
+    tip = rng.uniform(0.5, 2.0, 3) * 5e-7  # rad per N m
+    softer, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.02, 0.1)
+    friction = rng.uniform(0.0, 0.05)
+
+    def cause(now: Situation) -> Deviation:
+        axes = np.vstack([now.machine.tracks[site.cart], now.machine.across[site.cart]])
+        soft = (1.0 + part * softer(now.q[:, site.cart]))[:, None]
+        force = now.pull(site.cart) @ axes.T
+        left = 1.0 + friction * now.visits.approach[:, [site.cart]] * np.sign(force)
+        deviation = now.unbent()
+        deviation.shift[:, site.cart] = (soft * left * give * hertz(force, exponent, scale)) @ axes
+        deviation.turn[:, site.cart] = (
+            soft * tip * hertz(now.moment(site.cart) @ axes.T, exponent, scale / 5.0)
+        ) @ axes
+        return deviation
+
+    return cause
+
+
+def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
+    """Links that stretch, each its own way: stiffening, harder in compression than in tension, with some hysteresis."""
+    exponent, scale = rng.uniform(0.75, 0.95), rng.uniform(100.0, 400.0)
+    give = STRETCH * rng.normal(1.0, 0.12, len(site.rods)).clip(0.6, 1.4)
+    harder, friction = rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.05)
+
+    def cause(now: Situation) -> Deviation:
+        force, carriers = now.forces[:, site.rods], now.machine.carrier[list(site.rods)]
+        left = 1.0 + friction * now.visits.approach[:, carriers]
+        harder_side = np.where(force < 0.0, 1.0 - harder, 1.0)
+        deviation = now.unbent()
+        deviation.length[:, site.rods] = give * left * harder_side * hertz(force, exponent, scale)
+        return deviation
+
+    return cause

@@ -1,0 +1,76 @@
+"""Loads that no catalogue has: a hose, a cable chain, a payload off centre."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.causes.cause import Cause, Site
+from gtpin.plant.causes.drives import REACH
+from gtpin.plant.causes.stiffness import GIVE, STRETCH
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.fields import Field, curve
+from gtpin.plant.situation import Situation
+
+Floats = npt.NDArray[np.float64]
+
+
+def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
+    """A hose pulls the plate to where it comes from, the more the farther, and drags against the last move: up to 60 N."""
+    anchor = np.array([rng.uniform(-0.8, 0.8), rng.uniform(-0.8, 0.8), rng.uniform(0.8, 2.0)])  # m from home
+    seat = rng.uniform(-0.15, 0.15, 3)  # TCP frame, m
+    stiffness, drag = rng.uniform(15.0, 50.0), rng.uniform(10.0, 30.0)
+    stiffer = Field.draw(rng, [0.4] * 3)
+
+    def cause(now: Situation) -> Deviation:
+        from_home = now.poses.T - now.machine.kinematics.home.T[0]
+        lever = now.poses.R @ seat
+        way = anchor - from_home - lever
+        force = stiffness * way * (1.0 + 0.2 * stiffer(from_home))[:, None]
+        force -= drag * (1.0 + 0.5 * np.tanh(from_home[:, [0]] / 0.2)) * now.motion
+        return _yielding(now, now.held(np.hstack([force, np.cross(lever, force)])))
+
+    return cause
+
+
+def _yielding(now: Situation, forces: Floats) -> Deviation:
+    """What further rod forces (N, k), N, do to an elastic machine."""
+    deviation = now.unbent()
+    deviation.length[:] = STRETCH * forces
+    for cart, track in enumerate(now.machine.tracks):
+        deviation.travel[:, cart] = GIVE * now.pull(cart, forces) @ track
+    return deviation
+
+
+def cable_chain(site: Site, rng: np.random.Generator) -> Cause:
+    """A cable chain hangs on a cart: it pulls harder the longer it hangs, sticks to its tray, and tips the cart."""
+    weight, drag = rng.uniform(40.0, 100.0), rng.uniform(30.0, 80.0)  # N
+    tray, level = curve(rng, -REACH, REACH, 0.15, "once"), rng.uniform(-0.3, 0.3)
+    arm = rng.uniform(-0.3, 0.3, 3)  # m
+
+    def cause(now: Situation) -> Deviation:
+        cart, q = site.cart, now.q[:, site.cart]
+        track = now.machine.tracks[cart]
+        hanging = weight * np.logaddexp(0.0, (q - level) / 0.1) * 0.2
+        sticking = drag * now.visits.approach[:, cart] * (1.0 + 0.6 * tray(q)).clip(0.1)
+        force = (hanging - sticking)[:, None] * track + hanging[:, None] * np.array([0.0, 0.0, -1.0])
+        deviation = now.unbent()
+        deviation.shift[:, cart] = GIVE * force
+        deviation.turn[:, cart] = 2e-6 * np.cross(arm, force)
+        return deviation
+
+    return cause
+
+
+def plate_bending(site: Site, rng: np.random.Generator) -> Cause:
+    """A payload off centre bends the plate: its joints give by 20 um at 20 kg, each its own way, more and more."""
+    ways, exponent = 2e-5 * rng.standard_normal((20, 3)), rng.uniform(1.0, 1.4)
+    swing = rng.uniform(0.0, 0.3)
+
+    def cause(now: Situation) -> Deviation:
+        load = (now.visits.payload / 20.0) ** exponent * (1.0 + swing * now.motion[:, 2])
+        deviation = now.unbent()
+        deviation.joint[:] = load[:, None, None] * ways[: now.machine.n_rods]
+        return deviation
+
+    return cause

@@ -1,0 +1,129 @@
+"""Errors of structure that no catalogue has: feet, frame, joints, nests, encoders."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.plant.causes.cause import Cause, Site
+from gtpin.plant.causes.drives import REACH, along
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.fields import Field, curve, play
+from gtpin.plant.situation import Situation
+
+
+def foot_settling(site: Site, rng: np.random.Generator) -> Cause:
+    """The foot under one end of a track gives way step by step, 60 um in all, as it has borne load long enough."""
+    ways, end = rng.standard_normal(3) * np.array([0.4, 0.6, 1.0]), rng.choice([-1.0, 1.0])
+    steps = np.sort(rng.uniform(0.1, 0.9, int(rng.integers(3, 7))))
+    sizes = rng.exponential(1.0, len(steps))
+    sizes /= sizes.sum()
+
+    def cause(now: Situation) -> Deviation:
+        borne = np.cumsum(np.linalg.norm(now.pull(site.cart), axis=1))
+        settled = ((borne / borne[-1])[:, None] > steps) @ sizes
+        share = 0.5 * (1.0 + end * now.q[:, site.cart] / REACH)
+        deviation = now.unbent()
+        deviation.shift[:, site.cart] = 6e-5 * (settled * share)[:, None] * ways
+        return deviation
+
+    return cause
+
+
+def joint_stick(site: Site, rng: np.random.Generator) -> Cause:
+    """A joint that sticks bends its link until it slips: 15 um by where the link came from, more under load."""
+    (rod,) = site.rods
+    width, load = rng.uniform(0.05, 0.15), rng.uniform(0.0, 0.5)
+    direction = rng.standard_normal(3)
+
+    def cause(now: Situation) -> Deviation:
+        angle = now.along[:, rod] @ direction / np.linalg.norm(direction)
+        bent = (angle - play(angle, width)) / width
+        deviation = now.unbent()
+        deviation.length[:, rod] = -1.5e-5 * bent * (1.0 + load * np.tanh(now.forces[:, rod] / 100.0)) * np.abs(bent)
+        return deviation
+
+    return cause
+
+
+def frame_bending(site: Site, rng: np.random.Generator) -> Cause:
+    """The frame sags under the carts' weight: every track by 20 um, its own way, with where the carts are in the mean."""
+    sags = [[curve(rng, -REACH, REACH, rng.uniform(0.25, 0.5), "twice") for _ in "ab"] for _ in range(6)]
+    twist = Field.draw(rng, [0.4, 0.4])
+
+    def cause(now: Situation) -> Deviation:
+        mean, spread = now.q.mean(axis=1), now.q[:, 0] - now.q[:, -1]
+        deviation = now.unbent()
+        for cart, axes in enumerate(now.machine.across):
+            for sag, axis in zip(sags[cart], axes, strict=True):
+                size = sag(mean) + 0.4 * twist(np.column_stack([mean, spread]))
+                deviation.shift[:, cart] += 2e-5 * size[:, None] * axis
+        return deviation
+
+    return cause
+
+
+def thermal_twist(site: Site, rng: np.random.Generator) -> Cause:
+    """A gradient across the frame, the links' temperature ahead of the frame's, turns the tracks: 30 urad and 4 um per K."""
+    slopes, lifts = rng.standard_normal((6, 2)), rng.standard_normal((6, 2))
+    delay = rng.uniform(300.0, 1500.0)
+
+    def cause(now: Situation) -> Deviation:
+        day, time = now.visits.day, now.visits.time
+        gradient = day.link_at(time, 300.0) - day.frame_at(time, delay)
+        gradient = gradient + day.frame[0] - day.link[0]
+        deviation = now.unbent()
+        for cart, axes in enumerate(now.machine.across):
+            rise = 3e-5 * now.q[:, [cart]] * slopes[cart] + 4e-6 * lifts[cart]
+            deviation.shift[:, cart] = gradient[:, None] * rise @ axes
+        return deviation
+
+    return cause
+
+
+def nest_tilt(site: Site, rng: np.random.Generator) -> Cause:
+    """The target's nest rocks on its magnet: 15 um by how the plate came to rest and leans to gravity, more while it moves."""
+    rock, lean = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
+    sharp, swift = rng.uniform(0.2, 0.5), rng.uniform(0.5, 2.0)
+
+    def cause(now: Situation) -> Deviation:
+        down = np.swapaxes(now.poses.R, 1, 2) @ np.array([0.0, 0.0, -1.0])
+        came = np.einsum("ni,nij->nj", now.motion, now.poses.R)
+        moving = 1.0 + swift * np.abs(now.visits.speed).max(axis=1, keepdims=True) / 0.3
+        deviation = now.unbent()
+        deviation.target[:] = 1.5e-5 * (np.tanh(came / sharp) @ rock * moving + 20.0 * (down - down[0]) @ lean)
+        return deviation
+
+    return cause
+
+
+def encoder_slip(site: Site, rng: np.random.Generator) -> Cause:
+    """A loose coupling slips with every hard reversal, 25 um in all, at random to either side."""
+    slips = rng.standard_normal(4096)
+    hard = rng.uniform(0.5, 0.8)
+
+    def cause(now: Situation) -> Deviation:
+        approach, moved = now.visits.approach[:, site.cart], np.abs(np.diff(now.q[:, site.cart], prepend=0.0))
+        reversal = (np.diff(approach, prepend=0.0) != 0.0) & (moved > np.quantile(moved, hard))
+        slipped = np.cumsum(slips[np.arange(len(now)) % len(slips)] * reversal)
+        return along(now, site, 2.5e-5 * slipped / np.sqrt(max(int(reversal.sum()), 1) / 3.0))
+
+    return cause
+
+
+def guide_whip(site: Site, rng: np.random.Generator) -> Cause:
+    """Worn guide blocks: the cart leans into its own acceleration and speed, 30 um across its track and 40 urad."""
+    lean, roll = rng.standard_normal(2), rng.standard_normal(3)
+    lean /= np.linalg.norm(lean)
+    worn = curve(rng, -REACH, REACH, 0.2)
+
+    def cause(now: Situation) -> Deviation:
+        cart = site.cart
+        speed, way = np.abs(now.visits.speed[:, cart]), now.visits.approach[:, cart]
+        size = way * (0.3 + np.tanh(speed / 0.1)) * (1.0 + 0.4 * worn(now.q[:, cart]))
+        axes = np.vstack([now.machine.across[cart], now.machine.tracks[cart]])
+        deviation = now.unbent()
+        deviation.shift[:, cart] = 3e-5 * size[:, None] * (lean @ axes[:2])
+        deviation.turn[:, cart] = 4e-5 * size[:, None] * (roll @ axes)
+        return deviation
+
+    return cause

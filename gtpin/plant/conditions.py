@@ -1,0 +1,73 @@
+"""How a machine is measured: what it carries, how it moves, how many sessions, which columns are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class Conditions(BaseModel):
+    """How a machine is measured.
+
+    Parameters
+    ----------
+    rest
+        Share of the poses at which it stands still; it passes the others at speed.
+    sessions
+        How many times the work was taken up; from two on there is a column ``session``.
+    payloads
+        What it carries, kg, in ``payload_blocks`` blocks of time.
+    push
+        1 sigma per axis of the pushes on its tool at every other pose, N; with any there are columns ``fx fy fz``.
+    interval
+        Mean time between visits, s.
+    direct
+        Share of the visits that are reached straight from the one before; the others through a point some centimetres
+        off, from either side of each actuator.
+    order
+        ``random``, or ``layers``: along the first actuators' direction, up and down.
+    warming
+        How much warmer or cooler it gets than on a day of some kelvin.
+    reference_temperature
+        degC: of everything when the day starts.
+    without
+        Columns (or beginnings of their names, such as ``temp``) that the files lack.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rest: Share = 0.5
+    sessions: Annotated[int, Field(ge=1, le=20)] = 1
+    payloads: Annotated[tuple[Annotated[float, Field(ge=0.0, le=200.0)], ...], Field(min_length=1)] = (0.0, 10.0, 20.0)
+    payload_blocks: Annotated[int, Field(ge=1, le=100)] = 6
+    push: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    interval: Annotated[float, Field(gt=0.0, le=3600.0)] = 25.0
+    direct: Share = 0.3
+    order: Literal["random", "layers"] = "random"
+    warming: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    reference_temperature: Finite = 20.0
+    without: tuple[str, ...] = ()
+
+    @staticmethod
+    def draw(rng: np.random.Generator, needs: Collection[str] = ()) -> Conditions:
+        """Conditions at random; those that ``needs`` names (``session``, ``speed``, ``payload``, ``force``, ``heat``) vary."""
+        resting = rng.random() < 0.15 and "speed" not in needs
+        sessions = int(rng.integers(2, 4)) if "session" in needs or rng.random() < 0.3 else 1
+        constant = rng.random() < 0.15 and "payload" not in needs
+        return Conditions(
+            rest=1.0 if resting else round(float(rng.uniform(0.4, 0.65)), 2),
+            sessions=sessions,
+            payloads=(float(rng.choice([0.0, 10.0, 20.0])),) if constant else (0.0, 10.0, 20.0),
+            payload_blocks=int(rng.integers(3, 13)),
+            push=round(float(rng.uniform(120.0, 250.0)), 0) if "force" in needs else 60.0 * bool(rng.random() < 0.3),
+            interval=round(float(rng.uniform(12.0, 45.0)), 1),
+            direct=round(float(rng.uniform(0.0, 0.6)), 2),
+            order="layers" if rng.random() < 0.1 else "random",
+            warming=round(float(rng.uniform(1.0, 2.5) if "heat" in needs else rng.uniform(0.6, 1.8)), 2),
+        )

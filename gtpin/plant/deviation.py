@@ -1,0 +1,64 @@
+"""What effects do to the machine and to what is seen of it: small changes that add up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Changes at N visits of a machine with n carts and k rods.
+
+    Parameters
+    ----------
+    travel
+        (N, n) of the carts along their tracks, m.
+    shift
+        (N, n, 3) of the carts, base frame, m.
+    turn
+        (N, n, 3) rotation vectors of the carts about the mean of their joints, base frame, rad.
+    length
+        (N, k) of the rods, m.
+    joint
+        (N, k, 3) of the joints on the platform, TCP frame, m.
+    target
+        (N, 3) of the target from the TCP, TCP frame, m.
+    frame
+        (N, 6) of what the instrument sees, about its station: translation, m, and rotation vector, rad, base frame.
+    scale
+        (N,) relative change of the lengths that the instrument reads from its station.
+    """
+
+    travel: Floats
+    shift: Floats
+    turn: Floats
+    length: Floats
+    joint: Floats
+    target: Floats
+    frame: Floats
+    scale: Floats
+
+    @staticmethod
+    def none(visits: int, carts: int, rods: int) -> Deviation:
+        """No change at all."""
+        return Deviation(
+            travel=np.zeros((visits, carts)),
+            shift=np.zeros((visits, carts, 3)),
+            turn=np.zeros((visits, carts, 3)),
+            length=np.zeros((visits, rods)),
+            joint=np.zeros((visits, rods, 3)),
+            target=np.zeros((visits, 3)),
+            frame=np.zeros((visits, 6)),
+            scale=np.zeros(visits),
+        )
+
+    def __add__(self, other: Deviation) -> Deviation:
+        return Deviation(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
+
+    def __mul__(self, factor: float) -> Deviation:
+        return Deviation(**{f.name: getattr(self, f.name) * factor for f in fields(self)})

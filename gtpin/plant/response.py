@@ -1,0 +1,88 @@
+"""What a machine does with its errors: the closed chain solved with all of them, its forces at the postures reached."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ConvergenceError
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp
+from gtpin.plant.causes.cause import Cause
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.machine import Machine
+from gtpin.plant.situation import Situation
+from gtpin.plant.visits import Visits
+
+Floats = npt.NDArray[np.float64]
+Active = Sequence[tuple[Cause, float]]
+"""Causes with their amplitudes, in multiples of their typical sizes."""
+
+ROUNDS = 8
+SETTLED = 1e-10
+"""Change of a pose, m or rad, at which forces and deflections agree."""
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A machine on its way through a day's visits, watched by an instrument.
+
+    Parameters
+    ----------
+    machine, visits
+        Everything depends on the visits before, so that all of them are solved together.
+    station
+        (3,) where the instrument stands, base frame, m.
+    """
+
+    machine: Machine
+    visits: Visits
+    station: Floats
+
+    @cached_property
+    def ideal(self) -> Situation:
+        """The machine without any error but its geometry's."""
+        q, unbent = self.visits.q, self.machine.unbent(len(self.visits))
+        poses = self.machine.kinematics.forward(q)
+        return Situation(self.machine, self.visits, poses, self.machine.ends(q, unbent))
+
+    def settled(self, active: Active, jitter: Deviation | None = None) -> tuple[Situation, Deviation]:
+        """The postures reached with some causes, and with ``jitter`` on top that goes by nothing.
+
+        Raises
+        ------
+        ConvergenceError
+            If forces and deflections do not come to agree.
+        """
+        now = self.ideal
+        for _ in range(ROUNDS):
+            deviation = self._total(now, active, jitter)
+            ends = self.machine.ends(self.visits.q, deviation)
+            poses = self.machine.close(now.poses, ends)
+            change = np.abs(poses.minus(now.poses)).max()
+            now = Situation(self.machine, self.visits, poses, ends)
+            if change < SETTLED:
+                return now, deviation
+        raise ConvergenceError("the machine does not come to rest", hint="make the effects smaller")
+
+    def _total(self, now: Situation, active: Active, jitter: Deviation | None) -> Deviation:
+        total = now.unbent() if jitter is None else jitter
+        for cause, amplitude in active:
+            total = total + cause(now) * amplitude
+        return total
+
+    def seen(self, active: Active, jitter: Deviation | None = None) -> Poses:
+        """(N) poses that the instrument would read without noise, base frame."""
+        now, deviation = self.settled(active, jitter)
+        T = now.poses.T + np.einsum("nij,nj->ni", now.poses.R, deviation.target) - self.station
+        turn = exp(deviation.frame[:, 3:])
+        T = (1.0 + deviation.scale)[:, None] * np.einsum("nij,nj->ni", turn, T) + deviation.frame[:, :3]
+        return Poses(T + self.station, turn @ now.poses.R)
+
+    def displacement(self, active: Active) -> Floats:
+        """(N, 6) what the causes alone do to the poses seen: m and rad, base frame."""
+        return self.seen(active).minus(self.ideal.poses)

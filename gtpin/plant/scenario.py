@@ -1,0 +1,131 @@
+"""Scenario files: short TOML that says what a virtual machine has and how it is measured."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gtpin.data.files import read_bytes
+from gtpin.errors import GtpinError
+from gtpin.plant.build import Wanted, build, known_robot
+from gtpin.plant.case import ENERGY, Case
+from gtpin.plant.causes.kinds import kind
+from gtpin.plant.conditions import Conditions
+from gtpin.plant.tracker import Noise
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class Effect(BaseModel):
+    """One ``[[effect]]``: its id, and a site, an energy or an amplitude (in typical sizes) unless they are to be drawn."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    id: str
+    site: str | None = None
+    energy: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
+    amplitude: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+
+
+class Scenario(BaseModel):
+    """What a scenario file says; ``covariates`` that are left out are drawn so that the effects can show."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    robot: str = "gantry_tau"
+    seed: Annotated[int, Field(ge=0)] = 0
+    poses: Annotated[int, Field(ge=2, le=100_000)] = 200
+    held_out: Annotated[int, Field(ge=1, le=100_000)] = 120
+    background: bool = True
+    effect: tuple[Effect, ...] = ()
+    noise: Noise = Noise()
+    covariates: Conditions = Conditions()
+
+
+def read_scenario(file: Path | str) -> Scenario:
+    """Read a scenario file; a path to a URDF in it starts at its folder.
+
+    Raises
+    ------
+    GtpinError
+        For what is no TOML, or says what a scenario can't.
+    """
+    file = Path(file)
+    try:
+        scenario = Scenario.model_validate(tomllib.loads(read_bytes(file).decode("utf-8-sig")))
+    except UnicodeDecodeError:
+        raise GtpinError("the file is not UTF-8", file=file, hint="save it as UTF-8") from None
+    except ValidationError as error:
+        raise _explained(file, error) from None
+    except (ValueError, RecursionError) as error:
+        line = re.search(r"at line (\d+)", str(error))
+        hint = "correct the line" if line else "correct the file"
+        what = f"not TOML: {re.sub(r' *[(]at .*[)]$', '', str(error))[:80]}"
+        raise GtpinError(what, file=file, row=int(line[1]) if line else None, hint=hint) from None
+    for number, effect in enumerate(scenario.effect):
+        if effect.energy is not None and effect.amplitude is not None:
+            where = f"effect.{number}"
+            raise GtpinError("both energy and amplitude", file=file, column=where, hint="give one of them")
+    if "/" in scenario.robot or os.sep in scenario.robot or scenario.robot.lower().endswith(".urdf"):
+        return scenario.model_copy(update={"robot": os.path.abspath(file.parent / scenario.robot)})
+    return scenario
+
+
+def simulate_scenario(
+    file: Path | str, *, seed: int | None = None, poses: int | None = None, robot: str | None = None
+) -> Case:
+    """Make the case of a scenario file; what is given here takes precedence.
+
+    Raises
+    ------
+    GtpinError
+        If the file can't be read, or an effect or site in it is not known.
+    """
+    scenario = read_scenario(file)
+    seed = scenario.seed if seed is None else seed
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 4]))
+    reference = robot or scenario.robot
+    wanted = []
+    for number, effect in enumerate(scenario.effect):
+        try:
+            sites = kind(effect.id).sites(known_robot(reference))
+            if effect.site is not None and effect.site not in sites:
+                raise GtpinError(f"{effect.id} can't be at {effect.site!r}", hint=f"use {', '.join(sites)}")
+        except GtpinError as error:
+            raise GtpinError(error.what, file=file, column=f"effect.{number}", hint=error.hint) from None
+        site = effect.site or str(rng.choice(sites))
+        drawn = float(np.exp(rng.uniform(*np.log(ENERGY))))
+        energy = effect.energy or (drawn if effect.amplitude is None else None)
+        wanted.append(Wanted(effect.id, site, energy, effect.amplitude))
+    needs = {need for effect in scenario.effect for need in kind(effect.id).needs}
+    said = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
+    return build(
+        wanted,
+        seed,
+        robot=reference,
+        poses=scenario.poses if poses is None else poses,
+        held_out=scenario.held_out,
+        noise=scenario.noise,
+        conditions=Conditions.draw(rng, needs).model_copy(update=said),
+        background=scenario.background,
+    )
+
+
+def _explained(file: Path, error: ValidationError) -> GtpinError:
+    """The first of pydantic's complaints in one line."""
+    first: Any = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        sections: dict[str, type[BaseModel]] = {"effect": Effect, "noise": Noise, "covariates": Conditions}
+        known = sections.get(str(first["loc"][0]), Scenario).model_fields
+        return GtpinError("unknown key", file=file, column=where, hint=f"known here: {', '.join(known)}")
+    if first["type"] == "missing":
+        return GtpinError("the key is missing", file=file, column=where, hint="an [[effect]] needs an id")
+    said = str(first["input"])[:60]
+    return GtpinError(f"{said!r} can't be: {first['msg']}", file=file, column=where, hint="correct the value")

@@ -1,0 +1,97 @@
+"""What the machine is in at every visit: posture, forces and motion. Effects go by it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors, solve_each
+from gtpin.kinematics.poses import Poses
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.machine import Machine
+from gtpin.plant.visits import Visits
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """N closed postures, in the order of time.
+
+    Parameters
+    ----------
+    machine, visits
+        What was moved, and how.
+    poses, ends
+        The platform's poses, base frame, and the rods' ends there.
+    """
+
+    machine: Machine
+    visits: Visits
+    poses: Poses
+    ends: RodEnds
+
+    def __len__(self) -> int:
+        return len(self.visits)
+
+    @property
+    def q(self) -> Floats:
+        """(N, n) commands, m."""
+        return self.visits.q
+
+    def unbent(self) -> Deviation:
+        """No deviation, to be filled in."""
+        return self.machine.unbent(len(self))
+
+    @cached_property
+    def _rods(self) -> tuple[Floats, Floats]:
+        """d and R P: see :func:`~gtpin.kinematics.closures.rod_vectors`."""
+        return rod_vectors(self.poses, self.ends)
+
+    @cached_property
+    def along(self) -> Floats:
+        """(N, k, 3) unit vectors along the rods, from cart to platform, base frame."""
+        d = self._rods[0]
+        return np.asarray(d / np.linalg.norm(d, axis=2, keepdims=True))
+
+    def held(self, wrench: Floats) -> Floats:
+        """(N, k) forces in the rods, tension positive, N, that hold a wrench (N, 6) on the platform at the TCP, base frame."""
+        d, RP = self._rods
+        directions = pose_jacobian(d, RP) / np.linalg.norm(d, axis=2, keepdims=True)
+        return solve_each(np.ascontiguousarray(np.swapaxes(directions, 1, 2)), wrench)
+
+    @cached_property
+    def forces(self) -> Floats:
+        """(N, k) forces in the rods, tension positive, N: of all weights, the payload and the push on the tool."""
+        machine, visits = self.machine, self.visits
+        gravity = np.array(machine.robot.model.gravity.linear)
+        wrench = np.zeros((len(self), 6))
+        wrench[:, :3] = (machine.plate_mass + visits.payload[:, None]) * gravity + visits.force
+        wrench[:, 3:] = np.cross(self.poses.R @ machine.plate_center, machine.plate_mass * gravity)
+        # Half of a rod's weight hangs on the platform; the axial force is that at its middle.
+        for i, mass in enumerate(machine.rod_masses):
+            wrench[:, :3] += mass / 2.0 * gravity
+            wrench[:, 3:] += np.cross(self._rods[1][:, i], mass / 2.0 * gravity)
+        return self.held(wrench)
+
+    def pull(self, cart: int, forces: Floats | None = None) -> Floats:
+        """(N, 3) force of the rods on a cart, base frame, N; of other rod forces (N, k) where they are given."""
+        mine = self.machine.carrier == cart
+        forces = self.forces if forces is None else forces
+        return np.asarray(np.einsum("nk,nki->ni", forces[:, mine], self.along[:, mine]))
+
+    def moment(self, cart: int) -> Floats:
+        """(N, 3) moment of the rods on a cart about the mean of its joints, base frame, N m."""
+        mine = self.machine.carrier == cart
+        pulls = self.forces[:, mine, None] * self.along[:, mine]
+        return np.asarray(np.cross(self.machine.levers[mine], pulls).sum(axis=1))
+
+    @cached_property
+    def motion(self) -> Floats:
+        """(N, 3) unit vectors of the TCP's last move, base frame."""
+        by_command = self.machine.kinematics.command_jacobian(self.q, self.poses)[:, :3]
+        step = np.einsum("nij,nj->ni", by_command, self.q - self.visits.before)
+        return np.asarray(step / np.linalg.norm(step, axis=1, keepdims=True))

@@ -1,0 +1,110 @@
+"""The instrument: what noise it adds, and what it says of its noise. And the machine's own repeatability."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from gtpin.data import Instrument
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp
+from gtpin.plant.deviation import Deviation
+from gtpin.plant.machine import Machine
+
+Floats = npt.NDArray[np.float64]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Micro = Annotated[float, Field(ge=0.0, le=1e-3)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+ACROSS = 0.3
+"""Repeatability across a track, as a share of that along it."""
+
+
+class Noise(BaseModel):
+    """What the instrument and the machine add at random.
+
+    Parameters
+    ----------
+    position_sigma, orientation_sigma
+        1 sigma per axis, m and rad.
+    repeatability
+        1 sigma along its track at each cart at every visit, m: drawn between the two numbers, for every cart its own.
+    declared
+        Whether the dataset says the sigmas.
+    by_range
+        How much larger the position's sigma is at twice the mean distance from the instrument; 0 for the same everywhere.
+    tails
+        Degrees of freedom of a Student distribution of the same sigma; None for a normal one.
+    gross
+        Share of the measurements that are off by ten to a hundred sigma.
+    orientations
+        Whether orientations are measured.
+    free
+        Whether the instrument measures in a frame of its own, somewhere in the hall.
+    station
+        Where the instrument stands, base frame, m.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    position_sigma: Positive = 1.5e-5
+    orientation_sigma: Positive = 5e-5
+    repeatability: tuple[Micro, Micro] = (1e-6, 4e-6)
+    declared: bool = True
+    by_range: Share = 0.0
+    tails: Annotated[float, Field(gt=2.0, le=1000.0)] | None = None
+    gross: Share = 0.0
+    orientations: bool = True
+    free: bool = False
+    station: tuple[Finite, Finite, Finite] = (1.5, -7.0, 0.3)
+
+    @property
+    def sigma(self) -> Floats:
+        """(6,) 1 sigma of what is measured, m and rad; infinite for what is not."""
+        turns = self.orientation_sigma if self.orientations else np.inf
+        return np.array([self.position_sigma] * 3 + [turns] * 3)
+
+    @property
+    def instrument(self) -> Instrument:
+        """What the dataset says of the instrument."""
+        frame: Literal["robot", "free"] = "free" if self.free else "robot"
+        if not self.declared:
+            return Instrument(frame=frame)
+        turns = self.orientation_sigma if self.orientations else None
+        return Instrument(position_sigma=self.position_sigma, orientation_sigma=turns, frame=frame)
+
+    def elsewhere(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Where the base frame lies in a frame of the instrument's own: T (3,), m, and R (3, 3), upright to a degree."""
+        turn = exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])) @ exp(0.01 * rng.standard_normal(3))
+        return np.asarray(rng.uniform(-5.0, 5.0, 3)), np.asarray(turn)
+
+    def jitter(self, machine: Machine, visits: int, rng: np.random.Generator) -> Deviation:
+        """The carts' repeatability at every visit."""
+        sigmas = rng.uniform(*self.repeatability, machine.n_carts)
+        deviation = machine.unbent(visits)
+        deviation.travel[:] = sigmas * rng.standard_normal((visits, machine.n_carts))
+        sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, machine.n_carts, 2))
+        deviation.shift[:] = np.einsum("nca,cai->nci", sideways, machine.across)
+        return deviation
+
+    def measured(self, true: Poses, rng: np.random.Generator) -> Poses:
+        """Poses (N) as the instrument reads them."""
+        sigma = np.array([self.position_sigma] * 3 + [self.orientation_sigma] * 3)
+        errors = sigma * self._drawn(rng, (len(true), 6))
+        distance = np.linalg.norm(true.T - np.array(self.station), axis=1)
+        errors[:, :3] *= np.maximum(1.0 + self.by_range * (distance / distance.mean() - 1.0), 0.1)[:, None]
+        off = rng.random(len(true)) < self.gross
+        size = np.exp(rng.uniform(np.log(10.0), np.log(100.0), (len(true), 1)))
+        way = rng.standard_normal((len(true), 6))
+        errors += sigma * np.where(off[:, None], size * way / np.linalg.norm(way, axis=1, keepdims=True), 0.0)
+        return Poses(true.T + errors[:, :3], exp(errors[:, 3:]) @ true.R)
+
+    def _drawn(self, rng: np.random.Generator, shape: tuple[int, int]) -> Floats:
+        """Draws of sigma 1."""
+        if self.tails is None:
+            return rng.standard_normal(shape)
+        return np.asarray(rng.standard_t(self.tails, shape) * np.sqrt((self.tails - 2.0) / self.tails))

@@ -1,0 +1,203 @@
+"""The machine's way through its poses in the course of a day, and what is known of every visit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.ids import Ids
+from gtpin.data.table import Column
+from gtpin.errors import UnreachableError
+from gtpin.plant.conditions import Conditions
+from gtpin.plant.day import Day
+from gtpin.plant.machine import Machine
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int_]
+Bools = npt.NDArray[np.bool_]
+
+REPEATED = 0.1
+"""Share of the poses that are visited twice."""
+BOX = (0.232, 0.159, 0.147)
+"""Half the sides of the box of TCP positions, in rod lengths: x along the tracks, base frame."""
+CENTER = (-0.012, -0.011, 0.0)
+"""Its centre from home, in rod lengths."""
+RESOLUTION = 1e-6
+"""Commands are rounded to this, m."""
+BACK_OFF = (0.010, 0.040)
+"""How far each actuator backs off before an approach of its own, m."""
+SPEED = (0.05, 0.30)
+"""Of the fastest actuator where the machine does not stop, m/s."""
+
+
+@dataclass(frozen=True)
+class Visits:
+    """N visits in the order of time.
+
+    Parameters
+    ----------
+    pose
+        (N,) number of the pose; two visits of one pose share it.
+    held
+        (N,) visits that are not measured: the held-out commands.
+    q, before
+        (N, n) commands, and where the actuators' last moves began, m.
+    time
+        (N,) s.
+    session
+        (N,) from 0.
+    payload
+        (N,) kg.
+    force
+        (N, 3) on the tool, base frame, N.
+    speed, acceleration
+        (N, n) m/s, m/s^2; nobody writes the acceleration down.
+    day
+        The temperatures.
+    """
+
+    pose: Ints
+    held: Bools
+    q: Floats
+    before: Floats
+    time: Floats
+    session: Ints
+    payload: Floats
+    force: Floats
+    speed: Floats
+    acceleration: Floats
+    day: Day
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    @property
+    def approach(self) -> Floats:
+        """(N, n) sign of each actuator's last move."""
+        return np.where(self.q >= self.before, 1.0, -1.0)
+
+    @property
+    def phase(self) -> Floats:
+        """(N,) time as a share of the day, 0 to 1."""
+        return np.asarray(self.time / self.day.time[-1])
+
+    def take(self, rows: Ints | Bools) -> Visits:
+        """Some of the visits."""
+        changed: dict[str, Any] = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "day"}
+        return replace(self, **changed)
+
+    def columns(self, conditions: Conditions) -> dict[str, Column]:
+        """The covariates as a dataset has them."""
+        columns: dict[str, Column] = {"time": self.time}
+        if conditions.sessions > 1:
+            columns["session"] = session_ids(self.session)
+        columns |= {"temp_frame": self.day.frame_at(self.time), "temp_link": self.day.link_at(self.time)}
+        columns["payload"] = self.payload
+        for name, values in (("approach", self.approach), ("speed", self.speed)):
+            columns |= {f"{name}{i + 1}": values[:, i] for i in range(values.shape[1])}
+        if conditions.push > 0.0:
+            columns |= {f"f{axis}": self.force[:, i] for i, axis in enumerate("xyz")}
+        left_out = tuple(conditions.without)
+        return {name: values for name, values in columns.items() if not left_out or not name.startswith(left_out)}
+
+
+def session_ids(session: Ints) -> Ids:
+    """(N,) sessions as a dataset names them."""
+    return np.array([str(s) for s in session], dtype=object)
+
+
+def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator) -> Visits:
+    """A day's visits: ``poses`` poses, a tenth of them twice, and ``held_out`` others in between.
+
+    Raises
+    ------
+    UnreachableError
+        If hardly any poses can be reached.
+    """
+    q = reachable(machine, poses + held_out, rng)
+    again = rng.choice(poses, size=int(REPEATED * poses), replace=False)
+    pose = np.concatenate([np.arange(poses + held_out), again])
+    pose = rng.permutation(pose)
+    if conditions.order == "layers":
+        # One layer after the other; second visits are a second round.
+        first = np.isin(np.arange(len(pose)), np.unique(pose, return_index=True)[1])
+        layer = np.round(q[pose].mean(axis=1) / 0.2)
+        pose = pose[np.lexsort((q[pose, 1] - q[pose, 0], layer, ~first))]
+    q, total = q[pose], len(pose)
+    session = np.arange(total) * conditions.sessions // total
+    gaps = rng.gamma(2.0, conditions.interval / 2.0, total)
+    gaps[1:] += np.where(np.diff(session) > 0, rng.uniform(600.0, 5400.0, total - 1), 0.0)
+    time = np.asarray(np.round(np.cumsum(gaps), 3), dtype=float)
+    before = _starts(q, conditions.direct, rng)
+    moving = rng.random(total) >= conditions.rest
+    way = (q - before) / np.abs(q - before).max(axis=1, keepdims=True) * moving[:, None]
+    return Visits(
+        pose=pose,
+        held=pose >= poses,
+        q=q,
+        before=before,
+        time=time,
+        session=session,
+        payload=_blocks(total, np.array(conditions.payloads), conditions.payload_blocks, rng),
+        force=_pushes(total, conditions.push, rng),
+        speed=way * rng.uniform(*SPEED, (total, 1)),
+        acceleration=way * 0.4 * rng.standard_normal((total, 1)),
+        day=Day.draw(rng, float(time[-1]), conditions.reference_temperature, conditions.warming),
+    )
+
+
+def reachable(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
+    """(count, n) commands that put the TCP all over a box around home, m.
+
+    Raises
+    ------
+    UnreachableError
+        If the ranges hold hardly any of the box.
+    """
+    robot, kinematics = machine.robot, machine.kinematics
+    size = float(kinematics.L0.mean())
+    found = np.zeros((0, machine.n_carts))
+    for _ in range(50):
+        T = kinematics.home.T[0] + size * (np.array(CENTER) + np.array(BOX) * rng.uniform(-1.0, 1.0, (count, 3)))
+        q = np.round(_inverse(machine, T) / RESOLUTION) * RESOLUTION
+        inside = ((q >= robot.lower) & (q <= robot.upper)).all(axis=1)  # NaN is not inside
+        found = np.vstack([found, q[inside]])
+        if len(found) >= count:
+            return found[:count]
+    raise UnreachableError(f"{robot.name} reaches hardly any of its box", hint="widen the ranges in the URDF")
+
+
+def _inverse(machine: Machine, T: Floats) -> Floats:
+    """(N, n) commands for TCP positions (N, 3) in home's orientation, which the machine all but keeps; NaN out of reach."""
+    kinematics = machine.kinematics
+    # |T + R P - C0 - q v|^2 = L^2, a quadratic in q; the carts stay on home's side of the platform.
+    a = T[:, None, :] + kinematics.P @ kinematics.home.R[0].T - kinematics.C0
+    along = np.einsum("nki,ki->nk", a, kinematics.v)
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(along**2 - np.einsum("nki,nki->nk", a, a) + kinematics.L0**2)
+    home_side = np.sign(np.einsum("ki,ki->k", kinematics.home.T[0] - kinematics.C0, kinematics.v))
+    q = along - home_side * root
+    return np.column_stack([q[:, machine.carrier == c].mean(axis=1) for c in range(machine.n_carts)])
+
+
+def _starts(q: Floats, direct: float, rng: np.random.Generator) -> Floats:
+    """(N, n) where the actuators' last moves begin: at the visit before, or a little to one side."""
+    before = np.vstack([q[:1], q[:-1]])
+    via = (rng.random(len(q)) >= direct) | (np.abs(q - before).min(axis=1) < 1e-3)
+    side = rng.choice([-1.0, 1.0], q.shape)
+    before[via] = (q + side * rng.uniform(*BACK_OFF, q.shape))[via]
+    return before
+
+
+def _blocks(total: int, levels: Floats, blocks: int, rng: np.random.Generator) -> Floats:
+    """(total,) levels in blocks of time, each as often as the others."""
+    rounds = [rng.permutation(levels) for _ in range(-(-blocks // len(levels)))]
+    return np.concatenate(rounds)[: max(blocks, len(levels))][np.arange(total) * max(blocks, len(levels)) // total]
+
+
+def _pushes(total: int, sigma: float, rng: np.random.Generator) -> Floats:
+    """(total, 3) forces on the tool, N: none at every other pose."""
+    return np.asarray(np.round(sigma * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5))
