@@ -39,8 +39,13 @@ SURE = 0.95
 """Probability from which a cause stands alone."""
 TEMPERATURE = 2.0
 """Gains in log evidence are divided by this before they become probabilities: forms are never exactly the machine's."""
-UNKNOWN_GAIN = 20.0
-"""Gain in log evidence of a free motion beside the named causes from which something unknown is there."""
+UNKNOWN_GAIN, UNKNOWN_SHARE = 9.0, 0.01
+"""Gain in log evidence of a free motion beside the named causes, and its share of theirs, from which something unknown is
+there: the stronger a cause, the more its departure from the textbook shows."""
+BEATEN, BEATEN_SHARE = 1.0, 0.0
+"""Gain by which a free motion in the place of a cause must exceed the cause's own before the cause is in doubt."""
+OWN_BEATEN, OWN_SHARE = 5.0, 0.03
+"""The same for a free motion over the cause's own coordinates at its own site, which only says that it bends."""
 BLOCKS = 12
 CORRELATES = 5
 
@@ -93,8 +98,10 @@ def diagnose(
         progress("searching for causes", 0, float(np.sqrt(baseline.chi2_per_dof)))
     found = search(pool)
     free = _rivals(design, pool, found)
-    unknown = max(free.beside.values(), default=0.0) > UNKNOWN_GAIN
-    names = _sure_beside(pool, free, found) if unknown else found.names
+    left_over = max(free.beside.values(), default=0.0) > UNKNOWN_GAIN + UNKNOWN_SHARE * max(found.log_evidence, 0.0)
+    doubtful = {name for name in found.names if _beaten(pool, free, found, name)}
+    unknown = left_over or bool(doubtful)
+    names = tuple(n for n in _sure_beside(pool, free, found) if n not in doubtful) if unknown else found.names
     causes_model = _only(pool, found, names)
     classes = {name: _class(pool, causes_model, name) for name in causes_model.names}
     verdict = _verdict(unknown, classes)
@@ -205,6 +212,23 @@ def _sure_beside(pool: Pool, free: _Rivals, model: Posterior) -> tuple[str, ...]
         if Conditional.on(free.products, rest).single(cause)[0] > 2.0 * pool.threshold:
             sure.append(cause)
     return tuple(sure)
+
+
+def _beaten(pool: Pool, free: _Rivals, model: Posterior, name: str) -> bool:
+    """Whether a free motion explains what a cause explains better than the cause does."""
+    others = [(n, s) for n, s in zip(model.names, model.scale, strict=True) if n != name]
+    beside = Conditional.on(free.products, fixed(free.products, [n for n, _ in others], [s for _, s in others]))
+    own = beside.single(name)[0]
+    candidate = pool.candidates[name]
+    for rival, (site, coordinates) in free.keys.items():
+        gain = beside.single(rival)[0]
+        words = coordinates.split(" ")[0].split(",")
+        same = site == candidate.site and set(words) <= set(
+            candidate.effect.coordinates(pool.design.situation.robot, site)
+        )
+        if gain > own + (OWN_BEATEN + OWN_SHARE * own if same else BEATEN + BEATEN_SHARE * own):
+            return True
+    return False
 
 
 def _only(pool: Pool, model: Posterior, names: Sequence[str]) -> Posterior:

@@ -23,6 +23,10 @@ class CartCompliance(Effect):
         carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
         return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
 
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """What it goes with."""
+        return ("load", "payload")
+
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """Compliances along and in two directions across the track, about three axes, and stiffening along."""
         j = at.robot.sites.index(site)

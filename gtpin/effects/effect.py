@@ -61,6 +61,11 @@ class Effect(ABC):
                 return f"the covariate {name} does not vary"
         return ""
 
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """What it goes with, in the words of covariates and commands: its covariates, and a cart's own command."""
+        own = (f"q{number(robot, site)}",) if site in robot.sites else ()
+        return (*self.covariates(robot, site), *own)
+
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
         """What the coefficients say, by name: value and unit."""
         name, unit = self.coefficient

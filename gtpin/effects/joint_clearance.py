@@ -29,6 +29,10 @@ class JointClearance(Effect):
         pull = (at.force[:, rods_of(at, site)[0]] > 0.0).mean()
         return "" if SURE <= pull <= 1.0 - SURE else "the link's force does not change its sign"
 
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """What it goes with."""
+        return ("load",)
+
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """The sign of the force, and its bend with the size of the force."""
         i = rods_of(at, site)[0]

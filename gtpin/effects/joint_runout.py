@@ -21,6 +21,10 @@ class JointRunout(Effect):
         """Each link."""
         return links(robot)
 
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """What it goes with."""
+        return ("direction",)
+
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """Waves over the two angles of the link about their mean; slopes are geometry's own."""
         i = rods_of(at, site)[0]

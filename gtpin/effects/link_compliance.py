@@ -21,6 +21,10 @@ class LinkCompliance(Effect):
         """All links together, and each."""
         return arm_and_links(robot)
 
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """What it goes with."""
+        return ("load", "payload")
+
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """One compliance, what each link differs by, and stiffening with the load."""
         rods = rods_of(at, site)

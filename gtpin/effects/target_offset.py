@@ -21,6 +21,10 @@ class TargetOffset(Effect):
         """The platform."""
         return ("platform",)
 
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """What it goes with."""
+        return ("position",)
+
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """Offsets along the TCP frame's axes."""
         twist = np.zeros((len(at), 6, 3))

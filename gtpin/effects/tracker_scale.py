@@ -21,6 +21,10 @@ class TrackerScale(Effect):
         """The measurement frame."""
         return ("frame",)
 
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """What it goes with."""
+        return ("position",)
+
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """Growth of the measured positions about home."""
         twist = np.zeros((len(at), 6, 1))
