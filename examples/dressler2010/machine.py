@@ -25,20 +25,17 @@ DIRECTION = (  # travel of the six rods' joints per commanded metre, base frame:
 )
 
 # Assumed. Sizes for carts 1 to 3: rms of what a linear function does not explain.
-ALONG = (12e-6, 45e-6, 12e-6)  # m along the track, over the cart's own command
-ACROSS = (8e-6, 35e-6, 8e-6)  # m across it, each of two directions
+ALONG = (8e-6, 45e-6, 12e-6)  # m along the track, over the cart's own command
+ACROSS = (6e-6, 35e-6, 10e-6)  # m across it, each of two directions
 TURN = (20e-6, 40e-6, 20e-6)  # rad, roll, pitch and yaw, over the cart's own command
 SHIFT = (5e-6, 30e-6, 10e-6)  # m along the track, over where the other carts are
-SWAY = (10e-6, 35e-6, 15e-6)  # m across it, likewise
+SWAY = (6e-6, 35e-6, 15e-6)  # m across it, likewise
 STRETCH = (64e-6, 35e-6, 12e-6)  # m of a cluster's rods, likewise: the fewer rods, the less stiff they are
-RACK = (5e-6, 10e-6, 5e-6)  # m, amplitude of a wave along the track at every tooth of the rack
+RACK = (3e-6, 10e-6, 5e-6)  # m, amplitude of a wave along the track at every tooth of the rack
 TOOTH = 0.0209  # m
 OWN, OTHERS = (0.25, 0.9), (0.5, 1.2)  # m, shortest and longest waves over a cart's own command, and over the others'
-TARGET = (
-    (0.05, -0.10, 0.05),
-    (0.08, 0.03, -0.02),
-    (0.08, 0.09, -0.19),
-)  # m, T-Mac from the joints' mean: beside 2b, 3c
+# m, where the T-Mac sat, from the mean of the cart's joints: between the two of cart 2, beyond 3c on cart 3.
+TARGET = ((0.05, -0.10, 0.05), (0.08, 0.03, -0.02), (0.08, 0.09, -0.19))
 
 
 @dataclass(frozen=True)

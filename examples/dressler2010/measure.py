@@ -1,6 +1,6 @@
 """The paper's three sets of measurements, taken on the twin: writes a dataset folder that gtpin reads, and set 3 beside it.
 
-python examples/dressler2010/measure.py twin
+python examples/dressler2010/measure.py twin 2010
 gtpin compare twin -o compared
 """
 
@@ -84,6 +84,6 @@ def cart_poses(
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "twin")
-    dataset, random_poses = measure()
+    dataset, random_poses = measure(int(sys.argv[2]) if len(sys.argv) > 2 else 2010)
     dataset.write(folder)
     random_poses.write(folder.with_name(f"{folder.name}-set3.csv"))

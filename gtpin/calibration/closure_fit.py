@@ -15,6 +15,8 @@ from gtpin.robot.geometry import Geometry
 Floats = npt.NDArray[np.float64]
 
 MAX_STEPS = 200
+DAMPING = 1e-7
+"""Damping to start with: little, as the closures are nearly linear in the geometry and its valley is narrow."""
 ROUNDS = 4
 """Rounds in which the residuals' size, and with it the weight of the tolerances, is found."""
 SMALLEST = 1e-9
@@ -102,7 +104,7 @@ def _minimise(
         return moved, closure_residual(moved, q, poses) * weight
 
     here, r = at(x)
-    cost, damping = float((r**2).sum() + prior * (x**2).sum()), 1e-3
+    cost, damping = float((r**2).sum() + prior * (x**2).sum()), DAMPING
     for step_number in range(MAX_STEPS):
         gradient = RodKinematics(here).closure_gradient(q, _of_the_arm(here, poses))
         J = (-2.0 * weight[:, None] * gradient * geometry.tolerance).reshape(r.size, -1)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -15,7 +17,7 @@ from gtpin.calibration.closure_fit import closure_residual, fit_closures
 from gtpin.calibration.comparison import Comparison, Cost, Held
 from gtpin.calibration.paper_models import MEASURED, MODELS, PAPERS_CHOICE, model_geometry
 from gtpin.data import Dataset, random
-from gtpin.errors import DatasetError, UnreachableError
+from gtpin.errors import DatasetError, GtpinWarning, UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log
 from gtpin.model import Model
@@ -64,6 +66,11 @@ def compare(
         If there are too few poses, or closure residuals are wanted where no orientation was measured in the base frame.
     UnreachableError
         If a fitted model can't reach a held-out pose.
+
+    Warns
+    -----
+    GtpinWarning
+        Of poses that a model's fit sets aside, by name; the model is judged on them all the same.
     """
     robot = load_robot(dataset.robot_reference) if robot is None else robot
     if (cost == "closure" or choice == "validation") and not _closures_known(dataset):
@@ -80,12 +87,23 @@ def compare(
     found = []
     for number in numbers:
         parts = []
-        for half, rows in enumerate(random(dataset, HALVES, seed)):
-            if progress is not None:
-                progress(f"model {number}, half {half + 1}", 0, float("nan"))
-            parts.append(trial.held(number, dataset.take(~rows), dataset.take(rows), np.flatnonzero(rows)))
+        with _told_once(number):
+            for half, rows in enumerate(random(dataset, HALVES, seed)):
+                if progress is not None:
+                    progress(f"model {number}, half {half + 1}", 0, float("nan"))
+                parts.append(trial.held(number, dataset.take(~rows), dataset.take(rows), np.flatnonzero(rows)))
         found.append(Held.joined(parts))
     return Comparison(tuple(found), seed, cost)
+
+
+@contextmanager
+def _told_once(number: int) -> Iterator[None]:
+    """Give each warning of a model's fits once, with the model's number: what one sets aside another may explain."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", GtpinWarning)
+        yield
+    for text, category in dict.fromkeys((str(w.message), w.category) for w in caught):
+        warnings.warn(f"model {number}: {text}", category, stacklevel=2)
 
 
 def within_tracks(robot: Robot, dataset: Dataset) -> npt.NDArray[np.bool_]:

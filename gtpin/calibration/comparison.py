@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -131,6 +132,10 @@ class Comparison:
 
     def intervals(self) -> list[dict[str, tuple[float, float] | None]]:
         """95 % bootstrap intervals of every figure, one entry a model."""
+        return list(self._intervals)
+
+    @cached_property
+    def _intervals(self) -> list[dict[str, tuple[float, float] | None]]:
         return [held.intervals(self.seed) for held in self.held]
 
     def to_json(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from gtpin.errors import ConvergenceError
 
 Floats = npt.NDArray[np.float64]
 
-MAX_ITERATIONS = 50
+MAX_ITERATIONS = 200
 MAX_DAMPING = 1e12
 STEP = 1e-7
 """Step, in tolerances, at which the fit has converged."""
@@ -91,7 +91,7 @@ def fit(
     Raises
     ------
     ConvergenceError
-        If the cost has no minimum that can be reached within 50 steps.
+        If the cost has no minimum that can be reached within 200 steps.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x)
     if not point.poses.reached.all():

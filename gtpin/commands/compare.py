@@ -38,7 +38,7 @@ def compare(
                 seed=seed,
                 progress=progress,
             )
-        write_comparison(comparison, folder)
+        write_comparison(comparison, folder, carts=read.carts)
     tell(
         comparison.to_json(),
         f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}",
