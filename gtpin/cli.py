@@ -52,16 +52,26 @@ def _options(
     pass
 
 
+def _message(error: Exception) -> str:
+    told = getattr(error, "format_message", None)
+    return str(told() if told else error)
+
+
 def _say(kind: str, text: Any) -> None:
     typer.echo(" ".join(f"gtpin: {kind}: {text}".split()), err=True)
 
 
 def main() -> None:
     """Run the command line: exit 2 with one line on standard error for bad input, 1 where a solver did not converge."""
-    warnings.showwarning = lambda message, *_, **__: _say("warning", message)
+    kept: list[str] = []
+    warnings.showwarning = lambda message, *_, **__: kept.append(str(message))
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", GtpinWarning)
-    sys.exit(_run())
+    code = _run()
+    if code == 0:  # an error is one line, and what was noticed on the way to it is not the point
+        for text in kept:
+            _say("warning", text)
+    sys.exit(code)
 
 
 def _run() -> int:
@@ -71,7 +81,7 @@ def _run() -> int:
             raise KeyboardInterrupt
         return code
     except typer.TyperException as error:  # wrong options, missing arguments
-        _say("error", f"{getattr(error, 'format_message', error.__str__)()} (gtpin --help tells more)")
+        _say("error", f"{_message(error)} (gtpin --help tells more)")
         return 2
     except ConvergenceError as error:
         _say("error", error)

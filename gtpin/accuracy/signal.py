@@ -59,10 +59,10 @@ class Signal:
 
     def observability(self, rows: Rows | None = None) -> Observability:
         """What measuring would say by direction, and the indices O1 to O5."""
-        count = len(self.B) if rows is None else len(rows)
-        information, p = self.information(rows), len(self.names)
-        information[p:, p:] += np.eye(len(information) - p)
-        return observability(information, p, count * self.B.shape[1])
+        B = self.B if rows is None else self.B[rows]
+        p, size = len(self.names), self.B.shape[2]
+        free = np.eye(size)[p:]  # the instrument's pose has a prior here, so that few poses say something too
+        return observability(np.vstack([B.reshape(-1, size), free]), p, B.shape[0] * B.shape[1])
 
 
 def signal(model: Model, q: Floats, noise: Noise, *, orientation: bool = True, free_frame: bool = False) -> Signal:

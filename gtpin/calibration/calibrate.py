@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration import weights
 from gtpin.calibration.paper_models import model_geometry
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.result import Calibration
-from gtpin.calibration.rounds import Progress, Rounds
+from gtpin.calibration.rounds import Progress, Rounds, Settled
 from gtpin.data import Dataset, check_plausible
 from gtpin.errors import DatasetError, GtpinWarning, RobotError
 from gtpin.kinematics.poses import Poses
@@ -25,6 +26,13 @@ from gtpin.robot.parameters import TOLERANCE, Per
 from gtpin.robot.robot import Robot
 
 Mask = npt.NDArray[np.bool_]
+
+FAR = 0.01
+"""Median position error after a fit, m, that no calibrated robot shows."""
+MISFIT = 10.0
+"""Size of the residuals over the noise that is worth a warning."""
+STRAYED = 6.0
+"""Deviation of a parameter from nominal, in tolerances, that is worth a warning."""
 
 
 def calibrate(
@@ -75,7 +83,7 @@ def calibrate(
     _check_tolerances(dataset)
     if model is None:
         geometry = Geometry.nominal(
-            robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=tuple(without)
+            robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=without
         )
     else:
         geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset)
@@ -96,10 +104,42 @@ def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress 
     if not settled.used.all():
         named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
         warnings.warn(f"set aside as gross errors: poses {named}", GtpinWarning, stacklevel=2)
+    _check_fit(dataset, settled, start.seen(poses))
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
     return Calibration.of(settled, start.seen(poses[settled.used]), rejected)
+
+
+def _check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
+    """Refuse data that calibration does not bring near the robot, and warn of a fit that hardly deserves the name."""
+    problem, point = settled.fit.problem, settled.fit.point
+    model, measured = point.model, problem.measured
+    left, before = (
+        float(np.median(np.linalg.norm(measured.T - predicted.T, axis=1)))
+        for predicted in (model.seen(point.poses), nominal[settled.used])
+    )
+    if left > FAR and left > 0.25 * before:
+        raise DatasetError(
+            f"calibration leaves {left * 1e3:.3g} mm of {before * 1e3:.3g} mm: these can't be the robot's poses",
+            file=dataset.file,
+            hint='check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")',
+        )
+    size = weights.robust_scale(settled.fit.residual)
+    if size > MISFIT:
+        warnings.warn(
+            f"residuals are {size:.0f} times the noise: the geometry does not explain these data",
+            GtpinWarning,
+            stacklevel=3,
+        )
+    x = point.x[: problem.n_geometry]
+    strayed = [f"{model.geometry.names[i]} ({x[i]:+.0f})" for i in np.argsort(-np.abs(x)) if abs(x[i]) > STRAYED]
+    if strayed:
+        warnings.warn(
+            f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}",
+            GtpinWarning,
+            stacklevel=3,
+        )
 
 
 def _robot_of(dataset: Dataset) -> Robot:

@@ -57,6 +57,16 @@ class Fit:
         return np.asarray(np.linalg.inv(self.information + np.diag(self.problem.prior)))
 
     @property
+    def factor(self) -> Floats:
+        """(size, size) triangular factor of the weighted derivative: singular values that its square would round away."""
+        size = self.problem.size
+        factor: Floats = np.zeros((0, size))
+        for rows in self.problem.chunks():
+            J = self.problem.jacobian(self.point, rows) * np.sqrt(self.weight[rows])[:, None, None]
+            factor = np.asarray(np.linalg.qr(np.vstack([factor, J.reshape(-1, size)]), mode="r"), dtype=np.float64)
+        return factor
+
+    @property
     def taken(self) -> float:
         """Freedoms that the fit took from the data: what was learned, summed over all directions."""
         return float(len(self.information) - np.diag(self.covariance) @ self.problem.prior)
@@ -131,7 +141,10 @@ def fit(
     raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)
 
 
-_HINT = "check units and tolerances, and whether the poses are the robot's"
+_HINT = (
+    "check units, the order of columns and the tolerances, whether the poses are the robot's, and whether the instrument "
+    'stood elsewhere (frame = "free")'
+)
 
 
 def _cost(problem: Problem, x: Floats, residual: Floats, weight: Floats) -> float:
@@ -140,6 +153,8 @@ def _cost(problem: Problem, x: Floats, residual: Floats, weight: Floats) -> floa
 
 def _step(curvature: Floats, gradient: Floats, damping: float) -> Floats:
     damped = curvature + damping * np.diag(np.diag(curvature))
+    if not (np.isfinite(damped).all() and np.isfinite(gradient).all()):
+        raise ConvergenceError("the fit ran into a singularity of the robot", hint=_HINT)
     try:
         return np.asarray(cho_solve(cho_factor(damped), gradient))
     except LinAlgError:

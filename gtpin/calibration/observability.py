@@ -63,31 +63,32 @@ class Observability:
         return tuple(found)
 
 
-def observability(information: Floats, n_geometry: int, rows: int) -> Observability:
-    """Analyse the information of the data.
+def observability(factor: Floats, n_geometry: int, rows: int) -> Observability:
+    """Analyse what the data say.
 
     Parameters
     ----------
-    information
-        (size, size) J'J of the whitened data alone, the geometry first, in tolerances, then what has no prior.
+    factor
+        (r, size) any matrix whose square is that of the whitened derivative of the data by the geometry, in tolerances, and
+        then by what has no prior: the derivative itself, or its triangular factor.
     n_geometry
-        How many belong to the geometry.
+        How many columns belong to the geometry.
     rows
         Number of measured components.
     """
-    own = information[:n_geometry, :n_geometry]
-    if len(information) > n_geometry:  # what the free frame takes for itself is not there for the geometry
-        cross, free = information[:n_geometry, n_geometry:], information[n_geometry:, n_geometry:]
-        own = own - cross @ np.linalg.solve(free, cross.T)
-    values, vectors = np.linalg.eigh((own + own.T) / 2.0)
-    values = np.maximum(values, 0.0)
-    return Observability(values / (1.0 + values), vectors, _indices(np.sqrt(values[::-1]), rows))
+    free = factor.shape[1] - n_geometry
+    # What the free frame takes for itself is not there for the geometry: its columns come first and are left behind.
+    triangular = np.asarray(np.linalg.qr(np.hstack([factor[:, n_geometry:], factor[:, :n_geometry]]), mode="r"))
+    _, s, Vt = np.linalg.svd(triangular[free:, free:])
+    s = np.concatenate([s, np.zeros(n_geometry - len(s))])
+    order = np.argsort(s)
+    return Observability((s**2 / (1.0 + s**2))[order], Vt.T[:, order], _indices(s, rows))
 
 
 def _indices(s: Floats, rows: int) -> dict[str, float]:
     if not s.size:
         return {}
-    regular = bool(s[-1] > 1e-12 * s[0])
+    regular = bool(s[-1] > 1e-14 * s[0])
     return {
         "O1": float(np.exp(np.log(s).mean()) / np.sqrt(rows)) if regular else 0.0,
         "O2": float(s[-1] / s[0]) if s[0] > 0.0 else 0.0,

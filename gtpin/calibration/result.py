@@ -85,7 +85,7 @@ class Calibration:
             Ids of the poses set aside.
         """
         judged, enlarged = settled.fit, settled.excess
-        final = settled.refit(enlarged) if enlarged > 1.0 else judged
+        final = settled.refit(enlarged) if enlarged > 1.0 and not settled.tails.heavy else judged
         problem, geometry = final.problem, final.point.model.geometry
         components = problem.measured.components
         information = final.information * settled.tails.kept(components)
@@ -95,7 +95,7 @@ class Calibration:
         return Calibration(
             model=replace(final.point.model, covariance=covariance),
             covariance=covariance,
-            observability=observability(information, p, final.residual.size),
+            observability=observability(np.sqrt(settled.tails.kept(components)) * final.factor, p, final.residual.size),
             noise=settled.noise,
             enlarged=enlarged,
             freedom=settled.tails.freedom,

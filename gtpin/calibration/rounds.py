@@ -15,7 +15,7 @@ from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Problem, in_frame
 from gtpin.data import Instrument
-from gtpin.errors import ConvergenceError
+from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -34,6 +34,10 @@ ROUGH_STEPS = 15
 """Steps after which the rough fit is near enough to tell gross errors: reweighting can creep."""
 SETTLED = 1e-3
 """Relative change of an estimated sigma at which it has settled."""
+NEAREST = 0.1
+"""Least distance, m, of an instrument from what it measures."""
+CORE = 1.2
+"""Size of the residuals' core over the noise from which heavy tails are a lack of fit too."""
 LACK_OF_FIT = 1e-3
 """Chance of a larger chi-square below which the model counts as lacking something."""
 
@@ -76,9 +80,11 @@ class Settled:
 
         Heavy tails have a scale of their own, which the fit's weights hold already.
         """
+        if self.tails.heavy:
+            return self.tails.scale if self.tails.scale > CORE else 1.0
         known = np.isinf(self.noise.dof)
         chance = chi2.sf(self.chi2, self.dof) if known else f.sf(self.chi2 / self.dof, self.dof, self.noise.dof)
-        if self.tails.heavy or chance >= LACK_OF_FIT:
+        if chance >= LACK_OF_FIT:
             return 1.0
         return float(np.sqrt(self.chi2 / self.dof))
 
@@ -159,7 +165,12 @@ class Rounds:
     def _first_noise(self) -> Noise:
         sight = reach = None
         if self.instrument.station is not None:
-            sight, reach = noises.line_of_sight(self.measured.T, np.array(self.instrument.station))
+            station = np.array(self.instrument.station)
+            if np.linalg.norm(self.measured.T - station, axis=1).min() < NEAREST:
+                raise DatasetError(
+                    "the instrument's station lies among the measured poses", hint="mend station in dataset.toml"
+                )
+            sight, reach = noises.line_of_sight(self.measured.T, station)
         # What is not declared starts at a tracker's usual size; only its share in the whole matters until it is estimated.
         return Noise(
             self.instrument.position_sigma or 2e-5, self.instrument.orientation_sigma or 5e-5, sight=sight, reach=reach

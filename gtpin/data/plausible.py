@@ -17,7 +17,6 @@ from gtpin.errors import DatasetError, GtpinWarning
 
 _NEARLY_ALL = 0.95
 _ROTATION_OFF = 0.2
-_ROTATION_SPREAD = 0.02
 
 
 def check_plausible(
@@ -96,7 +95,8 @@ def check_measurements(
     if _looks_like_millimetres(dataset.position[keep], position[keep], reach, free):
         hint = "divide x, y and z by 1000"
         raise DatasetError("the measured position looks like millimetres", file=dataset.file, column="x y z", hint=hint)
-    if dataset.orientation is not None and _looks_like_xyzw(dataset.orientation[keep], rotation[keep], free):
+    at = (dataset.position[keep], position[keep]) if free else None
+    if dataset.orientation is not None and _looks_like_xyzw(dataset.orientation[keep], rotation[keep], at):
         hint = "write them scalar first, as qw qx qy qz"
         what = "the measured orientation looks like xyzw quaternions"
         raise DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
@@ -135,17 +135,30 @@ def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, f
     return bool(500.0 * spread[1] < spread[0] < 2000.0 * spread[1])
 
 
-def _looks_like_xyzw(quaternion: Floats, predicted: Floats, free: bool) -> bool:
+def _looks_like_xyzw(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> bool:
+    """Whether quaternions agree with the robot when they are read scalar last.
+
+    ``free`` holds measured and predicted positions of an instrument that stood elsewhere: they tell how it was turned.
+    """
     expected = Rotation.from_matrix(predicted)
+    if free is not None:
+        turned = _turn(*free)
+        if turned is None:
+            return False
+        expected = turned * expected
     off = []
     for scalar_last in (np.roll(quaternion, -1, axis=1), quaternion):  # read as wxyz, read as xyzw
-        difference = Rotation.from_quat(scalar_last) * expected.inv()
-        if free:  # the instrument's own rotation is the same in every row
-            difference = difference.mean().inv() * difference
-        off.append(float(np.median(difference.magnitude())))
-    if free:
-        return off[0] > _ROTATION_SPREAD and off[1] < off[0] / 5.0
+        off.append(float(np.median((Rotation.from_quat(scalar_last) * expected.inv()).magnitude())))
     return off[0] > _ROTATION_OFF and off[1] < off[0] / 2.0
+
+
+def _turn(measured: Floats, predicted: Floats) -> Rotation | None:
+    """Rotation that takes predicted positions to measured ones; None where they lie so that they do not tell it."""
+    a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
+    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))  # a gross error would turn it
+    if near.sum() < 3 or np.linalg.svd(a[near], compute_uv=False)[1] < 0.01:
+        return None
+    return Rotation.align_vectors(b[near], a[near])[0]
 
 
 def _poses(rows: Any, mask: NDArray[np.bool_], shown: int = 10) -> str:

@@ -39,6 +39,10 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
         raise ModelError("the geometry is another robot's", hint="load both from one URDF")
     if robot.rods and np.any(geometry.deviation != 0.0):
         raise ModelError("the posture is not of this geometry", hint="load the calibrated URDF and move its home there")
+    if geometry.reduced or any(track is not None for track in geometry.tracks):
+        raise ModelError(
+            "shared rods and measured tracks are not in the URDF", hint="use RodKinematics.geometry_jacobian"
+        )
     posture.refresh()
     regressors = _Regressors(posture)
     columns = [_KINDS[p.kind](posture, regressors, geometry, p) for p in geometry.parameters]

@@ -231,11 +231,12 @@ def home(robot: Robot) -> ClosedPosture:
 
 
 def _commands(robot: Robot, q: npt.ArrayLike) -> Floats:
-    values = np.asarray(q, dtype=float)
+    try:
+        values = np.asarray(q, dtype=float)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
     if values.shape != (robot.n_actuators,) or not np.isfinite(values).all():
-        raise UnreachableError(
-            f"commands {values.tolist()} for {robot.name}", hint=f"give {robot.n_actuators} finite numbers"
-        )
+        raise UnreachableError(f"commands {q!r} for {robot.name}", hint=f"give {robot.n_actuators} finite numbers")
     return values
 
 

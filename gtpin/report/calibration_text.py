@@ -31,7 +31,10 @@ def _fit(c: Calibration) -> str:
             )
         )
     spread = np.sqrt(2.0 / c.dof)
-    lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.3f}  (1 +- {spread:.3f} for a model that fits)")
+    meaning = f"1 +- {spread:.3f} for a model that fits"
+    if c.noise.source == "residuals":
+        meaning = "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
+    lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.3f}  ({meaning})")
     lines.append(f"  degrees of freedom                {c.dof:.1f}")
     lines.append(f"  iterations                        {c.iterations}")
     if c.rejected:

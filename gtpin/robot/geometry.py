@@ -85,6 +85,14 @@ class Geometry:
         ModelError
             If a kind of tolerance or a name in ``without`` is not known.
         """
+        for option, value, allowed in (
+            ("directions", directions, ("actuator", "rod")),
+            ("scale", scale, (None, "actuator", "rod")),
+            ("arm", arm, ("full", "reduced")),
+        ):
+            if value not in allowed:
+                raise ModelError(f"{option}={value!r}", hint=f"use one of {', '.join(map(str, allowed))}")
+        without = (without,) if isinstance(without, str) else without
         tolerances = all_tolerances(robot, tolerance or {})
         measured = [bool(tracks) and tracks[i] is not None for i in range(len(robot.rods))]
         if not robot.rods:

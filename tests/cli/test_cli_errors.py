@@ -401,3 +401,11 @@ def test_datasets_with_any_cell_are_calibrated_or_refused(run, source, tmp_path_
     else:
         ran.failed()
         assert [path.name for path in folder.parent.iterdir()] == ["set"]
+
+
+def test_what_was_noticed_before_an_error_does_not_add_lines_to_it(run, dataset, tmp_path):
+    poses = dataset / "poses.csv"
+    lines = poses.read_text().splitlines()
+    still = [f"{line},{'still' if number == 0 else '1.0'}" for number, line in enumerate(lines)]
+    poses.write_text("\n".join(still[:6]) + "\n")  # a covariate that does not vary, and too few rows
+    run("calibrate", dataset, "-o", tmp_path / "out").failed(2)
