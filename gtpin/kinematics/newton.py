@@ -30,7 +30,7 @@ class Closing:
     configuration
         Pinocchio configuration at the last iterate.
     jacobian
-        (m, nv) constraint Jacobian there.
+        (m, nv) constraint Jacobian at the iterate before, within the last step of being that of the configuration.
     steps
         Newton steps taken.
     closed
@@ -86,12 +86,13 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
     rounding = ROUNDING * robot.size
     velocity = np.zeros(model.nv)
     last_step = np.inf
+    jacobian: Floats | None = None
     for steps in range(MAX_STEPS + 1):
         pin.computeJointJacobians(model, robot.data, configuration)
         error = constraint_error(robot)
-        jacobian = constraint_jacobian(robot)
         if error.size == 0 or np.abs(error).max() <= rounding:
-            return Closing(configuration, jacobian, steps, True)
+            return Closing(configuration, constraint_jacobian(robot) if jacobian is None else jacobian, steps, True)
+        jacobian = constraint_jacobian(robot)
         velocity[passive] = solve(jacobian[:, passive], -error)
         step = math.sqrt(velocity @ velocity)
         # Below the square root of rounding, steps no longer shrink; the error decides alone.
@@ -99,7 +100,7 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
             break
         last_step = step
         configuration = pin.integrate(model, configuration, velocity)
-    return Closing(configuration, jacobian, steps, False)
+    return Closing(configuration, constraint_jacobian(robot) if jacobian is None else jacobian, steps, False)
 
 
 class Passive:

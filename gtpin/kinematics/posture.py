@@ -36,7 +36,7 @@ class ClosedPosture:
     configuration
         Pinocchio configuration at which the loops close.
     jacobian
-        (m, nv) constraint Jacobian there.
+        (m, nv) constraint Jacobian there or within a Newton step of it: enough to tell the assembly mode and to look ahead.
     reference
         The home posture, whose assembly mode this one shares; None for the home posture itself.
     steps
@@ -57,8 +57,7 @@ class ClosedPosture:
         self._q = _frozen(q.copy())
         self._configuration = configuration.copy()
         self._configuration.flags.writeable = False
-        self._jacobian = jacobian
-        self._jacobian.flags.writeable = False
+        self._nearby = jacobian
         self._home = self if reference is None else reference
 
     @property
@@ -100,10 +99,11 @@ class ClosedPosture:
         pin.computeJointJacobians(self.robot.model, self.robot.data, self._configuration)
         return self.robot.data
 
-    @property
+    @cached_property
     def constraint_jacobian(self) -> Floats:
         """(m, nv) derivative of the loops' gaps (m, in each first anchor's frame) by Pinocchio velocities."""
-        return self._jacobian
+        self.refresh()
+        return _frozen(newton.constraint_jacobian(self.robot))
 
     @cached_property
     def tcp_jacobian(self) -> Floats:
@@ -123,20 +123,20 @@ class ClosedPosture:
     def jacobian(self) -> Floats:
         """(6, n) derivative of the TCP's pose by the commands: position (m) and rotation vector (rad), base frame."""
         driven = self.robot.driven
-        return _frozen(self.tcp_jacobian[:, driven] + self.passive_response @ self._jacobian[:, driven])
+        return _frozen(self.tcp_jacobian[:, driven] + self.passive_response @ self.constraint_jacobian[:, driven])
 
-    @property
+    @cached_property
     def passive_inverse(self) -> Floats:
         """(p, m) inverse of the constraint Jacobian's passive columns."""
-        return _frozen(self._passive.inverse)
+        return _frozen(newton.Passive(self.constraint_jacobian[:, self.robot.passive]).inverse)
 
     @cached_property
     def _passive(self) -> newton.Passive:
-        return newton.Passive(self._jacobian[:, self.robot.passive])
+        return newton.Passive(self._nearby[:, self.robot.passive])
 
     @property
     def amplification(self) -> float:
-        """Motion of the passive coordinates by unit gaps: infinite at a singularity."""
+        """Motion of the passive coordinates by unit gaps, to within a Newton step: infinite at a singularity."""
         return self._passive.amplification
 
     def moved_to(self, q: npt.ArrayLike) -> ClosedPosture:
@@ -178,7 +178,7 @@ class ClosedPosture:
         robot = self.robot
         velocity = np.zeros(robot.model.nv)
         velocity[robot.driven] = q - self.q
-        velocity[robot.passive] = -self.passive_inverse @ (self._jacobian @ velocity)
+        velocity[robot.passive] = -self._passive.inverse @ (self._nearby @ velocity)
         return robot.with_commands(pin.integrate(robot.model, self._configuration, velocity), q)
 
     @property
