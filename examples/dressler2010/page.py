@@ -1,7 +1,8 @@
 # ruff: noqa: E501 (a page of prose)
 """Makes docs/paper.md: every number of Tables I to III and the stated ranges beside gtpin's.
 
-python examples/dressler2010/page.py docs/paper.md
+python examples/dressler2010/page.py docs/paper.md            # the page
+python examples/dressler2010/page.py docs/paper.md figures/   # and figures in the spirit of the paper's 4, 5, 6, 8, 9, 10
 """
 
 from __future__ import annotations
@@ -14,15 +15,19 @@ import numpy as np
 from measure import measure
 
 import gtpin
+from gtpin.accuracy.changes import drawn_measurements, step_change
+from gtpin.accuracy.figures import cost_and_position, orientation_along_grid, orientation_change
 from gtpin.calibration.compare import compare
+from gtpin.calibration.figures import along_and_across, linearity, orientation_errors
 from gtpin.paper.compare import Block, compare_orientation, compare_table1, compare_table3
-from gtpin.paper.grid import recover_grid
+from gtpin.paper.grid import RECOVERED, recover_grid
 from gtpin.paper.tables import tables
 
 INTRODUCTION = """# The paper, reproduced
 
 Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010. This page puts
-what they print beside what gtpin computes. `python examples/dressler2010/page.py docs/paper.md` makes it again.
+what they print beside what gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/`
+makes it again, and figures in the spirit of the paper's 4, 5, 6, 8, 9 and 10.
 
 Three kinds of numbers stand here. *Printed*: the paper's. *Computed*: follows from the paper's own numbers (Table II) and
 gtpin's kinematics; nothing is simulated. *Simulated*: comes from the virtual twin of `examples/dressler2010/`, whose errors are of the
@@ -157,5 +162,30 @@ def page() -> str:
     return "\n".join(parts)
 
 
+def figures(folder: Path) -> None:
+    """Figures in the spirit of the paper's: 4, 9 and 10 of Table II's geometry and costs, 5, 6 and 8 of the twin."""
+    folder.mkdir(parents=True, exist_ok=True)
+    model = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+    everywhere, poses = RECOVERED.all_commands(model)
+    q = everywhere[np.linspace(0, len(everywhere) - 1, tables().measurement.calibration_poses).astype(int)]
+    drawn = drawn_measurements(model, q, tables().closure_sigmas(5))
+    dataset, roaming = measure()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)
+        comparison = compare(dataset)
+    made = {
+        "figure4": orientation_along_grid(poses, 6),
+        "figure5": linearity(dataset.carts),
+        "figure6": along_and_across(dataset.carts, roaming),
+        "figure8": orientation_errors(comparison),
+        "figure9": cost_and_position(step_change(model, q, drawn, "L", "1")),
+        "figure10": orientation_change(step_change(model, q, drawn, "Px", "3a")),
+    }
+    for name, figure in made.items():
+        figure.savefig(folder / f"{name}.png")
+
+
 if __name__ == "__main__":
     Path(sys.argv[1] if len(sys.argv) > 1 else "paper.md").write_text(page(), encoding="utf-8")
+    if len(sys.argv) > 2:
+        figures(Path(sys.argv[2]))

@@ -40,6 +40,7 @@ def calibrate(
     robot: Robot | None = None,
     *,
     model: int | None = None,
+    orientations: bool = False,
     directions: Per = "actuator",
     scale: Per | None = None,
     without: Iterable[str] = (),
@@ -56,6 +57,8 @@ def calibrate(
     model
         One of the paper's models 1 to 5 (see :func:`~gtpin.calibration.paper_models.model_geometry`) in place of the
         parameters that the next three choose.
+    orientations
+        Whether models 2, 4 and 5 take the carts' measured turning along their tracks too.
     directions, scale, without
         Which parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
         joints, lengths and one direction per cart.
@@ -86,7 +89,7 @@ def calibrate(
             robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=without
         )
     else:
-        geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset)
+        geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset, orientations=orientations)
     return calibrate_geometry(dataset, geometry, progress)
 
 

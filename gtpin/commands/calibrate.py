@@ -25,12 +25,17 @@ def calibrate(
             "--model", help="One of the paper's models 1 to 5 instead of the default parameters.", min=1, max=5
         ),
     ] = None,
+    orientations: Annotated[
+        bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Identify the robot's geometry from measured poses."""
     with results_folder(output) as folder:
         with progress_of("calibrating") as progress:
-            calibration = run_calibration(Dataset.read(dataset), model=model, progress=progress)
+            calibration = run_calibration(
+                Dataset.read(dataset), model=model, orientations=orientations, progress=progress
+            )
         result = write_calibration(calibration, folder, model)
     written = f"\n\nWritten: {output / 'calibration.json'}, {output / 'report.txt'}, {output / 'model'}"
     tell(result, calibration_text(calibration).rstrip() + written, as_json)

@@ -25,6 +25,9 @@ def compare(
         typer.Option("--choose", help="Model 5: choose each link's track by cross-validation, not as the paper did."),
     ] = False,
     seed: Seed = 0,
+    orientations: Annotated[
+        bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare models 1 to 5 of Dressler et al. 2010 on poses that were not fitted (2, 4 and 5 need carts.csv)."""
@@ -35,6 +38,7 @@ def compare(
                 read,
                 cost="closure" if closure else "pose",
                 choice="validation" if choose else "paper",
+                orientations=orientations,
                 seed=seed,
                 progress=progress,
             )
