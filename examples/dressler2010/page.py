@@ -68,7 +68,8 @@ TWIN = """## A twin of the experiment
 The machine, its 176-pose grid walked forth and back, the carts along their guideways (28 points each) and at 150 random poses are
 simulated in `examples/dressler2010/` (its README says what is the paper's number, what is simulated and what is assumed). `gtpin
 compare` fits models 1 to 5 to each half of the {poses} poses within the actuator range and predicts the other half; the paper
-had 122 such poses. One draw of the errors is shown (seed 2010); the README there has 24.
+had 122 such poses. One draw of the errors is shown (seed 2010); `python examples/dressler2010/seeds.py 24` makes 24, whose
+counts stand below and in the README there.
 
 What comes out: the size of Table I, and its order but for models 2 and 3, which are even (of 24 draws with the pose cost 1 > 2 in 22, 2 > 3
 in 9, 3 > 4 in 22, 4 > 5 in 20). A measured track helps cart 2, leaves cart 1 as it is, and hurts cart 3, whose target sat at
@@ -93,7 +94,7 @@ The paper minimises squared closure residuals, each link by itself: fast, and it
 stands in the regressors, so noise in it, in orientation above all, biases the joints' places; and nothing holds what the
 poses can't see. The pose-residual cost with tolerances as priors predicts poses and compares them with the measured ones in units of their
 noise: unbiased under noise, with sigmas that hold. `tests/paper_models` shows the bias with an orientation noise of a
-milliradian: up to 0.84 mm in the plate's joints at tolerances of 1 mm, none with the pose cost. Use the closure cost to compare links with one another, as Table II does, and the pose cost to calibrate.
+milliradian: some 0.8 mm in the plate's joints at tolerances of 1 mm, none beyond chance with the pose cost. Use the closure cost to compare links with one another, as Table II does, and the pose cost to calibrate.
 """
 
 

@@ -63,12 +63,13 @@ class Accuracy:
         ``schema``; ``robot``; ``poses``, how many; ``step`` of the sensitivity; ``uncertainty``, what was taken to be
         uncertain; ``expected.position`` (m) and ``expected.orientation`` (rad), each with ``mean`` over the poses, ``p95`` of
         all machines and poses, and ``maximum``, the largest over all the poses that a machine shows on average;
-        ``zyz_range``, ranges of the ZYZ Euler angles over the poses (rad), null where they jump; ``dexterity``, each
+        ``zyz_range``, ranges of the ZYZ Euler angles over the poses (rad), null where they jump; orientations are null for a
+        reduced arm, whose plate never turns; ``dexterity``, each
         measure's ``least``, ``median`` and ``most`` over the poses
         (see :class:`~gtpin.accuracy.dexterity.Dexterity`), null where it is infinite.
         """
         poses = self.model.kinematics.forward(self.q)
-        assert self.expected.orientation is not None
+        turns = self.expected.orientation is not None and not self.model.geometry.reduced
         measures = {name: _range(values) for name, values in asdict(dexterity(self.model, self.q, poses)).items()}
         return {
             "schema": SCHEMA,
@@ -78,9 +79,9 @@ class Accuracy:
             "uncertainty": self.uncertain,
             "expected": {
                 "position": _told(self.expected.position),
-                "orientation": _told(self.expected.orientation),
+                "orientation": _told(self.expected.orientation) if turns and self.expected.orientation else None,
             },
-            "zyz_range": _zyz_range(poses) if well_told(poses.R) else None,
+            "zyz_range": _zyz_range(poses) if turns and well_told(poses.R) else None,
             "dexterity": measures,
         }
 
@@ -169,6 +170,8 @@ def all_figures(found: Accuracy) -> dict[str, Figure]:
     space = workspace(model, T.min(axis=0), T.max(axis=0), COUNTS)
     made = {"sensitivity": figures.sensitivity_bars(found.sensitivity)}
     for name, (values, unit, title) in _maps(found, space).items():
+        if name == "orientation" and model.geometry.reduced:
+            continue  # its plate never turns
         made[f"map_{name}"] = figures.workspace_map(space, values, title, unit)
     return made
 

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration import weights
-from gtpin.calibration.paper_models import model_geometry
+from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
 from gtpin.data import Dataset, check_plausible
-from gtpin.errors import DatasetError, GtpinWarning, RobotError
+from gtpin.errors import DatasetError, GtpinWarning, ModelError, RobotError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model import Frame, Model
@@ -56,7 +56,8 @@ def calibrate(
         The nominal robot; the one that the dataset names by default.
     model
         One of the paper's models 1 to 5 (see :func:`~gtpin.calibration.paper_models.model_geometry`) in place of the
-        parameters that the next three choose.
+        parameters that the next three choose. They leave out by design what others hold, so the noise is estimated from what
+        they leave, whatever was declared.
     orientations
         Whether models 2, 4 and 5 take the carts' measured turning along their tracks too.
     directions, scale, without
@@ -89,7 +90,12 @@ def calibrate(
             robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=without
         )
     else:
+        if orientations and model not in MEASURED:
+            raise ModelError(
+                f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
+            )
         geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset, orientations=orientations)
+        dataset = without_sigmas(dataset)
     return calibrate_geometry(dataset, geometry, progress)
 
 
@@ -166,6 +172,12 @@ def _check_tolerances(dataset: Dataset) -> None:
 
 def _toml(dataset: Dataset) -> Path | None:
     return None if dataset.path is None else dataset.path / "dataset.toml"
+
+
+def without_sigmas(dataset: Dataset) -> Dataset:
+    """The dataset with its noise undeclared: for models that leave something out by design, which must weigh by it."""
+    undeclared = dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
+    return replace(dataset, instrument=undeclared)
 
 
 def measured_poses(dataset: Dataset) -> Measured:

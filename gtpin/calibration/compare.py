@@ -5,14 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.euler import zyz_change
-from gtpin.calibration.calibrate import calibrate_geometry, measured_poses
+from gtpin.calibration.calibrate import calibrate_geometry, measured_poses, without_sigmas
 from gtpin.calibration.closure_fit import closure_residual, fit_closures
 from gtpin.calibration.comparison import Comparison, Cost, Held
 from gtpin.calibration.paper_models import MEASURED, MODELS, PAPERS_CHOICE, model_geometry
@@ -165,8 +165,7 @@ def _closures_known(dataset: Dataset) -> bool:
 
 def _fitted(geometry: Geometry, dataset: Dataset, cost: Cost) -> Model:
     if cost == "pose":
-        undeclared = dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
-        return calibrate_geometry(replace(dataset, instrument=undeclared), geometry).model
+        return calibrate_geometry(without_sigmas(dataset), geometry).model
     return Model(fit_closures(geometry, dataset.q, _poses(dataset)).geometry)
 
 

@@ -9,9 +9,10 @@ import typer
 
 from gtpin.accuracy.report import Accuracy, write_sensitivity
 from gtpin.commands.terminal import AsJson, ModelReference, Output, Seed, tell
-from gtpin.data import Commands, check_commands
+from gtpin.data import Commands
 from gtpin.model_folder import read_model
 from gtpin.output import results_folder
+from gtpin.predict import predict
 
 
 def sensitivity(
@@ -28,8 +29,7 @@ def sensitivity(
     q = None
     if poses is not None:
         asked = Commands.read(poses, found.robot.n_actuators)
-        robot = found.robot
-        check_commands(asked, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+        predict(found, asked)  # refuses commands that can't be the robot's, or that it can't reach, by their rows
         q = asked.q
     with results_folder(output) as folder:
         accuracy = write_sensitivity(found, q, folder, seed=seed)
@@ -45,6 +45,9 @@ def _text(accuracy: Accuracy) -> str:
     position, orientation = told["expected"]["position"], told["expected"]["orientation"]
     lines = [f"Expected error of {told['robot']} over {told['poses']} poses, from {told['uncertainty']}:"]
     for what, unit, error in (("position", "um", position), ("orientation", "urad", orientation)):
+        if error is None:
+            lines.append(f"  {what:<12} constant: the arm is reduced")
+            continue
         mean, p95, largest = (error[key] * 1e6 for key in ("mean", "p95", "maximum"))
         lines.append(
             f"  {what:<12} mean {mean:.1f} {unit}; 95 % of machines and poses below {p95:.1f} {unit}; "

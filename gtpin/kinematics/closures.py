@@ -123,8 +123,11 @@ def solve_each(matrices: Floats, right: Floats) -> Floats:
     try:
         return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
     except np.linalg.LinAlgError:  # numpy gives up on all of them when one is singular
-        regular = np.linalg.matrix_rank(matrices) == matrices.shape[-1]
         solution = np.full(right.shape, np.nan)
+        regular = np.asarray(
+            np.isfinite(matrices).all(axis=(1, 2))
+        )  # the rank of what is not finite can't be had either
+        regular[regular] = np.linalg.matrix_rank(matrices[regular]) == matrices.shape[-1]
         solution[regular] = np.linalg.solve(matrices[regular], right[regular][..., None])[..., 0]
         return solution
 

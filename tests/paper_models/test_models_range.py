@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import model_machines as mm
@@ -12,6 +13,7 @@ import gtpin
 from gtpin import Commands, Dataset, Model
 from gtpin.calibration.paper_models import model_geometry
 from gtpin.errors import DatasetError, GtpinWarning, ModelError
+from gtpin.kinematics.closures import solve_each
 from gtpin.predict import predict
 
 PATHS = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 50 + c)) for c in range(3))
@@ -78,3 +80,22 @@ def test_a_model_on_disk_is_the_same_model(number: int, orientations: bool, tmp_
     difference = after.predict(q).minus(before.predict(q))
     assert np.abs(difference).max() < 1e-12
     assert (after.geometry.outside_tracks(2.0 * Q) == before.geometry.outside_tracks(2.0 * Q)).all()
+
+
+def test_a_singular_and_a_missing_system_leave_the_others_solved():
+    matrices = np.array([2.0 * np.eye(6), np.ones((6, 6)), np.full((6, 6), np.nan), np.eye(6)])
+    solved = solve_each(matrices, np.ones((4, 6)))
+    np.testing.assert_allclose(solved[[0, 3]], [[0.5] * 6, [1.0] * 6])
+    assert np.isnan(solved[[1, 2]]).all()
+
+
+def test_the_turning_of_carts_is_refused_where_no_track_is_measured():
+    with pytest.raises(ModelError, match="no measured tracks"):
+        gtpin.calibrate(dataset(Q), model=3, orientations=True)
+
+
+def test_models_weigh_by_what_they_leave_whatever_was_declared():
+    data = dataset(0.9 * Q)
+    rough = replace(data, instrument=data.instrument.model_copy(update={"position_sigma": 1e-3}))
+    one, other = (gtpin.calibrate(each, model=4) for each in (data, rough))
+    np.testing.assert_array_equal(one.values, other.values)
