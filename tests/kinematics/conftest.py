@@ -6,8 +6,8 @@ from importlib import metadata
 from pathlib import Path
 
 import machines
-import numpy as np
 import pytest
+from loaded_machines import load
 from machines import Machine
 
 import gtpin
@@ -15,10 +15,6 @@ from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.description import Description
 
 NAMES = ("gantry_tau", *machines.MAKERS)
-
-
-def load(machine: Machine) -> gtpin.Robot:
-    return gtpin.Robot(Description.parse(machine.urdf, machine.name))
 
 
 @pytest.fixture(scope="session")
@@ -69,13 +65,6 @@ def example_robots() -> Path:
     files = metadata.files("example-robot-data") or []
     anyone = next(file for file in files if str(file).endswith("ur_description/urdf/ur5_robot.urdf"))
     return Path(str(anyone.locate())).resolve().parents[2]
-
-
-def drawn(robot: gtpin.Robot, seed: int, **options: str) -> gtpin.Geometry:
-    """A geometry drawn from a robot's tolerances."""
-    nominal = gtpin.Geometry.nominal(robot, **options)  # type: ignore[arg-type]
-    rng = np.random.default_rng(seed)
-    return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
 
 
 FOUR_BAR = """<robot name="four_bar">

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from conftest import drawn
+from loaded_machines import drawn
 from machines import Machine
 
 import gtpin

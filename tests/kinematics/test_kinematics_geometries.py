@@ -5,10 +5,10 @@ from __future__ import annotations
 import machines
 import numpy as np
 import pytest
-from conftest import drawn
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays as array_of
+from loaded_machines import drawn
 
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from conftest import load
+from loaded_machines import load
 from machines import MAKERS, Machine
 
 import gtpin

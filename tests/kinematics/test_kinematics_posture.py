@@ -7,10 +7,10 @@ import pickle
 
 import numpy as np
 import pytest
-from conftest import load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays as array_of
+from loaded_machines import load
 from machines import Machine
 from scipy.spatial.transform import Rotation
 

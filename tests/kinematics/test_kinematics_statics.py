@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import drawn
+from loaded_machines import drawn
 from machines import Machine
 
 import gtpin

@@ -1,0 +1,20 @@
+"""Machines as gtpin has them: loaded, and with geometries drawn from their tolerances."""
+
+from __future__ import annotations
+
+import numpy as np
+from machines import Machine
+
+import gtpin
+from gtpin.robot.description import Description
+
+
+def load(machine: Machine) -> gtpin.Robot:
+    return gtpin.Robot(Description.parse(machine.urdf, machine.name))
+
+
+def drawn(robot: gtpin.Robot, seed: int, **options: str) -> gtpin.Geometry:
+    """A geometry drawn from a robot's tolerances."""
+    nominal = gtpin.Geometry.nominal(robot, **options)  # type: ignore[arg-type]
+    rng = np.random.default_rng(seed)
+    return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
