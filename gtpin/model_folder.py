@@ -82,6 +82,10 @@ def write_model(model: Model, folder: str | Path) -> None:
 
     ``read_model`` gives the same model again. In ``model.json`` stands what a URDF can't carry too.
     """
+    if model.effects:
+        raise ModelError(
+            "effects can't be written yet", hint="write the model without them: replace(model, effects=())"
+        )
     geometry = model.geometry
     frame = model.frame
     kinds = {p.kind: p.per for p in geometry.parameters}

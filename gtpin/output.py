@@ -31,7 +31,7 @@ def results_folder(target: Path) -> Iterator[Path]:
     beside = target.with_name(f".{uuid.uuid4().hex}")
     placed = False
     try:
-        with _writing(target):
+        with writing(target):
             beside.mkdir(parents=True)
             yield beside
             _place(beside, target)
@@ -61,9 +61,10 @@ def _place(beside: Path, target: Path) -> None:
 
 
 @contextlib.contextmanager
-def _writing(target: Path) -> Iterator[None]:
+def writing(target: Path, kind: type[GtpinError] = GtpinError) -> Iterator[None]:
+    """Turn what the system says against writing a file or folder into an error of the family."""
     try:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise GtpinError(f"can't be written ({reason})", file=target, hint="check the path and its rights") from None
+        raise kind(f"can't be written ({reason})", file=target, hint="check the path and its rights") from None

@@ -15,6 +15,7 @@ from gtpin.data.csv_file import read_csv
 from gtpin.data.parquet_file import read_parquet
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError
+from gtpin.output import writing
 
 
 def read_bytes(file: Path) -> bytes:
@@ -59,7 +60,7 @@ def placed_file(target: Path) -> Iterator[Path]:
     """Give a file beside `target` to write to, and move it into place once the block has ended well."""
     beside = target.with_name(f".{uuid.uuid4().hex}{target.suffix}")
     try:
-        with _writing(target):
+        with writing(target, DatasetError):
             yield beside
             os.replace(beside, target)
     finally:
@@ -76,7 +77,7 @@ def placed_folder(target: Path, own: Collection[str]) -> Iterator[Path]:
     target = target.absolute()
     beside, old = (target.with_name(f".{uuid.uuid4().hex}") for _ in range(2))
     try:
-        with _writing(target):
+        with writing(target, DatasetError):
             foreign = sorted(set(os.listdir(target)) - set(own)) if os.path.lexists(target) else []
             if foreign:
                 what = f"the folder holds other files ({', '.join(foreign[:3])})"
@@ -94,12 +95,3 @@ def placed_folder(target: Path, own: Collection[str]) -> Iterator[Path]:
             shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(beside, ignore_errors=True)
-
-
-@contextlib.contextmanager
-def _writing(target: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DatasetError(f"can't be written ({reason})", file=target, hint="check the path and rights") from None
