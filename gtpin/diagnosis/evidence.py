@@ -159,22 +159,23 @@ class Conditional:
         g = self.products.groups[name]
         values, vectors = np.linalg.eigh(self.products.gram[g, g])
         u2 = (vectors.T @ self.products.moment[g]) ** 2
-        return best_scale(np.maximum(values, 0.0), u2)
+        gain, scale = best_scales(np.maximum(values, 0.0)[None], u2[None])
+        return float(gain[0]), float(scale[0])
 
 
-def best_scale(eigenvalues: Floats, squares: Floats) -> tuple[float, float]:
-    """Largest log evidence over the scales, and the scale.
+def best_scales(eigenvalues: Floats, squares: Floats) -> tuple[Floats, Floats]:
+    """(S,) largest log evidence over the scales, and the scales, of S groups of c columns.
 
     Parameters
     ----------
     eigenvalues, squares
-        (c,) of a group's Gram matrix, and squared moments along its eigenvectors.
+        (S, c) of the groups' Gram matrices, and squared moments along their eigenvectors.
     """
-    s2 = (SCALES**2)[:, None]
-    gain = 0.5 * (s2 * squares / (1.0 + s2 * eigenvalues) - np.log1p(s2 * eigenvalues)).sum(axis=1)
-    gain -= 0.5 * (np.log(SCALES) / SCALE_SPREAD) ** 2
-    best = int(np.argmax(gain))
-    return float(gain[best]), float(SCALES[best])
+    s2 = (SCALES**2)[:, None, None]
+    gain = 0.5 * (s2 * squares / (1.0 + s2 * eigenvalues) - np.log1p(s2 * eigenvalues)).sum(axis=2)
+    gain -= 0.5 * (np.log(SCALES)[:, None] / SCALE_SPREAD) ** 2
+    best = np.argmax(gain, axis=0)
+    return np.take_along_axis(gain, best[None], axis=0)[0], SCALES[best]
 
 
 def tuned(products: Products, names: Sequence[str], scale: Sequence[float], sweeps: int = 2) -> Posterior:

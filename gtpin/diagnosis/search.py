@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Conditional, Marginal, Posterior, fixed, tuned
-from gtpin.diagnosis.scan import scan
+from gtpin.diagnosis.scan import Scan
 from gtpin.effects.effect import Effect
 
 Floats = npt.NDArray[np.float64]
@@ -59,6 +59,7 @@ class Pool:
     threshold: float
     columns: dict[str, Floats] = field(default_factory=dict)
     latest: dict[str, Candidate] = field(default_factory=dict)
+    scans: dict[str, Scan] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.marginal = Marginal(self.design.B)
@@ -93,9 +94,10 @@ class Pool:
         return found
 
     def _scan(self, candidate: Candidate, model: Posterior) -> float | None:
-        scaled = [self.columns[n] * s for n, s in zip(model.names, model.scale, strict=True)]
-        beside = Marginal(np.hstack([self.design.B, *scaled])) if scaled else self.marginal
-        best = scan(self.design, beside, self.design.y, candidate.effect, candidate.site)
+        if candidate.name not in self.scans:
+            self.scans[candidate.name] = Scan(self.design, self.marginal, candidate.effect, candidate.site)
+        together = np.hstack([np.zeros((len(self.design.y), 0)), *(self.columns[n] for n in model.names)])
+        best = self.scans[candidate.name].best(model, together)
         if best is None:
             return None
         self.latest[candidate.name] = Candidate(candidate.effect, candidate.site, best.setting)
