@@ -1,1 +1,1 @@
-"""What people read: results as text."""
+"""What people read: results as text and as pages."""
