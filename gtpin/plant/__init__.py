@@ -3,8 +3,19 @@
 from gtpin.plant.bulk import draw_case
 from gtpin.plant.case import make_case
 from gtpin.plant.digest import digest
+from gtpin.plant.later import measure_at
 from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.simulate import Simulation, simulate
 from gtpin.plant.truth import Case, Truth
 
-__all__ = ["Case", "Simulation", "Truth", "digest", "draw_case", "make_case", "simulate", "simulate_scenario"]
+__all__ = [
+    "Case",
+    "Simulation",
+    "Truth",
+    "digest",
+    "draw_case",
+    "make_case",
+    "measure_at",
+    "simulate",
+    "simulate_scenario",
+]

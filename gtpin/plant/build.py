@@ -13,79 +13,125 @@ import numpy.typing as npt
 from gtpin.data import Commands, Dataset
 from gtpin.data import Conditions as Reference
 from gtpin.data.ids import Ids
+from gtpin.data.table import Column
 from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
 from gtpin.plant.amplitude import amplitude_for
 from gtpin.plant.background import weak_others
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.causes.kinds import kind
-from gtpin.plant.conditions import Conditions
+from gtpin.plant.deviation import Deviation
 from gtpin.plant.energy import PastGeometry
 from gtpin.plant.machine import Machine
+from gtpin.plant.recipe import Recipe, Wanted
 from gtpin.plant.response import Plant
-from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case, Truth
-from gtpin.plant.visits import Visits, plan
+from gtpin.plant.visits import plan
 from gtpin.robot.library import load_robot, robot_names
 from gtpin.robot.robot import Robot
 
+Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """An effect that a machine shall have: how strong by its energy, or else by its amplitude in typical sizes."""
+class Built:
+    """A machine with its effects on its way through a day, before anything is measured.
 
-    effect: str
-    site: str
-    energy: float | None = None
-    amplitude: float | None = None
+    Parameters
+    ----------
+    plant
+        The machine and all its visits.
+    active, truths
+        All that it has, and of the effects that were wanted what they are.
+    rows
+        The visits that are measured, in the order of the dataset's rows.
+    background
+        E of the weak others together.
+    repeatability
+        (n,) 1 sigma of each cart, m.
+    jitter
+        What goes by nothing at every visit.
+    away
+        Where the base frame lies in the instrument's; None where the two are the same.
+    rng
+        For the instrument's noise.
+    """
+
+    plant: Plant
+    active: Sequence[tuple[Cause, float]]
+    truths: Sequence[Truth]
+    rows: Rows
+    background: float
+    repeatability: Floats
+    jitter: Deviation
+    away: tuple[Floats, Floats] | None
+    rng: np.random.Generator
+
+    def in_frame(self, seen: Poses) -> Poses:
+        """Poses (N) in the instrument's frame."""
+        return seen if self.away is None else seen.moved(*self.away)
 
 
-def build(
-    wanted: Sequence[Wanted],
-    seed: int,
-    *,
-    robot: str,
-    poses: int,
-    held_out: int,
-    noise: Noise,
-    conditions: Conditions,
-    background: bool = True,
-) -> Case:
-    """Make the case of a machine with the effects wanted; see :func:`~gtpin.plant.case.make_case`."""
-    if poses < 2 or held_out < 1:
-        raise GtpinError(f"{poses} poses and {held_out} held out", hint="ask for at least two, and one held out")
+def assemble(recipe: Recipe) -> Built:
+    """Build the machine of a recipe and send it on its way.
+
+    Raises
+    ------
+    GtpinError
+        If an effect or site is not known, or there is nothing to measure.
+    """
+    noise, conditions = recipe.noise, recipe.conditions
+    if recipe.poses < 2 or recipe.held_out < 1:
+        what = f"{recipe.poses} poses and {recipe.held_out} held out"
+        raise GtpinError(what, hint="ask for at least two, and one held out")
     # A stream for each part: what one of them draws does not change the others.
-    streams = [np.random.default_rng(part) for part in np.random.SeedSequence([seed, 1]).spawn(5)]
-    machine = Machine.draw(known_robot(robot), streams[0])
-    plant = Plant(machine, plan(machine, poses, held_out, conditions, streams[1]), np.array(noise.station))
-    rows = streams[4].permutation(np.flatnonzero(~plant.visits.held))
-    past = PastGeometry.of(machine, plant.visits.q[rows], plant.ideal.poses[rows], noise.sigma)
-    causes, truths = _strong(wanted, seed, plant, rows, past)
+    streams = [np.random.default_rng(part) for part in np.random.SeedSequence([recipe.seed, 1]).spawn(5)]
+    machine = Machine.draw(known_robot(recipe.robot), streams[0])
+    visits = plan(machine, recipe.poses, recipe.held_out, conditions, streams[1])
+    plant = Plant(machine, visits, np.array(noise.station))
+    rows = streams[4].permutation(np.flatnonzero(~visits.held))
+    past = PastGeometry.of(machine, visits.q[rows], plant.ideal.poses[rows], noise.sigma)
+    causes, truths = _strong(recipe.wanted, recipe.seed, plant, rows, past)
     weak: list[tuple[Cause, float]] = []
     energy = 0.0
-    if background:
-        taken = {(want.effect, want.site) for want in wanted}
-        weak, energy = weak_others(plant, rows, past, taken, bool(wanted), streams[2])
-    active = [*causes, *weak]
+    if recipe.background:
+        taken = {(want.effect, want.site) for want in recipe.wanted}
+        weak, energy = weak_others(plant, rows, past, taken, bool(recipe.wanted), streams[2])
+    repeatability = noise.repeatability_of(machine, streams[3])
+    return Built(
+        plant=plant,
+        active=[*causes, *weak],
+        truths=truths,
+        rows=rows,
+        background=energy,
+        repeatability=repeatability,
+        jitter=noise.jitter(machine, repeatability, len(visits), streams[3]),
+        away=noise.elsewhere(streams[3]) if noise.free else None,
+        rng=streams[4],
+    )
+
+
+def build(recipe: Recipe) -> Case:
+    """Make the case of a recipe; see :func:`~gtpin.plant.case.make_case`."""
+    made = assemble(recipe)
+    plant, rows = made.plant, made.rows
     held = np.flatnonzero(plant.visits.held)
-    jitter = noise.jitter(machine, len(plant.visits), streams[3])
-    truth, true = plant.seen(active)[held], plant.seen(active, jitter)[rows]
-    if noise.free:
-        away = noise.elsewhere(streams[3])
-        truth, true = truth.moved(*away), true.moved(*away)
     mine, asked = plant.visits.take(rows), plant.visits.take(held)
+    truth = made.in_frame(plant.seen(made.active)[held])
+    true = made.in_frame(plant.seen(made.active, made.jitter)[rows])
+    columns = mine.columns(recipe.conditions)
     return Case(
-        name=f"case{seed:05d}",
-        dataset=_dataset(robot, mine, noise.measured(true, streams[4]), noise, conditions),
-        commands=Commands(_ids(np.arange(len(held))), asked.q, asked.columns(conditions)),
+        name=f"case{recipe.seed:05d}",
+        dataset=as_dataset(recipe, ids(mine.pose), mine.q, columns, recipe.noise.measured(true, made.rng)),
+        commands=Commands(ids(np.arange(len(held))), asked.q, asked.columns(recipe.conditions)),
         truth=truth,
-        effects=tuple(sorted(truths, key=lambda truth: -truth.energy)),
-        machine=machine,
+        effects=tuple(sorted(made.truths, key=lambda truth: -truth.energy)),
+        machine=plant.machine,
         visits=mine,
         true=true,
-        background=energy,
+        background=made.background,
+        recipe=recipe,
     )
 
 
@@ -106,20 +152,23 @@ def _strong(
     return causes, truths
 
 
-def _dataset(robot: str, visits: Visits, seen: Poses, noise: Noise, conditions: Conditions) -> Dataset:
+def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column], seen: Poses) -> Dataset:
+    """What was measured, as users have it."""
+    robot, noise = recipe.robot, recipe.noise
     return Dataset(
         robot=robot if robot in robot_names() else str(Path(robot).absolute()),
-        pose=_ids(visits.pose),
-        q=visits.q,
+        pose=pose,
+        q=q,
         position=seen.T,
         orientation=seen.quaternions if noise.orientations else None,
-        covariates=visits.columns(conditions),
+        covariates=columns,
         instrument=noise.instrument,
-        conditions=Reference(reference_temperature=conditions.reference_temperature),
+        conditions=Reference(reference_temperature=recipe.conditions.reference_temperature),
     )
 
 
-def _ids(numbers: Rows) -> Ids:
+def ids(numbers: Rows) -> Ids:
+    """(N,) numbers of poses as a dataset names them."""
     return np.array([str(number) for number in numbers], dtype=object)
 
 

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.plant.build import Wanted, build, known_robot
+from gtpin.plant.build import build, known_robot
 from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED, kind
 from gtpin.plant.conditions import Conditions
+from gtpin.plant.recipe import Recipe, Wanted
 from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case, Truth
 
@@ -80,8 +81,8 @@ def make_case(
     drawn = Conditions.draw(rng, needs)
     measured = conditions or drawn
     count = int(rng.integers(POSES[0], POSES[1] + 1))
-    return build(
-        wanted,
+    recipe = Recipe(
+        tuple(wanted),
         seed,
         robot=robot,
         poses=poses if poses is not None else count,
@@ -90,3 +91,4 @@ def make_case(
         conditions=measured.model_copy(update={"without": measured.without + without}),
         background=background,
     )
+    return build(recipe)

@@ -25,11 +25,14 @@ class Day:
         (M,) s, from 0.
     frame, link
         (M,) what the two sensors read: the frame follows the air slowly, the links follow it and the work.
+    end
+        When the day's work ends, s: slow changes go by the share of it that has passed.
     """
 
     time: Floats
     frame: Floats
     link: Floats
+    end: float
 
     @staticmethod
     def draw(rng: np.random.Generator, duration: float, reference: float, warming: float = 1.0) -> Day:
@@ -43,7 +46,16 @@ class Day:
         work = rng.uniform(0.5, 3.0) * (1.0 - np.exp(-time / rng.uniform(800.0, 2500.0)))
         frame = _lagged(air, rng.uniform(600.0, 2400.0))
         link = _lagged(rng.uniform(0.4, 1.0) * air + work, rng.uniform(300.0, 1200.0))
-        return Day(time, reference + warming * frame, reference + warming * link)
+        return Day(time, reference + warming * frame, reference + warming * link, float(time[-1]))
+
+    def continued(self, time: Floats, frame: Floats, link: Floats) -> Day:
+        """The day and what the sensors read at later times (N,), ascending."""
+        return Day(
+            np.concatenate([self.time, time]),
+            np.concatenate([self.frame, frame]),
+            np.concatenate([self.link, link]),
+            self.end,
+        )
 
     def frame_at(self, time: Floats, delay: float = 0.0) -> Floats:
         """What the frame's sensor read at times (N,) less a delay, s."""

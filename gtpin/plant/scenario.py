@@ -13,10 +13,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gtpin.data.files import read_bytes
 from gtpin.errors import GtpinError
-from gtpin.plant.build import Wanted, build, known_robot
+from gtpin.plant.build import build, known_robot
 from gtpin.plant.case import ENERGY, Case
 from gtpin.plant.causes.kinds import kind
 from gtpin.plant.conditions import Conditions
+from gtpin.plant.recipe import Recipe, Wanted
 from gtpin.plant.tracker import Noise
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -105,8 +106,8 @@ def simulate_scenario(
         wanted.append(Wanted(effect.id, site, energy, effect.amplitude))
     needs = {need for effect in scenario.effect for need in kind(effect.id).needs}
     said = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
-    return build(
-        wanted,
+    recipe = Recipe(
+        tuple(wanted),
         seed,
         robot=reference,
         poses=scenario.poses if poses is None else poses,
@@ -115,6 +116,7 @@ def simulate_scenario(
         conditions=Conditions.draw(rng, needs).model_copy(update=said),
         background=scenario.background,
     )
+    return build(recipe)
 
 
 def _explained(file: Path, error: ValidationError) -> GtpinError:

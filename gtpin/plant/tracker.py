@@ -82,9 +82,12 @@ class Noise(BaseModel):
         turn = exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])) @ exp(0.01 * rng.standard_normal(3))
         return np.asarray(rng.uniform(-5.0, 5.0, 3)), np.asarray(turn)
 
-    def jitter(self, machine: Machine, visits: int, rng: np.random.Generator) -> Deviation:
-        """The carts' repeatability at every visit."""
-        sigmas = rng.uniform(*self.repeatability, machine.n_carts)
+    def repeatability_of(self, machine: Machine, rng: np.random.Generator) -> Floats:
+        """(n,) 1 sigma of each cart along its track, m."""
+        return rng.uniform(*self.repeatability, machine.n_carts)
+
+    def jitter(self, machine: Machine, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        """What carts of a repeatability (n,), m, add at every visit."""
         deviation = machine.unbent(visits)
         deviation.travel[:] = sigmas * rng.standard_normal((visits, machine.n_carts))
         sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, machine.n_carts, 2))

@@ -14,6 +14,7 @@ from gtpin.data.files import write_table
 from gtpin.kinematics.poses import Poses
 from gtpin.output import results_folder
 from gtpin.plant.machine import Machine
+from gtpin.plant.recipe import Recipe
 from gtpin.plant.visits import Visits
 
 Floats = npt.NDArray[np.float64]
@@ -62,6 +63,8 @@ class Case:
         Poses at the dataset's rows without the instrument's noise.
     background
         E of all weak effects that are always on, together.
+    recipe
+        What the case was made from.
     """
 
     name: str
@@ -73,6 +76,7 @@ class Case:
     visits: Visits
     true: Poses
     background: float
+    recipe: Recipe
 
     def write(self, folder: Path | str, name: str | None = None) -> None:
         """Write ``FOLDER/NAME/`` (the dataset and commands.csv), ``NAME.truth.json`` and ``NAME.truth.csv``.

@@ -81,8 +81,8 @@ class Visits:
 
     @property
     def phase(self) -> Floats:
-        """(N,) time as a share of the day, 0 to 1."""
-        return np.asarray(self.time / self.day.time[-1])
+        """(N,) time as a share of the day, 0 to 1; beyond 1 later on."""
+        return np.asarray(self.time / self.day.end)
 
     def take(self, rows: Ints | Bools) -> Visits:
         """Some of the visits."""
