@@ -69,7 +69,7 @@ def main() -> None:
     warnings.simplefilter("always", GtpinWarning)
     code = _run()
     if code == 0:  # an error is one line, and what was noticed on the way to it is not the point
-        for text in kept:
+        for text in dict.fromkeys(kept):  # what two effects notice is said once
             _say("warning", text)
     sys.exit(code)
 

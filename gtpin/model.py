@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data.ids import normal_ids
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
@@ -73,7 +74,8 @@ class Model:
         Parameters
         ----------
         covariates
-            By name, (N,) each: what the effects depend on.
+            By name, (N,) each: what the effects depend on. A session that the effects' fit never saw has their mean shift,
+            with a warning.
 
         Returns
         -------
@@ -83,7 +85,7 @@ class Model:
         Raises
         ------
         ModelError
-            If a covariate that an effect needs is missing.
+            If a covariate that an effect needs is missing, or is not N finite numbers (ids, for the session).
         """
         commands = np.asarray(q, dtype=float)
         kinematics = self.kinematics
@@ -91,8 +93,22 @@ class Model:
             return self.seen(kinematics.forward(commands))
         if not isinstance(kinematics, RodKinematics):
             raise ModelError(f"{self.robot.name} has no rods", hint="effects are for robots with rods")
-        return self.seen(with_effects(kinematics, commands, covariates or {}, self.effects))
+        known = {name: _column(name, values, len(commands)) for name, values in (covariates or {}).items()}
+        return self.seen(with_effects(kinematics, commands, known, self.effects))
 
     def seen(self, poses: Poses) -> Poses:
         """Poses in the base frame as the instrument sees them."""
         return poses if self.frame.is_base else poses.moved(self.frame.T, self.frame.R)
+
+
+def _column(name: str, values: npt.ArrayLike, count: int) -> Column:
+    """A covariate as effects take it: sessions as ids in their normal form, everything else as finite numbers."""
+    try:
+        column: Column = normal_ids(np.ravel(values)) if name == "session" else np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"the covariate {name} can't be: {error}", column=name) from None
+    if column.shape != (count,):
+        raise ModelError(f"the covariate {name} has shape {column.shape} for {count} commands", column=name)
+    if name != "session" and not np.isfinite(np.asarray(column, dtype=float)).all():
+        raise ModelError(f"the covariate {name} is not finite everywhere", column=name, hint="leave those poses out")
+    return column

@@ -2,68 +2,28 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.record import active_effect, record
 from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.rotations import from_quaternions, to_quaternions
 from gtpin.model import Frame, Model
+from gtpin.model_file import AGAIN, SCHEMA, FrameRecord, ModelFile, TrackRecord, explained, read_model_file
+from gtpin.output import writing
 from gtpin.robot.description import Description
 from gtpin.robot.export import placements_to_urdf, to_urdf
-from gtpin.robot.geometry import Arm, Geometry
+from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
-from gtpin.robot.parameters import Per
 from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
 
-SCHEMA = "gtpin-model/1"
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-
-
-Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
-
-
-class _FrameFile(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-    position: Triple
-    orientation: Annotated[list[Finite], Field(min_length=4, max_length=4)]
-
-
-class _TrackFile(BaseModel):
-    """A measured track; see :class:`~gtpin.robot.tracks.MeasuredTrack`."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    q: list[Finite]
-    path: list[Triple]
-    turns: list[Triple] | None
-    origin: Triple
-
-
-class _ModelFile(BaseModel):
-    """What ``model.json`` holds."""
-
-    model_config = ConfigDict(extra="forbid", populate_by_name=True)
-
-    schema_: Literal["gtpin-model/1"] = Field(alias="schema")
-    robot: str
-    nominal_urdf: str
-    tcp: str
-    directions: Per
-    scale: Per | None
-    arm: Arm = "full"
-    tracks: list[_TrackFile | None] = []
-    parameters: dict[str, Finite]
-    tolerance: dict[str, Annotated[float, Field(gt=0.0, allow_inf_nan=False)]]
-    covariance: list[list[Finite]] | None = None
-    base_in_instrument: _FrameFile | None
+NOT_TURNED = 1e-9
+"""By how much a rotation matrix may differ from one."""
 
 
 def calibrated_urdf(model: Model) -> str:
@@ -80,41 +40,53 @@ def calibrated_urdf(model: Model) -> str:
 def write_model(model: Model, folder: str | Path) -> None:
     """Write ``model.json``, ``robot.urdf`` (the model's geometry) and ``nominal.urdf`` into a folder.
 
-    ``read_model`` gives the same model again. In ``model.json`` stands what a URDF can't carry too.
+    ``read_model`` gives the same model again, with the same predictions bit by bit. In ``model.json`` stands what a URDF
+    can't carry too.
+
+    Raises
+    ------
+    ModelError
+        If the model could not be read again: effects that are not registered, numbers that are none; or the folder can't be
+        written.
     """
-    if model.effects:
-        raise ModelError(
-            "effects can't be written yet", hint="write the model without them: replace(model, effects=())"
-        )
-    geometry = model.geometry
-    frame = model.frame
+    folder = Path(folder)
+    file = folder / "model.json"
+    try:
+        told = _told(model)
+    except ValidationError as error:
+        raise explained(error, file) from None
+    _effects(told, model.geometry, file)
+    urdf = calibrated_urdf(model)
+    with writing(folder, ModelError):
+        folder.mkdir(parents=True, exist_ok=True)
+        file.write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
+        (folder / "robot.urdf").write_text(urdf, encoding="utf-8")
+        (folder / "nominal.urdf").write_text(model.robot.description.xml, encoding="utf-8")
+
+
+def _told(model: Model) -> ModelFile:
+    geometry, frame = model.geometry, model.frame
     kinds = {p.kind: p.per for p in geometry.parameters}
-    told = _ModelFile(
-        schema="gtpin-model/1",
+    return ModelFile(
+        schema=SCHEMA,
         robot=geometry.robot.name,
         nominal_urdf="nominal.urdf",
         tcp=geometry.robot.tcp_frame,
         directions="rod" if ("direction", "rod") in {(p.kind, p.per) for p in geometry.parameters} else "actuator",
         scale=kinds.get("scale"),  # type: ignore[arg-type]
         arm="reduced" if geometry.reduced else "full",
-        tracks=[None if track is None else _TrackFile(**_track_lists(track)) for track in geometry.tracks],
+        tracks=[None if track is None else _track_record(track) for track in geometry.tracks],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
         covariance=None if model.covariance is None else model.covariance.tolist(),
-        base_in_instrument=None
-        if frame.is_base
-        else _FrameFile(position=frame.T.tolist(), orientation=to_quaternions(frame.R[None])[0].tolist()),
+        base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
+        effects=[record(active) for active in model.effects],
     )
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
-    (folder / "robot.urdf").write_text(calibrated_urdf(model), encoding="utf-8")
-    (folder / "nominal.urdf").write_text(geometry.robot.description.xml, encoding="utf-8")
 
 
-def _track_lists(track: MeasuredTrack) -> dict[str, Any]:
+def _track_record(track: MeasuredTrack) -> TrackRecord:
     turns = None if track.turns is None else track.turns.tolist()
-    return {"q": track.q.tolist(), "path": track.path.tolist(), "turns": turns, "origin": track.origin.tolist()}
+    return TrackRecord(q=track.q.tolist(), path=track.path.tolist(), turns=turns, origin=track.origin.tolist())
 
 
 def read_model(reference: str | Path) -> Model:
@@ -144,29 +116,34 @@ def read_model(reference: str | Path) -> Model:
 
 def _read_folder(folder: Path) -> Model:
     file = folder / "model.json"
-    try:
-        told = _ModelFile.model_validate(json.loads(file.read_text(encoding="utf-8-sig")))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"can't be read ({error})", file=file, hint="write the model again") from None
-    except json.JSONDecodeError as error:
-        raise ModelError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint="write the model again") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ModelError(first["msg"], file=file, column=key, hint="write the model again") from None
-    except (RecursionError, ValueError) as error:  # brackets nested a thousand deep, endless integers
-        raise ModelError(
-            f"no JSON that can be read ({str(error)[:80]})", file=file, hint="write the model again"
-        ) from None
+    told = read_model_file(file)
     robot = Robot(Description.read(folder / told.nominal_urdf), told.tcp)
     try:
         geometry = _geometry(robot, told)
-        return Model(geometry, _frame(told), covariance=_covariance(geometry, told))
+        frame, covariance = _frame(told), _covariance(geometry, told)
     except GtpinError as error:
-        raise ModelError(error.what, file=file, hint="write the model again") from None
+        raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
+    return Model(geometry, frame, _effects(told, geometry, file), covariance)
 
 
-def _geometry(robot: Robot, told: _ModelFile) -> Geometry:
+def _effects(told: ModelFile, geometry: Geometry, file: Path) -> tuple[ActiveEffect, ...]:
+    if not told.effects:
+        return ()
+    if not geometry.robot.rods:
+        raise ModelError(
+            f"{geometry.robot.name} has no rods", file=file, column="effects", hint="effects are for robots with rods"
+        )
+    kinematics, found = RodKinematics(geometry), []
+    for number, one in enumerate(told.effects):
+        try:
+            found.append(active_effect(one, kinematics))
+        except GtpinError as error:
+            key = f"effects.{number}.{error.column}" if error.column else f"effects.{number}"
+            raise ModelError(error.what, file=file, column=key, hint=error.hint or AGAIN) from None
+    return tuple(found)
+
+
+def _geometry(robot: Robot, told: ModelFile) -> Geometry:
     # Tolerances are told by parameter, so those of the kinds, which the URDF may not know, do not matter here.
     tracks = tuple(None if t is None else _track(t) for t in told.tracks)
     if tracks and len(tracks) != len(robot.rods):
@@ -182,14 +159,14 @@ def _geometry(robot: Robot, told: _ModelFile) -> Geometry:
     return Geometry(robot, parameters, values, tracks)
 
 
-def _track(told: _TrackFile) -> MeasuredTrack:
+def _track(told: TrackRecord) -> MeasuredTrack:
     if len(told.path) != len(told.q) or (told.turns is not None and len(told.turns) != len(told.q)):
         raise ModelError("a track's points differ in number")
     turns = None if told.turns is None else np.array(told.turns)
     return MeasuredTrack(np.array(told.q), np.array(told.path), turns, np.array(told.origin))
 
 
-def _covariance(geometry: Geometry, told: _ModelFile) -> npt.NDArray[np.float64] | None:
+def _covariance(geometry: Geometry, told: ModelFile) -> npt.NDArray[np.float64] | None:
     if told.covariance is None:
         return None
     count = len(geometry.parameters)
@@ -200,10 +177,10 @@ def _covariance(geometry: Geometry, told: _ModelFile) -> npt.NDArray[np.float64]
     return np.array(told.covariance)[np.ix_(order, order)]
 
 
-def _frame(told: _ModelFile) -> Frame:
+def _frame(told: ModelFile) -> Frame:
     if told.base_in_instrument is None:
         return Frame()
-    wxyz = np.array(told.base_in_instrument.orientation)
-    if abs(np.linalg.norm(wxyz) - 1.0) > 1e-3:
-        raise ModelError("base_in_instrument.orientation is no unit quaternion")
-    return Frame(np.array(told.base_in_instrument.position), from_quaternions(wxyz[None])[0])
+    R = np.array(told.base_in_instrument.rotation)
+    if np.abs(R @ R.T - np.eye(3)).max() > NOT_TURNED or np.linalg.det(R) < 0.0:
+        raise ModelError("no rotation matrix", column="base_in_instrument.rotation")
+    return Frame(np.array(told.base_in_instrument.position), R)

@@ -19,7 +19,8 @@ def predict(model: Model, commands: Commands) -> Poses:
     DatasetError
         If the commands can't be the robot's.
     ModelError
-        If a command leaves a measured track.
+        If a command leaves a measured track, or a covariate is missing that an active effect needs; the message names the
+        row or the column.
     UnreachableError
         If a pose can't be reached; the message names its row.
     """
@@ -33,7 +34,10 @@ def predict(model: Model, commands: Commands) -> Poses:
             row=int(commands.row[outside[0]]),
             hint="leave it out, or use a model with straight tracks",
         )
-    poses = model.predict(commands.q)
+    try:
+        poses = model.predict(commands.q, commands.covariates)
+    except ModelError as error:
+        raise ModelError(error.what, file=commands.file, column=error.column, hint=error.hint) from None
     lost = np.flatnonzero(~poses.reached)
     if lost.size:
         first = int(lost[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -29,7 +30,8 @@ def sensitivity(
     q = None
     if poses is not None:
         asked = Commands.read(poses, found.robot.n_actuators)
-        predict(found, asked)  # refuses commands that can't be the robot's, or that it can't reach, by their rows
+        # Refuses commands that can't be the robot's, or that it can't reach, by their rows. Accuracy is the geometry's.
+        predict(replace(found, effects=()), asked)
         q = asked.q
     with results_folder(output) as folder:
         accuracy = write_sensitivity(found, q, folder, seed=seed)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
+from gtpin.errors import ModelError
 from gtpin.kinematics.closures import RodEnds, between, follow
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -45,6 +46,25 @@ class ActiveEffect:
         """``effect@site``."""
         return f"{self.effect.id}@{self.site}"
 
+    def basis(self, at: Situation) -> Basis:
+        """Displacements for unit coefficients, as many columns as it has coefficients.
+
+        Raises
+        ------
+        ModelError
+            If a covariate is missing that it needs, or its coefficients are not the effect's.
+        """
+        try:
+            basis = self.effect.basis(at, self.site, self.setting)
+        except ModelError as error:
+            raise ModelError(f"{error.what}, which {self.name} needs", column=error.column, hint=error.hint) from None
+        if len(basis) != len(self.coefficients):
+            raise ModelError(
+                f"{self.name} has {len(self.coefficients)} coefficients instead of {len(basis)}",
+                hint="fit it again with this version of the effect",
+            )
+        return basis
+
 
 def with_effects(
     kinematics: RodKinematics, q: Floats, covariates: Mapping[str, Column], effects: Sequence[ActiveEffect]
@@ -61,7 +81,7 @@ def with_effects(
     Raises
     ------
     ModelError
-        If a covariate that an effect needs is missing.
+        If a covariate that an effect needs is missing, or coefficients are not the effect's.
     """
     plain = kinematics.forward(q)
     if not effects or not len(q):
@@ -74,8 +94,7 @@ def with_effects(
     length: Floats | float = 0.0
     for active in effects:
         at = Situation(kinematics, q[rows], plain[rows], some, fixed=active.references)
-        basis = active.effect.basis(at, active.site, active.setting)
-        moved = _moved(basis, active.coefficients)
+        moved = _moved(active.basis(at), active.coefficients)
         if moved.command is not None:
             commands[:, moved.command[0]] += moved.command[1]
         seat, length, twist = seat + moved.seat, length + moved.length, twist + moved.twist
@@ -86,6 +105,8 @@ def with_effects(
     T, R = plain.T.copy(), plain.R.copy()
     T[rows] = poses.T + twist[:, :3]
     R[rows] = exp(twist[:, 3:]) @ poses.R
+    lost = ~(np.isfinite(T).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))
+    T[lost], R[lost] = np.nan, np.nan
     return Poses(T, R)
 
 

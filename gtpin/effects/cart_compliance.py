@@ -5,14 +5,33 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, unit
+from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
+GIVE = (5e-8, 3e-8, 3e-8)
+"""Sizes of the compliances along and across the track, m/N."""
+TIP = 5e-7
+"""Size of the compliances in turning, rad/(N m)."""
+LEVER = 0.1
+"""Usual distance of the pull from the mean of the cart's joints, m."""
+
 
 class CartCompliance(Effect):
-    """dC = c F along and across the track, and a turn in proportion to the moment. Carts on rollers: 5 to 50 N/um."""
+    """dC = sum_e c_e (F . e) e + sum_e k_e (M . e) e x (C - m), e the track and the two axes a, b across it.
+
+    F is the rods' pull on the cart (a rod in tension pulls its cart towards the platform) and M its moment about the mean m
+    of the cart's joints. Forces come from the closures' Jacobian: gravity of plate, links and payload, the tool's force. The
+    cart stiffens with the load, and is softer in some places of its track than in others.
+
+    Parameters: ``along``, ``across_a``, ``across_b``: c_e, m/N, positive where the cart gives way to the pull; where it
+    carries more than one joint ``roll``, ``tip_a``, ``tip_b``: k_e, rad/(N m), positive where it turns with the moment;
+    ``stiffening``: by how much ``along`` rises, m/N, as the pull becomes twice the usual, negative where it stiffens.
+
+    Typical size 5e-8 m/N, that is 20 N/um: a guess for rack, gear and servo in series with a carriage on roller blocks, of
+    which catalogues give some 100 to 1,000 N/um. Dressler et al. 2010, section V, suppose a lack of stiffness of cart 2.
+    """
 
     id = "cart_compliance"
     title = "the cart gives way and tips under the forces of its links"
@@ -20,37 +39,45 @@ class CartCompliance(Effect):
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator that slides a carrier along a track."""
-        carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
-        return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
+        return sliding_carts(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """What it goes with."""
         return ("load", "payload")
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Compliances along and in two directions across the track, about three axes, and stiffening along."""
+        """Compliances along and across, their stiffening and their bends along the track, and compliances in turning."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
-        axis = at.robot.actuators[j].axis
-        # A rod in tension pulls its cart along the rod, towards the platform.
+        axes = np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)
         pull = at.force[:, rods, None] * at.along[:, rods]
         force = pull.sum(axis=1)
         lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
         moment = np.cross(lever, pull).sum(axis=1)
-        axes = np.vstack([axis, rotation_axes(axis)[:2]])
+        # Against the fit's own load, so that a pose does not depend on which others it is asked with.
+        (mean, _), (towards, _) = at.references.force, at.references.direction
+        usual = max(float(np.linalg.norm(mean[rods] @ towards[rods])), 1e-9)
+        harder = np.linalg.norm(force, axis=1) / usual - 1.0
+        waves = [np.cos(np.pi / 2.0 * k * (at.travel[:, j] + 1.0)) for k in (1, 2)]
         columns, sizes = [], []
-        for number, direction in enumerate(axes):
-            given = (force @ direction)[:, None] * direction
-            columns.append(np.broadcast_to(given[:, None, :], lever.shape))
-            sizes.append(5e-8 if number == 0 else 3e-8)
-        magnitude = np.linalg.norm(force, axis=1)
-        stiffening = (magnitude / max(float(magnitude.mean()), 1e-9) - 1.0)[:, None]
-        columns.append(np.broadcast_to(((force @ axis)[:, None] * stiffening * axis)[:, None, :], lever.shape))
-        sizes.append(1e-8)
+        for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (waves[0], 0.1), (waves[1], 0.05)]:
+            for axis, size in zip(axes, GIVE, strict=True):
+                given = (factor * (force @ axis))[:, None] * axis
+                columns.append(np.broadcast_to(given[:, None, :], lever.shape))
+                sizes.append(share * size)
         if len(rods) > 1:
-            for direction in axes:
-                columns.append(np.cross(direction, lever) * (moment @ direction)[:, None, None])
-                sizes.append(5e-7)
+            strength = np.linalg.norm(moment, axis=1)
+            for factor, share in [(np.ones(len(at)), 1.0), (strength / (LEVER * usual) - 1.0, 0.2)]:
+                for axis in axes:
+                    columns.append(np.cross(axis, lever) * (factor * (moment @ axis))[:, None, None])
+                    sizes.append(share * TIP)
         seat = np.zeros((len(at), len(at.robot.rods), 3, len(columns)))
         seat[:, rods] = np.stack(columns, axis=3)
         return Basis(unit(sizes, 1.0), seat=seat)
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """Compliances along, across and in turning."""
+        names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
+        found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
+        tips = coefficients[12:15]
+        return found | {n: (float(c), "rad/(N m)") for n, c in zip(("roll", "tip_a", "tip_b"), tips, strict=False)}

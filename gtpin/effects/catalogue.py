@@ -61,16 +61,23 @@ def catalogue() -> dict[str, Effect]:
     Raises
     ------
     ModelError
-        If a registered effect is none, or takes another's id.
+        If a registered effect can't be loaded, is none, or takes another's id.
     """
     known = {kind.id: kind() for kind in OWN}
     for point in entry_points(group=GROUP):
-        kind = point.load()
-        if not (isinstance(kind, type) and issubclass(kind, Effect)):
+        try:
+            kind = point.load()
+            made = kind()
+        except Exception as error:  # a stranger's module may fail in any way
+            raise ModelError(
+                f"the effect {point.name} of {GROUP} can't be loaded ({type(error).__name__}: {error})",
+                hint=f"mend or remove {point.value}",
+            ) from error
+        if not isinstance(made, Effect):
             raise ModelError(
                 f"the entry point {point.name} of {GROUP} is no effect", hint="register a subclass of Effect"
             )
-        if kind.id in known:
-            raise ModelError(f"the effect {kind.id} is registered twice", hint="give one of them another id")
-        known[kind.id] = kind()
+        if made.id in known:
+            raise ModelError(f"the effect {made.id} is registered twice", hint="give one of them another id")
+        known[made.id] = made
     return known

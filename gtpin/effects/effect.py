@@ -44,6 +44,11 @@ class Effect(ABC):
             The value of what is not linear in it (a period, a place), for effects that have such.
         """
 
+    @property
+    def has_setting(self) -> bool:
+        """Whether something in it is not linear: a period, a place."""
+        return type(self).settings is not Effect.settings
+
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """Covariates that it needs at a site."""
         return ()
@@ -75,6 +80,12 @@ class Effect(ABC):
 def carts(robot: Robot) -> tuple[str, ...]:
     """Sites of the actuators."""
     return robot.sites
+
+
+def sliding_carts(robot: Robot) -> tuple[str, ...]:
+    """Sites of the actuators that slide a carrier along a track."""
+    carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
+    return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
 
 
 def links(robot: Robot) -> tuple[str, ...]:

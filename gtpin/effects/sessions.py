@@ -14,18 +14,20 @@ from gtpin.errors import GtpinWarning, ModelError
 def session_columns(at: Situation) -> Floats:
     """(N, sessions) one where a pose belongs to the session, else zero.
 
-    A session that the fit has not seen belongs to none of them, so that it has the mean shift, with a warning.
+    A session that the fit has not seen belongs to all of them alike, so that it has the mean shift, with a warning.
 
     Raises
     ------
     ModelError
         If there is no column ``session``.
     """
-    if not at.has("session"):
-        raise ModelError("the covariate session is missing", hint="give a column session, which an active effect needs")
+    if "session" not in at.covariates:
+        raise ModelError("the covariate session is missing", column="session", hint="give a column session")
     names = np.array([str(name) for name in at.covariates["session"]])
     known = at.references.sessions
     unseen = sorted(set(names) - set(known))
     if unseen:
         warnings.warn(f"sessions never seen, which get the mean shift: {', '.join(unseen)}", GtpinWarning, stacklevel=2)
-    return np.stack([(names == name).astype(float) for name in known], axis=1)
+    columns = (names[:, None] == np.array(known)).astype(float)
+    columns[np.isin(names, unseen)] = 1.0 / len(known)
+    return np.asarray(columns)

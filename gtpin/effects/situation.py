@@ -36,6 +36,8 @@ class References:
         (k,) mean and (k,) spread of each rod's axial force, N.
     direction
         (k, 3) mean unit vector of each rod, from carrier to platform, base frame, and (k,) its spread, rad.
+    covariates
+        Names of those that the fit knew: its coefficients count on them.
     """
 
     temperature: float
@@ -43,6 +45,7 @@ class References:
     sessions: tuple[str, ...]
     force: tuple[Floats, Floats]
     direction: tuple[Floats, Floats]
+    covariates: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -89,14 +92,15 @@ class Situation:
             If it is not there.
         """
         if name not in self.covariates:
-            raise ModelError(
-                f"the covariate {name} is missing", hint=f"give a column {name}, which an active effect needs"
-            )
+            raise ModelError(f"the covariate {name} is missing", column=name, hint=f"give a column {name}")
         return np.asarray(self.covariates[name], dtype=float)
 
     def has(self, name: str) -> bool:
-        """Whether a covariate is there."""
-        return name in self.covariates
+        """Whether a covariate is there or, where the references are those of an earlier fit, was there.
+
+        An effect that was fitted with a covariate keeps its form, and asks for it, wherever it is applied.
+        """
+        return name in (self.covariates if self.fixed is None else self.fixed.covariates)
 
     def varies(self, name: str) -> bool:
         """Whether a covariate is there and takes more than one value."""
@@ -135,11 +139,15 @@ class Situation:
     @cached_property
     def force(self) -> Floats:
         """(N, k) axial force of each rod, N, tension positive: gravity of plate, rods and payload, and the tool's force."""
-        tool = None
-        if any(self.has(name) for name in ("fx", "fy", "fz")):
-            columns = [self.covariate(n) if self.has(n) else np.zeros(len(self)) for n in ("fx", "fy", "fz")]
-            tool = np.stack(columns, axis=1)
-        payload = self.covariate("payload") if self.has("payload") else None
+        # Loads that the fit knew must be told; one that it did not know still pulls where it is told.
+        told = {
+            name: self.covariate(name)
+            for name in ("fx", "fy", "fz", "payload")
+            if self.has(name) or name in self.covariates
+        }
+        payload = told.pop("payload", None)
+        none = np.zeros(len(self))
+        tool = np.stack([told.get(name, none) for name in ("fx", "fy", "fz")], axis=1) if told else None
         return rod_forces(self.kinematics, self.q, self.poses, tool, payload)
 
     @cached_property
@@ -158,6 +166,7 @@ class Situation:
             sessions=sessions,
             force=(self.force.mean(axis=0), np.maximum(self.force.std(axis=0), 1e-9)),
             direction=(mean, np.maximum(spread, 1e-9)),
+            covariates=tuple(sorted(self.covariates)),
         )
 
     @cached_property

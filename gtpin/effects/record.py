@@ -1,0 +1,201 @@
+"""Active effects as ``model.json`` holds them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import GROUP, catalogue
+from gtpin.effects.situation import Column, References, Situation
+from gtpin.errors import ModelError
+from gtpin.kinematics.rod_kinematics import RodKinematics
+
+Floats = npt.NDArray[np.float64]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+
+UNIT = 1e-6
+"""By how much the length of a direction may differ from 1."""
+
+
+class Record(BaseModel):
+    """A part of a file: no unknown keys, no text for numbers."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True)
+
+
+class TimeRecord(Record):
+    """When a fit's measurements began, and how long they took, s."""
+
+    start: Finite
+    span: Positive
+
+
+class ForceRecord(Record):
+    """Mean and spread of each rod's axial force in a fit, N."""
+
+    mean: list[Finite]
+    spread: list[Positive]
+
+
+class DirectionRecord(Record):
+    """Mean unit vector of each rod in a fit, base frame, and its spread, rad."""
+
+    mean: list[Triple]
+    spread: list[Positive]
+
+
+class ReferencesRecord(Record):
+    """What covariates are counted from; see :class:`~gtpin.effects.situation.References`."""
+
+    temperature: Finite
+    time: TimeRecord
+    sessions: list[str]
+    force: ForceRecord
+    direction: DirectionRecord
+    covariates: list[str]
+
+
+class EffectRecord(Record):
+    """An effect at a site with its coefficients; see :class:`~gtpin.effects.active.ActiveEffect`."""
+
+    effect: str
+    site: str
+    setting: Finite | None
+    coefficients: list[Finite]
+    covariance: list[list[Finite]]
+    references: ReferencesRecord
+
+
+def record(active: ActiveEffect) -> EffectRecord:
+    """An active effect as a file holds it.
+
+    Raises
+    ------
+    ModelError
+        If it is not in the catalogue, so that it could not be read again.
+    """
+    if not isinstance(active.effect, type(catalogue().get(active.effect.id))):
+        raise ModelError(
+            f"the effect {active.effect.id} is not registered, so it could not be read again",
+            hint=f"register its class under the entry points {GROUP}",
+        )
+    known = active.references
+    return EffectRecord(
+        effect=active.effect.id,
+        site=active.site,
+        setting=None if active.setting is None else float(active.setting),
+        coefficients=active.coefficients.tolist(),
+        covariance=active.covariance.tolist(),
+        references=ReferencesRecord(
+            temperature=float(known.temperature),
+            time=TimeRecord(start=known.time[0], span=known.time[1]),
+            sessions=list(known.sessions),
+            force=ForceRecord(mean=known.force[0].tolist(), spread=known.force[1].tolist()),
+            direction=DirectionRecord(mean=known.direction[0].tolist(), spread=known.direction[1].tolist()),
+            covariates=list(known.covariates),
+        ),
+    )
+
+
+def active_effect(told: EffectRecord, kinematics: RodKinematics) -> ActiveEffect:
+    """An active effect from a file.
+
+    Parameters
+    ----------
+    kinematics
+        Of the geometry that it acts on.
+
+    Raises
+    ------
+    ModelError
+        If it can't be this robot's; ``column`` is the key at fault.
+    """
+    robot = kinematics.geometry.robot
+    effect = catalogue().get(told.effect)
+    if effect is None:
+        hint = f"install the package that registers it under {GROUP}, or use one of {', '.join(catalogue())}"
+        raise ModelError(f"no effect is called {told.effect!r}", column="effect", hint=hint)
+    sites = effect.sites(robot)
+    if told.site not in sites:
+        raise ModelError(
+            f"{effect.id} of {robot.name} can't be at {told.site!r}", column="site", hint=f"use {', '.join(sites)}"
+        )
+    if effect.has_setting != (told.setting is not None):
+        raise ModelError(f"{effect.id} {'needs' if effect.has_setting else 'has no'} setting", column="setting")
+    active = ActiveEffect(
+        effect,
+        told.site,
+        told.setting,
+        np.array(told.coefficients, dtype=float),
+        np.zeros((0, 0)),
+        _references(told.references, len(robot.rods), effect.covariates(robot, told.site)),
+    )
+    _try(active, kinematics)
+    return replace(active, covariance=_covariance(told))
+
+
+def _covariance(told: EffectRecord) -> Floats:
+    count = len(told.coefficients)
+    if len(told.covariance) != count or any(len(row) != count for row in told.covariance):
+        raise ModelError(f"not {count} x {count}", column="covariance")
+    covariance = np.array(told.covariance, dtype=float).reshape(count, count)
+    if (covariance.diagonal() < 0.0).any():
+        raise ModelError("a negative variance", column="covariance")
+    return covariance
+
+
+def _references(told: ReferencesRecord, n_rods: int, needed: tuple[str, ...]) -> References:
+    counts = {
+        "force.mean": len(told.force.mean),
+        "force.spread": len(told.force.spread),
+        "direction.mean": len(told.direction.mean),
+        "direction.spread": len(told.direction.spread),
+    }
+    for name, count in counts.items():
+        if count != n_rods:
+            raise ModelError(f"{count} values for {n_rods} rods", column=f"references.{name}")
+    towards = np.array(told.direction.mean)
+    if (np.abs(np.linalg.norm(towards, axis=1) - 1.0) > UNIT).any():
+        raise ModelError("not unit vectors", column="references.direction.mean")
+    missing = [name for name in needed if name not in told.covariates]
+    if missing:
+        raise ModelError(f"{missing[0]} is missing, which the effect needs", column="references.covariates")
+    if len(set(told.sessions)) != len(told.sessions) or bool(told.sessions) != ("session" in told.covariates):
+        raise ModelError(
+            "each session of the fit stands here once, none where it knew none", column="references.sessions"
+        )
+    return References(
+        temperature=told.temperature,
+        time=(told.time.start, told.time.span),
+        sessions=tuple(told.sessions),
+        force=(np.array(told.force.mean), np.array(told.force.spread)),
+        direction=(towards, np.array(told.direction.spread)),
+        covariates=tuple(told.covariates),
+    )
+
+
+def _try(active: ActiveEffect, kinematics: RodKinematics) -> None:
+    """Apply an effect once, at home, where its own parts may say that they do not fit together."""
+    home, known = kinematics.home, active.references
+    if not home.reached.all():
+        return
+    some: dict[str, Column] = {name: np.zeros(1) for name in known.covariates}
+    if known.sessions:
+        some["session"] = np.array(known.sessions[:1], dtype=object)
+    at = Situation(kinematics, kinematics.geometry.robot.home_q[None], home, some, fixed=known)
+    try:
+        with np.errstate(all="ignore"):
+            displacement = active.basis(at).displacement(at) @ active.coefficients
+    except ModelError as error:
+        raise ModelError(error.what, column="coefficients", hint=error.hint) from None
+    except Exception as error:  # an effect of others may fail in any way
+        raise ModelError(f"{active.name} can't be applied ({type(error).__name__}: {error})") from error
+    if not np.isfinite(displacement).all():
+        raise ModelError(f"{active.name} displaces the robot without bounds", column="coefficients")

@@ -1,0 +1,335 @@
+"""Models with effects: written and read bit by bit, wrong files refused by their keys, covariates asked for by name."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+from fitted_effects import GEOMETRY, PLACES, active, circumstances, with_effect
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import gtpin
+from gtpin.effects import catalogue as catalogue_module
+from gtpin.effects.basis import along_track
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.effect import Effect, carts, unit
+from gtpin.effects.frames import frame_twist
+from gtpin.errors import GtpinError, GtpinWarning, ModelError
+
+Q, COLUMNS = circumstances(12, seed=7)
+ODD = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def same(one: gtpin.Poses, other: gtpin.Poses) -> bool:
+    return bool(np.array_equal(one.T, other.T) and np.array_equal(one.R, other.R))
+
+
+# -------------------------------------------------------------------------------------------------- there and back
+
+
+@pytest.mark.parametrize("name", catalogue())
+@given(data=st.data())
+@settings(ODD, max_examples=2)
+def test_a_model_with_any_effect_predicts_the_same_bits_when_it_is_read_again(tmp_path, name, data):
+    site = data.draw(st.sampled_from([s for n, s in PLACES if n == name]))
+    amounts = data.draw(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=40))
+    model = with_effect(name, site, amounts=amounts)
+    gtpin.write_model(model, tmp_path)
+    again = gtpin.read_model(tmp_path)
+    expected = model.predict(Q, COLUMNS)
+    assert expected.reached.all()
+    assert same(again.predict(Q, COLUMNS), expected)
+    (one,), (other,) = model.effects, again.effects
+    assert (one.name, one.setting) == (other.name, other.setting)
+    assert np.array_equal(one.covariance, other.covariance)
+
+
+def test_several_effects_and_a_free_instrument_come_back_whole(tmp_path):
+    turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    frame = gtpin.Frame(np.array([12.3, -4.5, 0.6]), turn * np.sign(np.linalg.det(turn)))
+    effects = tuple(active(*place) for place in PLACES[::5])
+    model = gtpin.Model(GEOMETRY, frame, effects, np.diag(GEOMETRY.tolerance**2))
+    gtpin.write_model(model, tmp_path)
+    again = gtpin.read_model(tmp_path)
+    assert [e.name for e in again.effects] == [e.name for e in effects]
+    assert same(again.predict(Q, COLUMNS), model.predict(Q, COLUMNS))
+    assert np.array_equal(again.covariance, model.covariance)
+
+
+@pytest.mark.parametrize(("name", "site"), dict(PLACES).items())  # the last site of each
+def test_a_pose_does_not_depend_on_which_others_it_is_asked_with(name, site):
+    model = with_effect(name, site)
+    together = model.predict(Q, COLUMNS)
+    alone = model.predict(Q[[4]], {key: values[[4]] for key, values in COLUMNS.items()})
+    assert np.abs(alone.minus(together[np.array([4])])).max() < 1e-12
+    assert np.abs(together.minus(gtpin.Model(GEOMETRY).predict(Q))).max() > 1e-9  # it does something
+
+
+# -------------------------------------------------------------------------------------------------- wrong files
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A folder of a model with two effects, and what its model.json holds."""
+    folder = tmp_path_factory.mktemp("model")
+    effects = (active("rack_periodic", "cart2"), active("zero_shift", "cart1"))
+    gtpin.write_model(gtpin.Model(GEOMETRY, effects=effects), folder)
+    return folder, (folder / "model.json").read_text()
+
+
+WRONG = {
+    "effects.0.effect": [("effect", "gremlin"), ("effect", 3)],
+    "effects.0.site": [("site", "arm"), ("site", "cart4"), ("site", None)],
+    "effects.0.setting": [("setting", None), ("setting", float("nan")), ("setting", "0.03"), ("setting", True)],
+    "effects.0.coefficients": [
+        ("coefficients", [1e-5] * 5),
+        ("coefficients", []),
+        ("coefficients", [1e-5] * 5 + ["1e-5"]),
+        ("coefficients", [1e-5] * 5 + [float("inf")]),
+        ("coefficients", [1.7e308] * 6),
+    ],
+    "effects.0.covariance": [("covariance", []), ("covariance", [[0.0] * 6] * 5), ("covariance", [[-1.0] * 6] * 6)],
+    "effects.0.references.temperature": [("references.temperature", "warm")],
+    "effects.0.references.time": [("references.time", {"start": 0.0, "span": 0.0}), ("references.time", [0.0, 1.0])],
+    "effects.0.references.force.mean": [("references.force.mean", [1.0] * 5)],
+    "effects.0.references.force.spread": [
+        ("references.force.spread", [1.0] * 7),
+        ("references.force.spread", [0.0] * 6),
+    ],
+    "effects.0.references.direction.mean": [("references.direction.mean", [[1.0, 1.0, 0.0]] * 6)],
+    "effects.0.references.sessions": [("references.sessions", ["0", "0"]), ("references.sessions", [])],
+    "effects.1.references.covariates": [("references.covariates", ["time"])],
+    "effects.1.setting": [("setting", 0.5)],
+    "effects.1.coefficients": [("references.sessions", ["0", "1"]), ("references.sessions", ["0", "1", "2", "3"])],
+    "effects.0.colour": [("colour", "red")],
+}
+CASES = [(key, change) for key, changes in WRONG.items() for change in changes]
+
+
+@pytest.mark.parametrize(("key", "change"), CASES, ids=str)
+def test_a_wrong_effect_is_refused_by_file_and_key(written, key, change):
+    folder, text = written
+    told = json.loads(text)
+    *above, last = change[0].split(".")
+    place = told["effects"][int(key.split(".")[1])]
+    for name in above:
+        place = place[name]
+    place[last] = change[1]
+    (folder / "model.json").write_text(json.dumps(told))
+    with pytest.raises(ModelError) as refused:
+        gtpin.read_model(folder)
+    assert str(refused.value.file).endswith("model.json")
+    assert refused.value.column.startswith(key)
+
+
+ANYTHING = st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats() | st.text(max_size=3)
+JUNK = st.recursive(ANYTHING, lambda inner: st.lists(inner, max_size=4), max_leaves=4)
+
+
+@given(data=st.data())
+@settings(ODD, max_examples=40)
+def test_an_effect_with_other_values_is_read_or_refused(written, data):
+    folder, text = written
+    told = json.loads(text)
+    place = told["effects"][data.draw(st.integers(0, 1))]
+    while True:
+        keys = sorted(place) if isinstance(place, dict) else range(len(place))
+        key = data.draw(st.sampled_from(keys))
+        if not isinstance(place[key], dict | list) or not place[key] or data.draw(st.booleans()):
+            break
+        place = place[key]
+    place[key] = data.draw(JUNK)
+    (folder / "model.json").write_text(json.dumps(told))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            poses = gtpin.read_model(folder).predict(Q, COLUMNS)
+        except GtpinError as error:
+            refusal = str(error)
+            assert "\n" not in refusal
+        else:
+            assert np.isfinite(poses.R[poses.reached]).all()
+
+
+JOINT = """<joint name="turn{0}" type="revolute"><parent link="link{0}"/><child link="link{1}"/><origin xyz="1 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>"""
+ARM = f"""<robot name="arm"><link name="link0"/><link name="link1"/><link name="link2"/>{JOINT.format(0, 1)}
+{JOINT.format(1, 2)}</robot>"""
+
+
+def test_effects_of_a_robot_without_rods_are_refused(tmp_path, written):
+    (tmp_path / "arm.urdf").write_text(ARM)
+    gtpin.write_model(gtpin.read_model(tmp_path / "arm.urdf"), tmp_path)
+    told = json.loads((tmp_path / "model.json").read_text())
+    told["effects"] = json.loads(written[1])["effects"]
+    (tmp_path / "model.json").write_text(json.dumps(told))
+    with pytest.raises(ModelError, match=r"model\.json, column effects: .*no rods"):
+        gtpin.read_model(tmp_path)
+
+
+def test_numbers_that_are_none_are_not_written(tmp_path):
+    effect = active("backlash", "cart1")
+    broken = replace(effect, coefficients=np.full(len(effect.coefficients), np.nan))
+    with pytest.raises(ModelError, match=r"coefficients\.0: Input should be a finite number"):
+        gtpin.write_model(gtpin.Model(GEOMETRY, effects=(broken,)), tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+# ------------------------------------------------------------------------------------------------ effects of others
+
+
+class Creep(Effect):
+    """dq = c time: a belt that stretches."""
+
+    id = "belt_creep"
+    title = "a belt that stretches"
+    coefficient = ("rate", "m")
+
+    def sites(self, robot):
+        return carts(robot)
+
+    def covariates(self, robot, site):
+        return ("time",)
+
+    def basis(self, at, site, setting=None):
+        return along_track(at, site, at.time[:, None], unit([1.0], 1e-5))
+
+
+def registered(monkeypatch, *points: EntryPoint) -> None:
+    monkeypatch.setattr(catalogue_module, "entry_points", lambda group: points)
+    catalogue.cache_clear()
+
+
+@pytest.fixture
+def stranger(monkeypatch):
+    """An effect that another package registers."""
+    registered(monkeypatch, EntryPoint("creep", f"{__name__}:Creep", "gtpin.effects"))
+    yield
+    monkeypatch.undo()
+    catalogue.cache_clear()
+
+
+def test_an_effect_of_another_package_is_written_and_read(stranger, tmp_path):
+    model = with_effect("belt_creep", "cart3")
+    gtpin.write_model(model, tmp_path)
+    assert same(gtpin.read_model(tmp_path).predict(Q, COLUMNS), model.predict(Q, COLUMNS))
+
+
+def test_an_effect_that_is_not_installed_is_an_error_that_says_so(stranger, tmp_path, monkeypatch):
+    model = with_effect("belt_creep", "cart3")
+    gtpin.write_model(model, tmp_path)
+    registered(monkeypatch)
+    with pytest.raises(ModelError, match=r"effects\.0\.effect.*'belt_creep'; install the package"):
+        gtpin.read_model(tmp_path)
+    with pytest.raises(ModelError, match="not registered"):
+        gtpin.write_model(model, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("point", ["no_such_module:Effect", "json:dumps", f"{__name__}:Unmade"])
+def test_an_entry_point_that_is_no_effect_is_an_error_that_names_it(stranger, monkeypatch, point):
+    registered(monkeypatch, EntryPoint("bad", point, "gtpin.effects"))
+    with pytest.raises(ModelError, match=r"bad of gtpin\.effects"):
+        catalogue()
+
+
+class Unmade(Effect):
+    """Lacks its basis."""
+
+    id = "unmade"
+
+
+class Rude(Creep):
+    """Fails when it is applied."""
+
+    id = "rude"
+
+    def basis(self, at, site, setting=None):
+        return frame_twist(at)[0] @ None if len(at) == 1 else super().basis(at, site, setting)
+
+
+def test_an_effect_of_another_package_that_fails_is_an_error_that_names_it(stranger, tmp_path, monkeypatch):
+    registered(monkeypatch, EntryPoint("rude", f"{__name__}:Rude", "gtpin.effects"))
+    with pytest.raises(ModelError, match="rude@cart1 can't be applied"):
+        gtpin.write_model(with_effect("rude", "cart1"), tmp_path)
+
+
+# ---------------------------------------------------------------------------------------------------- covariates
+
+
+@pytest.mark.parametrize(
+    ("name", "site", "column"),
+    [
+        ("backlash", "cart2", "approach2"),
+        ("backlash", "cart2", "payload"),  # its bend goes with the load
+        ("servo_lag", "cart3", "speed3"),
+        ("thermal_links", "arm", "temp_link"),
+        ("thermal_links", "arm", "time"),  # the lag that it was fitted with
+        ("thermal_track", "cart1", "temp_frame"),
+        ("tracker_drift", "frame", "time"),
+        ("frame_shift", "frame", "session"),
+        ("link_compliance", "link3a", "payload"),
+        ("cart_compliance", "cart1", "fz"),
+    ],
+)
+def test_a_covariate_that_an_active_effect_needs_and_that_is_missing_is_an_error(name, site, column):
+    model = with_effect(name, site)
+    rest = {key: values for key, values in COLUMNS.items() if key != column}
+    with pytest.raises(ModelError, match=f"column {column}: .*which {name}@{site} needs; give a column {column}"):
+        model.predict(Q, rest)
+
+
+@pytest.mark.parametrize(
+    ("name", "site"), [("linearity", "cart1"), ("tracker_scale", "frame"), ("joint_runout", "link1")]
+)
+def test_covariates_that_no_active_effect_needs_are_not_asked_for(name, site):
+    model = with_effect(name, site)
+    assert same(model.predict(Q), model.predict(Q, COLUMNS))
+
+
+@pytest.mark.parametrize("name", ["thermal_links", "thermal_track"])
+def test_an_effect_keeps_the_form_that_it_was_fitted_with(name):
+    """Fitted without a clock it has no lag, whether or not the commands have a clock."""
+    site = "arm" if name == "thermal_links" else "cart1"
+    model = with_effect(name, site, without=("time",))
+    rest = {key: values for key, values in COLUMNS.items() if key != "time"}
+    assert same(model.predict(Q, rest), model.predict(Q, COLUMNS))
+
+
+def test_a_load_that_the_fit_did_not_know_still_pulls():
+    model = with_effect("link_compliance", "arm", amounts=[1.0, 0.0], without=("payload",))
+    loaded, empty = (model.predict(Q, COLUMNS | {"payload": np.full(len(Q), mass)}) for mass in (20.0, 0.0))
+    assert (np.linalg.norm((loaded.T - empty.T), axis=1) > 1e-7).all()
+
+
+@pytest.mark.parametrize(("name", "site"), [("zero_shift", "cart2"), ("frame_shift", "frame")])
+def test_a_session_never_seen_has_the_mean_shift_with_a_warning(name, site):
+    model = with_effect(name, site)
+    here = [{"session": np.full(len(Q), word, dtype=object)} for word in ("0", "1", "2", "night shift")]
+    known = [model.predict(Q, COLUMNS | session) for session in here[:3]]
+    with pytest.warns(GtpinWarning, match="night shift"):
+        unseen = model.predict(Q, COLUMNS | here[3])
+    plain = gtpin.Model(GEOMETRY).predict(Q)
+    mean = np.mean([poses.minus(plain) for poses in known], axis=0)
+    assert np.abs(mean).max() > 1e-6  # the shifts do not cancel
+    assert np.abs(unseen.minus(plain) - mean).max() < 1e-8  # of second order in shifts of some 50 um
+
+
+def test_sessions_are_the_same_however_they_are_spelt():
+    model = with_effect("zero_shift", "cart2")
+    words = COLUMNS | {"session": np.array([1.0] * len(Q))}
+    ids = COLUMNS | {"session": np.array(["1"] * len(Q), dtype=object)}
+    assert same(model.predict(Q, words), model.predict(Q, ids))
+
+
+@pytest.mark.parametrize(
+    "values", [np.ones(3), np.full(len(Q), np.nan), ["up"] * len(Q), np.ones((len(Q), 2)), 1.0], ids=str
+)
+def test_a_covariate_that_can_t_be_is_refused_by_name(values):
+    with pytest.raises(ModelError, match="approach1"):
+        with_effect("backlash", "cart1").predict(Q, COLUMNS | {"approach1": values})
