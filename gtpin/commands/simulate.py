@@ -3,47 +3,109 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Output, Seed, tell
+from gtpin.commands.terminal import AsJson, Output, tell
+from gtpin.data import Commands
+from gtpin.kinematics.poses import Poses
 from gtpin.output import results_folder
+from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.simulate import Simulation
 from gtpin.plant.simulate import simulate as run_simulation
+from gtpin.plant.truth import Case
 from gtpin.predict import prediction_table
 from gtpin.robot.library import load_robot
+
+ROBOT, POSES, SEED = "gantry_tau", 200, 0
+"""What is simulated where neither options nor a scenario say otherwise."""
 
 
 def simulate(
     output: Output,
-    robot: Annotated[str, typer.Option("--robot", help="Name of a shipped robot, or path of a URDF.")] = "gantry_tau",
-    poses: Annotated[int, typer.Option("--poses", help="Number of measured poses.", min=1)] = 200,
-    seed: Seed = 0,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot", help="Name of a shipped robot, or path of a URDF.", show_default="the scenario's, or gantry_tau"
+        ),
+    ] = None,
+    scenario: Annotated[
+        Path | None,
+        typer.Option("--scenario", help="TOML file that says which effects the machine has.", show_default=False),
+    ] = None,
+    poses: Annotated[
+        int | None,
+        typer.Option("--poses", help="Number of measured poses.", min=1, show_default="the scenario's, or 200"),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", help="Makes every random step repeatable.", min=0, show_default="the scenario's, or 0"),
+    ] = None,
     truth: Annotated[
         bool, typer.Option("--truth", help="Also write truth.csv, the true poses at commands.csv.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a dataset of a virtual machine: a robot drawn from its tolerances, measured by a noisy tracker."""
-    with results_folder(output) as folder:
-        simulation = run_simulation(load_robot(robot), _seen_from(robot, output), poses=poses, seed=seed)
-        write_simulation(simulation, folder, truth)
-    result = {"dataset": str(output), "robot": robot, "rows": len(simulation.dataset), "seed": seed}
-    tell(result, f"{len(simulation.dataset)} measured poses of a virtual {robot}. Written: {output}", as_json)
+    """Write a dataset of a virtual machine: a robot drawn from its tolerances, measured by a noisy tracker.
+
+    With a scenario the machine has the effects that it lists; DATASET.truth.json and DATASET.truth.csv beside the dataset tell.
+    """
+    if scenario is None:
+        name = robot or ROBOT
+        with results_folder(output) as folder:
+            simulation = run_simulation(
+                load_robot(name), _seen_from(name, output), poses=poses or POSES, seed=seed or SEED
+            )
+            write_simulation(simulation, folder, truth)
+        rows, seed = len(simulation.dataset), seed or SEED
+        also = ""
+    else:
+        case = _write_scenario(scenario, output, robot, poses, seed, truth)
+        name, rows, seed = case.recipe.robot, len(case.dataset), case.recipe.seed
+        also = f", the truth beside it: {_truth_file(output)}"
+    result = {"dataset": str(output), "robot": name, "rows": rows, "seed": seed}
+    tell(result, f"{rows} measured poses of a virtual {name}. Written: {output}{also}", as_json)
 
 
 def write_simulation(simulation: Simulation, folder: Path, truth: bool) -> None:
     """Write ``dataset.toml``, ``poses.csv``, ``commands.csv`` and, if wanted, ``truth.csv``."""
     simulation.dataset.write(folder / "whole")
-    for file in (folder / "whole").iterdir():
-        file.rename(folder / file.name)
-    (folder / "whole").rmdir()
+    _empty(folder / "whole", folder)
     simulation.commands.write(folder / "commands.csv")
     if truth:
-        table = prediction_table(simulation.commands, simulation.truth)
-        table.to_csv(folder / "truth.csv", index=False, lineterminator="\n")
+        _write_truth(simulation.commands, simulation.truth, folder)
+
+
+def _write_scenario(
+    scenario: Path, output: Path, robot: str | None, poses: int | None, seed: int | None, truth: bool
+) -> Case:
+    place = Path(os.path.abspath(output))
+    with results_folder(place.parent) as beside, results_folder(place) as folder:
+        case = simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
+        dataset = replace(case.dataset, robot=_seen_from(case.dataset.robot, output))
+        replace(case, dataset=dataset).write(beside, place.name)
+        _empty(beside / place.name, folder)
+        if truth:
+            _write_truth(case.commands, case.truth, folder)
+    return case
+
+
+def _truth_file(output: Path) -> Path:
+    return output.parent / f"{Path(os.path.abspath(output)).name}.truth.json"
+
+
+def _write_truth(commands: Commands, truth: Poses, folder: Path) -> None:
+    prediction_table(commands, truth).to_csv(folder / "truth.csv", index=False, lineterminator="\n")
+
+
+def _empty(folder: Path, into: Path) -> None:
+    """Move all files of a folder into another, and take it away."""
+    for file in folder.iterdir():
+        file.rename(into / file.name)
+    folder.rmdir()
 
 
 def _seen_from(robot: str, output: Path) -> str:
