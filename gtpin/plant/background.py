@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause
-from gtpin.plant.causes.kinds import CATALOGUE
+from gtpin.plant.causes.kinds import CATALOGUE, possible
 from gtpin.plant.energy import PastGeometry
 from gtpin.plant.response import Plant
 
@@ -32,11 +32,12 @@ def weak_others(
     """Some effects that are not ``taken``, with their amplitudes, and the energy that they have together."""
     robot = plant.machine.robot
     causes, shares, displaced = [], [], []
-    for i in rng.choice(len(CATALOGUE), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
-        site = str(rng.choice(CATALOGUE[i].sites(robot)))
-        if (CATALOGUE[i].name, site) in taken:
+    kinds = possible(CATALOGUE, robot)
+    for i in rng.choice(len(kinds), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
+        site = str(rng.choice(kinds[i].sites(robot)))
+        if (kinds[i].name, site) in taken:
             continue
-        cause = CATALOGUE[i].at(robot, site, rng)
+        cause = kinds[i].at(robot, site, rng)
         displacement = plant.displacement([(cause, 1.0)])[rows]
         energy = past.energy(displacement)
         share = float(min(np.sqrt(rng.exponential() / max(energy, 1e-9)), MOST))

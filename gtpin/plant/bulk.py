@@ -13,7 +13,7 @@ LACKING: tuple[tuple[str, ...], ...] = ((), ("temp",), ("payload",), ("session",
 """Columns that a rough case lacks."""
 
 
-def draw_case(seed: int, *, rough: bool = False, poses: int | None = None) -> Case:
+def draw_case(seed: int, *, rough: bool = False, poses: int | None = None, robot: str = "gantry_tau") -> Case:
     """Draw a case: what the machine has, how strong it is, and how it was measured.
 
     Parameters
@@ -24,6 +24,8 @@ def draw_case(seed: int, *, rough: bool = False, poses: int | None = None) -> Ca
         Draw also heavy tails, gross errors, noise by range or undeclared, missing columns, and 70 to 200 poses.
     poses
         Number of poses, where it shall not be drawn.
+    robot
+        As for :func:`~gtpin.plant.case.make_case`.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
     what = str(rng.choice(list(SHARES), p=list(SHARES.values())))
@@ -33,7 +35,8 @@ def draw_case(seed: int, *, rough: bool = False, poses: int | None = None) -> Ca
     if rough:
         noise, without = _rough_noise(rng), LACKING[int(rng.integers(len(LACKING)))]
         poses = poses or int(rng.integers(70, 201))
-    return make_case(seed, n_effects=number, unknown=what == "unknown", poses=poses, noise=noise, without=without)
+    unknown = what == "unknown"
+    return make_case(seed, n_effects=number, unknown=unknown, poses=poses, noise=noise, without=without, robot=robot)
 
 
 def _rough_noise(rng: np.random.Generator) -> Noise:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gtpin.errors import GtpinError
 from gtpin.plant.build import build, known_robot
-from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED, kind
+from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED, kind, possible
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.recipe import Recipe, Wanted
 from gtpin.plant.tracker import Noise
@@ -59,7 +60,7 @@ def make_case(
     background
         Whether weak other effects are on.
     robot
-        Name of a shipped robot, or the path of a URDF; one with rods on carts.
+        Name of a shipped robot, or the path of a URDF; one with six rods, each of which an actuator moves.
 
     Raises
     ------
@@ -68,14 +69,17 @@ def make_case(
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     found = known_robot(robot)
-    kinds = UNLISTED if unknown else CATALOGUE
+    kinds = possible(UNLISTED if unknown else CATALOGUE, found)
     if effects is None:
         chosen = [kinds[i] for i in rng.choice(len(kinds), size=n_effects, replace=False)] if n_effects else []
         effects = [(k.name, None) for k in chosen]
     span = (energy, energy) if isinstance(energy, int | float) else energy or ENERGY
     wanted = []
     for name, site in effects:
-        place = site or str(rng.choice(kind(name).sites(found)))
+        sites = kind(name).sites(found)
+        if not sites:
+            raise GtpinError(f"{name} can't be on {found.name}", hint="choose what the robot's parts can have")
+        place = site or str(rng.choice(sites))
         wanted.append(Wanted(name, place, energy=float(np.exp(rng.uniform(*np.log(span))))))
     needs = {need for name, _ in effects for need in kind(name).needs}
     drawn = Conditions.draw(rng, needs)

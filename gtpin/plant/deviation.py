@@ -17,7 +17,7 @@ class Deviation:
     Parameters
     ----------
     travel
-        (N, n) of the carts along their tracks, m.
+        (N, n) of the carts along their tracks, m, of arms about their axes, rad, or of legs in length, m.
     shift
         (N, n, 3) of the carts, base frame, m.
     turn

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from gtpin.errors import RobotError, UnreachableError
 from gtpin.kinematics.closures import RodEnds, newton
@@ -22,11 +23,16 @@ Floats = npt.NDArray[np.float64]
 
 MASS_SPREAD = 0.04
 """1 sigma of each mass about nominal."""
+REACH = 0.8
+"""Drives and guideways err over places from -REACH to REACH, whatever the machine's range."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """A robot on rods and carts as it was really built.
+    """A robot on six rods as it was really built: on carts, on arms, or on legs of variable length.
+
+    What a drive moves is called its cart: a cart along a track, an arm about an axis, or a leg's foot, which stays where
+    it is while the leg gets longer.
 
     Parameters
     ----------
@@ -35,12 +41,12 @@ class Machine:
     plate_mass, plate_center
         Mass of the platform, kg, and its centre, TCP frame, m.
     rod_masses
-        (k,) kg; a rod's centre is at the middle of its length.
+        (k,) kg; the centre of a rod of fixed length is at its middle.
 
     Raises
     ------
     RobotError
-        If its rods do not hang on carts that slide along tracks.
+        If it has not six rods, each of which a drive moves.
     """
 
     geometry: Geometry
@@ -50,9 +56,11 @@ class Machine:
 
     def __post_init__(self) -> None:
         robot = self.robot
-        carriers = [rod.carrier for rod in robot.rods]
-        if len(carriers) != 6 or any(c is None or robot.actuators[c].revolute for c in carriers):
-            raise RobotError(f"{robot.name} has no six rods on carts", hint="the plant simulates machines of that kind")
+        if len(robot.rods) != 6 or set(self.driver.tolist()) != set(range(robot.n_actuators)):
+            raise RobotError(
+                f"{robot.name} has not six rods that its actuators move",
+                hint="the plant simulates machines of that kind",
+            )
 
     @staticmethod
     def draw(robot: Robot, rng: np.random.Generator) -> Machine:
@@ -86,14 +94,27 @@ class Machine:
         return len(self.robot.rods)
 
     @cached_property
-    def carrier(self) -> npt.NDArray[np.int_]:
-        """(k,) the cart of each rod."""
-        return np.array([rod.carrier for rod in self.robot.rods])
+    def driver(self) -> npt.NDArray[np.int_]:
+        """(k,) the cart of each rod; -1 where nothing moves it."""
+        moved = [rod.carrier if rod.carrier is not None else rod.extension for rod in self.robot.rods]
+        return np.array([-1 if cart is None else cart for cart in moved])
+
+    @cached_property
+    def is_leg(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether a drive changes a leg's length."""
+        return np.array([any(rod.extension == c for rod in self.robot.rods) for c in range(self.n_carts)])
+
+    @cached_property
+    def slides(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether a drive slides a cart along a track."""
+        return np.asarray(~self.is_leg & ~self.robot.revolute)
 
     @cached_property
     def tracks(self) -> Floats:
-        """(n, 3) unit directions of the tracks, base frame."""
-        return np.array([self.kinematics.v[self.carrier == c][0] for c in range(self.n_carts)])
+        """(n, 3) unit directions of the tracks, of the arms' axes, and of the legs at the URDF's zero, base frame."""
+        along = [self.kinematics.v[self.driver == c][0] for c in range(self.n_carts)]
+        legs = [actuator.axis for actuator in self.robot.actuators]
+        return np.where(self.is_leg[:, None], legs, along)
 
     @cached_property
     def across(self) -> Floats:
@@ -104,8 +125,24 @@ class Machine:
     def levers(self) -> Floats:
         """(k, 3) from the mean of a cart's joints to each of them, base frame, m."""
         C0 = self.kinematics.C0
-        means = np.array([C0[self.carrier == c].mean(axis=0) for c in range(self.n_carts)])
-        return np.asarray(C0 - means[self.carrier])
+        means = np.array([C0[self.driver == c].mean(axis=0) for c in range(self.n_carts)])
+        return np.asarray(C0 - means[self.driver])
+
+    @cached_property
+    def zoom(self) -> Floats:
+        """(n,) places per commanded unit: the power of two that brings the range just within REACH, so as not to round."""
+        half = (self.robot.upper - self.robot.lower) / 2.0
+        return np.asarray(2.0 ** np.floor(np.log2(REACH / np.where(np.isfinite(half), half, REACH))))
+
+    def places(self, q: Floats) -> Floats:
+        """(N, n) where commands (N, n) are in their ranges: from about -REACH to REACH, about the middle to a decimetre."""
+        middle = (self.robot.upper + self.robot.lower) / 2.0
+        return np.asarray((q - np.round(np.where(np.isfinite(middle), middle, 0.0), 1)) * self.zoom)
+
+    @cached_property
+    def leg_masses(self) -> Floats:
+        """(k, 2) of each rod's mass at zero: the centre's distance from the platform, m, and the share that slides."""
+        return np.array([_centre_and_sliding(self.robot, i) for i in range(self.n_rods)])
 
     def unbent(self, visits: int) -> Deviation:
         """No deviation, at so many visits."""
@@ -113,13 +150,15 @@ class Machine:
 
     def ends(self, q: Floats, deviation: Deviation) -> RodEnds:
         """Where the rods end at commands q (N, n), and how long they are."""
-        straight = self.kinematics.ends(q)
-        moved = deviation.shift + deviation.travel[..., None] * self.tracks
-        swung = np.einsum(
-            "ncij,nj->nci", _minus_one(deviation.turn)[:, self.carrier].transpose(1, 0, 2, 3), self.levers
-        )
-        C = straight.C + moved[:, self.carrier] + swung.transpose(1, 0, 2)
-        return RodEnds(straight.P + deviation.joint, C, straight.L + deviation.length)
+        arms = ~self.is_leg & ~self.slides
+        straight = self.kinematics.ends(q + deviation.travel * arms if arms.any() else q)
+        moved = deviation.shift + (deviation.travel * self.slides)[..., None] * self.tracks
+        swung = np.einsum("ncij,nj->nci", _minus_one(deviation.turn)[:, self.driver].transpose(1, 0, 2, 3), self.levers)
+        C = straight.C + moved[:, self.driver] + swung.transpose(1, 0, 2)
+        L = straight.L + deviation.length
+        if self.is_leg.any():
+            L = L + (deviation.travel * self.is_leg)[:, self.driver]
+        return RodEnds(straight.P + deviation.joint, C, L)
 
     def close(self, start: Poses, ends: RodEnds) -> Poses:
         """(N) closed poses, base frame, from poses that are less than some millimetres off.
@@ -140,7 +179,30 @@ def _minus_one(turn: Floats) -> Floats:
     return np.asarray(exp(turn) - np.eye(3))
 
 
-def _rod_mass(robot: Robot, rod: int) -> float:
+def _bodies(robot: Robot, rod: int) -> list[int]:
+    """The Pinocchio joints of a rod, from the platform to its end."""
     constraint = robot.constraints[robot.rods[rod].loop]
     tip = constraint.joint1_id if robot.rods[rod].rod_end == 0 else constraint.joint2_id
-    return float(robot.model.inertias[tip].mass)
+    chain = list(robot.model.supports[tip])
+    return chain[chain.index(robot.rods[rod].joint_id) :]
+
+
+def _rod_mass(robot: Robot, rod: int) -> float:
+    return float(sum(robot.model.inertias[joint].mass for joint in _bodies(robot, rod)))
+
+
+def _centre_and_sliding(robot: Robot, rod: int) -> tuple[float, float]:
+    extension = robot.rods[rod].extension
+    if extension is None:
+        return robot.rods[rod].L / 2.0, 0.0
+    moment = sliding = 0.0
+    placement = pin.SE3.Identity()
+    for joint in _bodies(robot, rod):
+        if joint != robot.rods[rod].joint_id:
+            placement = placement * robot.model.jointPlacements[joint]
+        inertia = robot.model.inertias[joint]
+        moment += inertia.mass * float(np.linalg.norm(placement.act(inertia.lever)))
+        if joint >= robot.actuators[extension].joint_id:
+            sliding += inertia.mass
+    mass = _rod_mass(robot, rod)
+    return moment / mass, sliding / mass

@@ -96,6 +96,8 @@ def simulate_scenario(
     for number, effect in enumerate(scenario.effect):
         try:
             sites = kind(effect.id).sites(known_robot(reference))
+            if not sites:
+                raise GtpinError(f"{effect.id} can't be on {reference}", hint="choose what the robot's parts can have")
             if effect.site is not None and effect.site not in sites:
                 raise GtpinError(f"{effect.id} can't be at {effect.site!r}", hint=f"use {', '.join(sites)}")
         except GtpinError as error:

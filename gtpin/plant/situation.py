@@ -39,8 +39,13 @@ class Situation:
 
     @property
     def q(self) -> Floats:
-        """(N, n) commands, m."""
+        """(N, n) commands, m or rad."""
         return self.visits.q
+
+    @cached_property
+    def places(self) -> Floats:
+        """(N, n) where the carts are in their ranges: see :meth:`~gtpin.plant.machine.Machine.places`."""
+        return self.machine.places(self.q)
 
     def unbent(self) -> Deviation:
         """No deviation, to be filled in."""
@@ -71,21 +76,43 @@ class Situation:
         wrench = np.zeros((len(self), 6))
         wrench[:, :3] = (machine.plate_mass + visits.payload[:, None]) * gravity + visits.force
         wrench[:, 3:] = np.cross(self.poses.R @ machine.plate_center, machine.plate_mass * gravity)
-        # Half of a rod's weight hangs on the platform; the axial force is that at its middle.
+        # Half of a rod's weight hangs on the platform, less of a leg that is drawn out; the axial force is at its middle.
         for i, mass in enumerate(machine.rod_masses):
-            wrench[:, :3] += mass / 2.0 * gravity
-            wrench[:, 3:] += np.cross(self._rods[1][:, i], mass / 2.0 * gravity)
+            weight = np.multiply.outer(mass * self._hanging(i), gravity)
+            wrench[:, :3] += weight
+            wrench[:, 3:] += np.cross(self._rods[1][:, i], weight)
         return self.held(wrench)
+
+    def _hanging(self, rod: int) -> Floats:
+        """() or (N,) share of a rod's weight that hangs on the platform."""
+        if self.machine.robot.rods[rod].extension is None:
+            return np.array(0.5)
+        centre, sliding = self.machine.leg_masses[rod]
+        length = self.ends.L[:, rod]
+        return np.asarray(1.0 - (centre + sliding * (length - self.machine.kinematics.L0[rod])) / length)
 
     def pull(self, cart: int, forces: Floats | None = None) -> Floats:
         """(N, 3) force of the rods on a cart, base frame, N; of other rod forces (N, k) where they are given."""
-        mine = self.machine.carrier == cart
+        mine = self.machine.driver == cart
         forces = self.forces if forces is None else forces
         return np.asarray(np.einsum("nk,nki->ni", forces[:, mine], self.along[:, mine]))
 
+    def pressing(self, cart: int, forces: Floats | None = None) -> Floats:
+        """(N,) force of the rods against a drive, N: along its track, along the arc of its arm, or along its leg."""
+        machine = self.machine
+        if machine.slides[cart]:
+            return np.asarray(self.pull(cart, forces) @ machine.tracks[cart])
+        mine = machine.driver == cart
+        if machine.is_leg[cart]:
+            return np.asarray((self.forces if forces is None else forces)[:, mine].sum(axis=1))
+        radius = self.ends.C[:, mine].mean(axis=1) - machine.robot.actuators[cart].origin
+        arc = np.cross(machine.tracks[cart], radius)
+        arc /= np.linalg.norm(arc, axis=1, keepdims=True)
+        return np.asarray(np.einsum("ni,ni->n", self.pull(cart, forces), arc))
+
     def moment(self, cart: int) -> Floats:
         """(N, 3) moment of the rods on a cart about the mean of its joints, base frame, N m."""
-        mine = self.machine.carrier == cart
+        mine = self.machine.driver == cart
         pulls = self.forces[:, mine, None] * self.along[:, mine]
         return np.asarray(np.cross(self.machine.levers[mine], pulls).sum(axis=1))
 

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
-from gtpin.errors import UnreachableError
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.day import Day
 from gtpin.plant.machine import Machine
+from gtpin.plant.reach import reachable
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int_]
@@ -21,12 +21,6 @@ Bools = npt.NDArray[np.bool_]
 
 REPEATED = 0.1
 """Share of the poses that are visited twice."""
-BOX = (0.232, 0.159, 0.147)
-"""Half the sides of the box of TCP positions, in rod lengths: x along the tracks, base frame."""
-CENTER = (-0.012, -0.011, 0.0)
-"""Its centre from home, in rod lengths."""
-RESOLUTION = 1e-6
-"""Commands are rounded to this, m."""
 BACK_OFF = (0.010, 0.040)
 """How far each actuator backs off before an approach of its own, m."""
 SPEED = (0.05, 0.30)
@@ -124,7 +118,7 @@ def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rn
     if conditions.order == "layers":
         # One layer after the other; second visits are a second round.
         first = np.isin(np.arange(len(pose)), np.unique(pose, return_index=True)[1])
-        layer = np.round(q[pose].mean(axis=1) / 0.2)
+        layer = np.round(machine.places(q)[pose].mean(axis=1) / 0.2)
         pose = pose[np.lexsort((q[pose, 1] - q[pose, 0], layer, ~first))]
     q, total = q[pose], len(pose)
     session = np.arange(total) * conditions.sessions // total
@@ -147,40 +141,6 @@ def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rn
         acceleration=way * 0.4 * rng.standard_normal((total, 1)),
         day=Day.draw(rng, float(time[-1]), conditions.reference_temperature, conditions.warming),
     )
-
-
-def reachable(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
-    """(count, n) commands that put the TCP all over a box around home, m.
-
-    Raises
-    ------
-    UnreachableError
-        If the ranges hold hardly any of the box.
-    """
-    robot, kinematics = machine.robot, machine.kinematics
-    size = float(kinematics.L0.mean())
-    found = np.zeros((0, machine.n_carts))
-    for _ in range(50):
-        T = kinematics.home.T[0] + size * (np.array(CENTER) + np.array(BOX) * rng.uniform(-1.0, 1.0, (count, 3)))
-        q = np.round(_inverse(machine, T) / RESOLUTION) * RESOLUTION
-        inside = ((q >= robot.lower) & (q <= robot.upper)).all(axis=1)  # NaN is not inside
-        found = np.vstack([found, q[inside]])
-        if len(found) >= count:
-            return found[:count]
-    raise UnreachableError(f"{robot.name} reaches hardly any of its box", hint="widen the ranges in the URDF")
-
-
-def _inverse(machine: Machine, T: Floats) -> Floats:
-    """(N, n) commands for TCP positions (N, 3) in home's orientation, which the machine all but keeps; NaN out of reach."""
-    kinematics = machine.kinematics
-    # |T + R P - C0 - q v|^2 = L^2, a quadratic in q; the carts stay on home's side of the platform.
-    a = T[:, None, :] + kinematics.P @ kinematics.home.R[0].T - kinematics.C0
-    along = np.einsum("nki,ki->nk", a, kinematics.v)
-    with np.errstate(invalid="ignore"):
-        root = np.sqrt(along**2 - np.einsum("nki,nki->nk", a, a) + kinematics.L0**2)
-    home_side = np.sign(np.einsum("ki,ki->k", kinematics.home.T[0] - kinematics.C0, kinematics.v))
-    q = along - home_side * root
-    return np.column_stack([q[:, machine.carrier == c].mean(axis=1) for c in range(machine.n_carts)])
 
 
 def _starts(q: Floats, direct: float, rng: np.random.Generator) -> Floats:

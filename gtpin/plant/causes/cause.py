@@ -15,7 +15,7 @@ from gtpin.robot.robot import Robot
 
 Cause = Callable[[Situation], Deviation]
 """One machine's own error at its typical size: what it does in a situation."""
-Where = Literal["carts", "links", "arm", "frame", "platform"]
+Where = Literal["carts", "guides", "turning", "links", "arm", "frame", "platform"]
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Site:
         """The site of a name."""
         if name in robot.sites:
             cart = robot.sites.index(name)
-            return Site(name, cart, tuple(i for i, rod in enumerate(robot.rods) if rod.carrier == cart))
+            return Site(name, cart, tuple(i for i, r in enumerate(robot.rods) if cart in (r.carrier, r.extension)))
         if name in robot.rod_sites:
             return Site(name, -1, (robot.rod_sites.index(name),))
         return Site(name, -1, tuple(range(len(robot.rods))))
@@ -46,7 +46,8 @@ class Kind:
     name
         Its id: the contract's, or one that no catalogue has.
     where
-        At which sites it occurs; ``arm`` means all links at once, or one of them.
+        At which sites it occurs: ``carts`` are all that drives move, ``guides`` those of them that slide along a track,
+        ``turning`` the same where any of them carries more than one joint; ``arm`` means all links at once, or one of them.
     draw
         Draws one machine's own case of it, at its typical size.
     needs
@@ -62,9 +63,16 @@ class Kind:
     largest: float = 20.0
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Names of the sites at which it can occur."""
+        """Names of the sites at which it can occur; none where the robot has no such."""
         if self.where == "carts":
             return robot.sites
+        if self.where in ("guides", "turning"):
+            carriers = [
+                rod.carrier for rod in robot.rods if rod.carrier is not None and not robot.revolute[rod.carrier]
+            ]
+            if self.where == "turning" and len(set(carriers)) == len(carriers):
+                return ()
+            return tuple(site for i, site in enumerate(robot.sites) if i in carriers)
         if self.where in ("links", "arm"):
             return robot.rod_sites if self.where == "links" else ("arm", *robot.rod_sites)
         return (self.where,)

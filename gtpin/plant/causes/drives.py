@@ -8,16 +8,14 @@ import numpy.typing as npt
 from gtpin.plant.causes.cause import Cause, Site
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.fields import Field, curve, uneven_curve
+from gtpin.plant.machine import REACH
 from gtpin.plant.situation import Situation
 
 Floats = npt.NDArray[np.float64]
 
-REACH = 0.8
-"""Tracks err over commands from -REACH to REACH, m."""
-
 
 def along(situation: Situation, site: Site, travel: Floats) -> Deviation:
-    """A cart that is off along its track by travel (N,), m."""
+    """A cart that is off along its track by travel (N,), m: an arm about its axis, rad, a leg in length, m."""
     deviation = situation.unbent()
     deviation.travel[:, site.cart] = travel
     return deviation
@@ -29,8 +27,8 @@ def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
     sign = rng.choice([-1.0, 1.0])
 
     def cause(now: Situation) -> Deviation:
-        q = now.q[:, site.cart]
-        return along(now, site, sign * 1e-4 * (q + part * 0.35 * uneven(q)))
+        q, zoom = now.q[:, site.cart], now.machine.zoom[site.cart]
+        return along(now, site, sign * 1e-4 * (q + part * 0.35 / zoom * uneven(now.places[:, site.cart])))
 
     return cause
 
@@ -38,22 +36,24 @@ def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
 def linearity(site: Site, rng: np.random.Generator) -> Cause:
     """30 um: smooth, with rough patches, at times a step."""
     error = uneven_curve(rng, -REACH, REACH)
-    return lambda now: along(now, site, 3e-5 * error(now.q[:, site.cart]))
+    return lambda now: along(now, site, 3e-5 * error(now.places[:, site.cart]))
 
 
 def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
     """20 um at every tooth or pinion turn: with harmonics, drifting amplitude, and a jump of phase where segments meet."""
-    period = float(np.exp(rng.uniform(np.log(0.012), np.log(0.025)) if rng.random() < 0.4 else rng.uniform(-2.8, -1.4)))
+    tooth = bool(rng.random() < 0.4)
+    period = float(np.exp(rng.uniform(np.log(0.012), np.log(0.025)) if tooth else rng.uniform(-2.8, -1.4)))
     phases = rng.uniform(0.0, 2.0 * np.pi, 3)
     strengths = np.array([1.0, rng.uniform(0.05, 0.25), rng.uniform(0.0, 0.12)])
     drift, depth = curve(rng, -REACH, REACH, 0.4, "twice"), rng.uniform(0.05, 0.25)
     joint, jump = rng.uniform(-0.6, 0.6), rng.uniform(-0.5, 0.5) * (rng.random() < 0.5)
 
     def cause(now: Situation) -> Deviation:
-        q = now.q[:, site.cart]
-        turn = 2.0 * np.pi * q / period + jump * (q > joint)
+        q, place, zoom = now.q[:, site.cart], now.places[:, site.cart], now.machine.zoom[site.cart]
+        # A tooth is as wide on a short track as on a long one, a pinion is smaller.
+        turn = 2.0 * np.pi * q / (period if tooth else period / zoom) + jump * (place > joint)
         wave = sum(a * np.sin((k + 1) * turn + p) for k, (a, p) in enumerate(zip(strengths, phases, strict=True)))
-        return along(now, site, 2e-5 * wave * (1.0 + depth * drift(q)))
+        return along(now, site, 2e-5 * wave * (1.0 + depth * drift(place)))
 
     return cause
 
@@ -65,9 +65,9 @@ def rack_step(site: Site, rng: np.random.Generator) -> Cause:
     size, sign = rng.uniform(0.02, 0.08), rng.choice([-1.0, 1.0])
 
     def cause(now: Situation) -> Deviation:
-        q = now.q[:, site.cart]
-        step = 0.5 * (1.0 + np.tanh((q - place) / width)) + pitch * np.maximum(q - place, 0.0)
-        return along(now, site, sign * 4e-5 * (step + size * rough(q)))
+        at = now.places[:, site.cart]
+        step = 0.5 * (1.0 + np.tanh((at - place) / width)) + pitch * np.maximum(at - place, 0.0)
+        return along(now, site, sign * 4e-5 * (step + size * rough(at)))
 
     return cause
 
@@ -93,8 +93,8 @@ def backlash(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: Situation) -> Deviation:
         q, approach = now.q[:, site.cart], now.visits.approach[:, site.cart]
-        pressing = now.pull(site.cart) @ now.machine.tracks[site.cart]
-        gap = (1.0 - load * np.tanh(np.abs(pressing) / 300.0)) * (1.0 + wear * worn(q) + creep * now.visits.phase)
+        load_of = np.tanh(np.abs(now.pressing(site.cart)) / 300.0)
+        gap = (1.0 - load * load_of) * (1.0 + wear * worn(now.places[:, site.cart]) + creep * now.visits.phase)
         move = np.abs(q - now.visits.before[:, site.cart])
         return along(now, site, sign * 1.5e-5 * approach * gap * np.tanh(move / taken))
 
@@ -108,7 +108,7 @@ def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: Situation) -> Deviation:
         speed, acceleration = now.visits.speed[:, site.cart], now.visits.acceleration[:, site.cart]
-        lag = 2e-4 * speed / (1.0 + saturation * np.abs(speed)) * (1.0 + wear * uneven(now.q[:, site.cart]))
+        lag = 2e-4 * speed / (1.0 + saturation * np.abs(speed)) * (1.0 + wear * uneven(now.places[:, site.cart]))
         return along(now, site, -lag - inertia * acceleration)
 
     return cause
@@ -120,8 +120,8 @@ def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
     part, slope = rng.uniform(0.05, 0.25), rng.standard_normal(2)
 
     def cause(now: Situation) -> Deviation:
-        others = np.delete(now.q, site.cart, axis=1)[:, :2]
-        values = field(others) + others @ slope + part * own(now.q[:, :3])
+        others = np.delete(now.places, site.cart, axis=1)[:, :2]
+        values = field(others) + others @ slope + part * own(now.places[:, :3])
         return along(now, site, 2.5e-5 * values)
 
     return cause

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.plant.causes.cause import Cause, Site
-from gtpin.plant.causes.drives import REACH
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.fields import curve, uneven_curve
+from gtpin.plant.machine import REACH
 from gtpin.plant.situation import Situation
 
 
@@ -17,11 +17,11 @@ def straightness(site: Site, rng: np.random.Generator) -> Cause:
     sizes, load = rng.uniform(0.5, 1.5, 2), rng.uniform(-0.1, 0.1)
 
     def cause(now: Situation) -> Deviation:
-        q, across = now.q[:, site.cart], now.machine.across[site.cart]
+        place, across = now.places[:, site.cart], now.machine.across[site.cart]
         pressed = 1.0 + load * np.tanh(now.pull(site.cart)[:, 2] / 300.0)
         deviation = now.unbent()
         for error, size, axis in zip(errors, sizes, across, strict=True):
-            deviation.shift[:, site.cart] += (3e-5 * size * pressed * error(q))[:, None] * axis
+            deviation.shift[:, site.cart] += (3e-5 * size * pressed * error(place))[:, None] * axis
         return deviation
 
     return cause
@@ -34,9 +34,9 @@ def cart_rotation(site: Site, rng: np.random.Generator) -> Cause:
     sizes, part = rng.uniform(0.4, 1.6, 3), rng.uniform(0.02, 0.12)
 
     def cause(now: Situation) -> Deviation:
-        q = now.q[:, site.cart]
+        place = now.places[:, site.cart]
         axes = np.vstack([now.machine.across[site.cart], now.machine.tracks[site.cart]])
-        angles = [size * (e(q) + part * b(q)) for e, b, size in zip(errors, blocks, sizes, strict=True)]
+        angles = [size * (e(place) + part * b(place)) for e, b, size in zip(errors, blocks, sizes, strict=True)]
         deviation = now.unbent()
         deviation.turn[:, site.cart] = 6e-5 * np.column_stack(angles) @ axes
         return deviation

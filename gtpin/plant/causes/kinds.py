@@ -5,6 +5,7 @@ from __future__ import annotations
 from gtpin.errors import GtpinError
 from gtpin.plant.causes import drives, guides, heat, instrument, joints, stiffness, unlisted_loads, unlisted_structure
 from gtpin.plant.causes.cause import Kind
+from gtpin.robot.robot import Robot
 
 CATALOGUE = (
     Kind("encoder_scale", "carts", drives.encoder_scale, largest=10.0),
@@ -15,9 +16,9 @@ CATALOGUE = (
     Kind("backlash", "carts", drives.backlash),
     Kind("servo_lag", "carts", drives.servo_lag, ("speed",)),
     Kind("cross_coupling", "carts", drives.cross_coupling),
-    Kind("straightness", "carts", guides.straightness),
-    Kind("cart_rotation", "carts", guides.cart_rotation),
-    Kind("cart_compliance", "carts", stiffness.cart_compliance, ("payload",)),
+    Kind("straightness", "guides", guides.straightness),
+    Kind("cart_rotation", "turning", guides.cart_rotation),
+    Kind("cart_compliance", "guides", stiffness.cart_compliance, ("payload",)),
     Kind("link_compliance", "arm", stiffness.link_compliance, ("payload",)),
     Kind("joint_clearance", "links", joints.joint_clearance, ("force",), largest=6.0),
     Kind("joint_runout", "links", joints.joint_runout),
@@ -31,7 +32,7 @@ CATALOGUE = (
 """The contract's table."""
 UNLISTED = (
     Kind("hose_drag", "platform", unlisted_loads.hose_drag),
-    Kind("cable_chain", "carts", unlisted_loads.cable_chain),
+    Kind("cable_chain", "guides", unlisted_loads.cable_chain),
     Kind("plate_bending", "platform", unlisted_loads.plate_bending, ("payload",)),
     Kind("foot_settling", "carts", unlisted_structure.foot_settling),
     Kind("joint_stick", "links", unlisted_structure.joint_stick),
@@ -39,9 +40,14 @@ UNLISTED = (
     Kind("thermal_twist", "frame", unlisted_structure.thermal_twist, ("heat",)),
     Kind("nest_tilt", "platform", unlisted_structure.nest_tilt),
     Kind("encoder_slip", "carts", unlisted_structure.encoder_slip),
-    Kind("guide_whip", "carts", unlisted_structure.guide_whip, ("speed",)),
+    Kind("guide_whip", "guides", unlisted_structure.guide_whip, ("speed",)),
 )
 """What is in no catalogue."""
+
+
+def possible(kinds: tuple[Kind, ...], robot: Robot) -> tuple[Kind, ...]:
+    """Those of some kinds that can occur on a robot."""
+    return tuple(kind for kind in kinds if kind.sites(robot))
 
 
 def kind(name: str) -> Kind:

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause, Site
-from gtpin.plant.causes.drives import REACH
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.fields import curve
+from gtpin.plant.machine import REACH
 from gtpin.plant.situation import Situation
 
 Floats = npt.NDArray[np.float64]
@@ -34,7 +34,7 @@ def cart_compliance(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: Situation) -> Deviation:
         axes = np.vstack([now.machine.tracks[site.cart], now.machine.across[site.cart]])
-        soft = (1.0 + part * softer(now.q[:, site.cart]))[:, None]
+        soft = (1.0 + part * softer(now.places[:, site.cart]))[:, None]
         force = now.pull(site.cart) @ axes.T
         left = 1.0 + friction * now.visits.approach[:, [site.cart]] * np.sign(force)
         deviation = now.unbent()
@@ -54,8 +54,8 @@ def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
     harder, friction = rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.05)
 
     def cause(now: Situation) -> Deviation:
-        force, carriers = now.forces[:, site.rods], now.machine.carrier[list(site.rods)]
-        left = 1.0 + friction * now.visits.approach[:, carriers]
+        force, drivers = now.forces[:, site.rods], now.machine.driver[list(site.rods)]
+        left = 1.0 + friction * now.visits.approach[:, drivers]
         harder_side = np.where(force < 0.0, 1.0 - harder, 1.0)
         deviation = now.unbent()
         deviation.length[:, site.rods] = give * left * harder_side * hertz(force, exponent, scale)

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause, Site
-from gtpin.plant.causes.drives import REACH
 from gtpin.plant.causes.stiffness import GIVE, STRETCH
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.fields import Field, curve
+from gtpin.plant.machine import REACH
 from gtpin.plant.situation import Situation
 
 Floats = npt.NDArray[np.float64]
@@ -37,8 +37,8 @@ def _yielding(now: Situation, forces: Floats) -> Deviation:
     """What further rod forces (N, k), N, do to an elastic machine."""
     deviation = now.unbent()
     deviation.length[:] = STRETCH * forces
-    for cart, track in enumerate(now.machine.tracks):
-        deviation.travel[:, cart] = GIVE * now.pull(cart, forces) @ track
+    for cart in range(now.machine.n_carts):
+        deviation.travel[:, cart] = GIVE * now.pressing(cart, forces)
     return deviation
 
 
@@ -49,10 +49,10 @@ def cable_chain(site: Site, rng: np.random.Generator) -> Cause:
     arm = rng.uniform(-0.3, 0.3, 3)  # m
 
     def cause(now: Situation) -> Deviation:
-        cart, q = site.cart, now.q[:, site.cart]
+        cart, place = site.cart, now.places[:, site.cart]
         track = now.machine.tracks[cart]
-        hanging = weight * np.logaddexp(0.0, (q - level) / 0.1) * 0.2
-        sticking = drag * now.visits.approach[:, cart] * (1.0 + 0.6 * tray(q)).clip(0.1)
+        hanging = weight * np.logaddexp(0.0, (place - level) / 0.1) * 0.2
+        sticking = drag * now.visits.approach[:, cart] * (1.0 + 0.6 * tray(place)).clip(0.1)
         force = (hanging - sticking)[:, None] * track + hanging[:, None] * np.array([0.0, 0.0, -1.0])
         deviation = now.unbent()
         deviation.shift[:, cart] = GIVE * force

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.plant.causes.cause import Cause, Site
-from gtpin.plant.causes.drives import REACH, along
+from gtpin.plant.causes.drives import along
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.fields import Field, curve, play
+from gtpin.plant.machine import REACH
 from gtpin.plant.situation import Situation
 
 
@@ -21,7 +22,7 @@ def foot_settling(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: Situation) -> Deviation:
         borne = np.cumsum(np.linalg.norm(now.pull(site.cart), axis=1))
         settled = ((borne / borne[-1])[:, None] > steps) @ sizes
-        share = 0.5 * (1.0 + end * now.q[:, site.cart] / REACH)
+        share = 0.5 * (1.0 + end * now.places[:, site.cart] / REACH)
         deviation = now.unbent()
         deviation.shift[:, site.cart] = 6e-5 * (settled * share)[:, None] * ways
         return deviation
@@ -51,7 +52,7 @@ def frame_bending(site: Site, rng: np.random.Generator) -> Cause:
     twist = Field.draw(rng, [0.4, 0.4])
 
     def cause(now: Situation) -> Deviation:
-        mean, spread = now.q.mean(axis=1), now.q[:, 0] - now.q[:, -1]
+        mean, spread = now.places.mean(axis=1), now.places[:, 0] - now.places[:, -1]
         deviation = now.unbent()
         for cart, axes in enumerate(now.machine.across):
             for sag, axis in zip(sags[cart], axes, strict=True):
@@ -73,7 +74,7 @@ def thermal_twist(site: Site, rng: np.random.Generator) -> Cause:
         gradient = gradient + day.frame[0] - day.link[0]
         deviation = now.unbent()
         for cart, axes in enumerate(now.machine.across):
-            rise = 3e-5 * now.q[:, [cart]] * slopes[cart] + 4e-6 * lifts[cart]
+            rise = 3e-5 * now.places[:, [cart]] * slopes[cart] + 4e-6 * lifts[cart]
             deviation.shift[:, cart] = gradient[:, None] * rise @ axes
         return deviation
 
@@ -119,7 +120,7 @@ def guide_whip(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: Situation) -> Deviation:
         cart = site.cart
         speed, way = np.abs(now.visits.speed[:, cart]), now.visits.approach[:, cart]
-        size = way * (0.3 + np.tanh(speed / 0.1)) * (1.0 + 0.4 * worn(now.q[:, cart]))
+        size = way * (0.3 + np.tanh(speed / 0.1)) * (1.0 + 0.4 * worn(now.places[:, cart]))
         axes = np.vstack([now.machine.across[cart], now.machine.tracks[cart]])
         deviation = now.unbent()
         deviation.shift[:, cart] = 3e-5 * size[:, None] * (lean @ axes[:2])
