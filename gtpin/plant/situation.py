@@ -103,12 +103,12 @@ class Situation:
         if machine.slides[cart]:
             return np.asarray(self.pull(cart, forces) @ machine.tracks[cart])
         mine = machine.driver == cart
+        forces = self.forces if forces is None else forces
         if machine.is_leg[cart]:
-            return np.asarray((self.forces if forces is None else forces)[:, mine].sum(axis=1))
-        radius = self.ends.C[:, mine].mean(axis=1) - machine.robot.actuators[cart].origin
-        arc = np.cross(machine.tracks[cart], radius)
-        arc /= np.linalg.norm(arc, axis=1, keepdims=True)
-        return np.asarray(np.einsum("ni,ni->n", self.pull(cart, forces), arc))
+            return np.asarray(forces[:, mine].sum(axis=1))
+        lever = np.cross(machine.tracks[cart], self.ends.C[:, mine] - machine.robot.actuators[cart].origin)
+        torque = np.einsum("nk,nki,nki->n", forces[:, mine], self.along[:, mine], lever)
+        return np.asarray(torque / np.linalg.norm(lever, axis=2).mean(axis=1))
 
     def moment(self, cart: int) -> Floats:
         """(N, 3) moment of the rods on a cart about the mean of its joints, base frame, N m."""
