@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track, rods_of
-from gtpin.effects.effect import Effect, carts, number, unit
+from gtpin.effects.effect import Effect, Floats, carts, number, unit
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot
 
 
 class Backlash(Effect):
-    """dq = b approach / 2, a little more or less along the track and with the load. Rack and pinion: 10 to 100 um."""
+    """dq = b approach, approach = +1 where the actuator came to rest moving upwards, -1 downwards.
+
+    b < 0 where it stays behind (lost motion), b > 0 where it overshoots. A little more or less along the track and with the
+    load on it.
+
+    Parameters: ``half_width`` b, m (rad of an arm); ``reversal`` = 2 b, m: what ISO 230-2 calls the reversal error, approach
+    upwards less approach downwards.
+
+    Typical size 15 um to either side. The whole Gantry-Tau repeated to 13 um in the mean and 50 um at most in all directions
+    of approach (Dressler et al. 2010, section I, after Crothers et al. 2009), to which backlash of single drives adds up.
+    """
 
     id = "backlash"
     title = "deviation that follows the direction of approach"
@@ -31,3 +41,8 @@ class Backlash(Effect):
         approach = at.covariate(f"approach{number(at.robot, site)}")
         columns, size = bent(approach, [at.travel[:, j], load / 2.0], 0.2)
         return along_track(at, site, columns, unit(size, 1.5e-5))
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """Half width, and the whole reversal."""
+        half = float(coefficients[0])
+        return {"half_width": (half, "m"), "reversal": (2.0 * half, "m")}

@@ -5,14 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, unit
+from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines
+from gtpin.effects.smooth import cosines, extent
+from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
+
+ORDERS, DECAY = 16, 1.2
+"""Cosines along the track about each axis, and how fast their sizes decay."""
 
 
 class CartRotation(Effect):
-    """dC = w(q) x (C - the mean of the cart's joints). A cart with one joint turns unseen."""
+    """dC = w(q) x (C - M), M the mean of the cart's joints. ISO 230-1: EAX, EBX and ECX of a track X.
+
+    w is a small rotation vector in the base frame, by the right hand, about the track (roll) and the two axes a and b across
+    it (see :class:`~gtpin.effects.straightness.Straightness`; pitch and yaw). A cart with one joint turns unseen.
+
+    Parameters: ``rms_roll``, ``rms_a``, ``rms_b`` and ``peak_to_valley_roll``, ``_a``, ``_b``, rad, each about its straight
+    line along the track.
+
+    Typical size 0.1 mrad: 40 um of straightness (see there) between blocks 0.4 m apart.
+    """
 
     id = "cart_rotation"
     title = "smooth roll, pitch and yaw of the cart along the track (EAX, EBX, ECX)"
@@ -20,22 +33,29 @@ class CartRotation(Effect):
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator that slides a carrier along a track."""
-        carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
-        return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
+        return sliding_carts(robot)
 
     def untestable(self, at: Situation, site: str) -> str:
         """A single joint does not move when its cart turns about it."""
         return "" if len(rods_of(at, site)) > 1 else "the cart carries a single joint, about which it turns unseen"
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Cosines along the track about three axes."""
+        """Cosines along the track about three axes: the track, a and b."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
-        waves, size = cosines(at.travel[:, j], 1, 7, 1.2)
+        waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
         lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
         m = waves.shape[1]
         seat = np.zeros((len(at), len(at.robot.rods), 3, 3 * m))
-        for a, axis in enumerate(np.eye(3)):
+        for a, axis in enumerate(np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)):
             arm = np.cross(axis, lever)
             seat[:, rods, :, a * m : (a + 1) * m] = arm[..., None] * waves[:, None, None, :]
         return Basis(unit(np.tile(size, 3), 1e-4), seat=seat)
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """How far the cart turns about each axis."""
+        found: dict[str, tuple[float, str]] = {}
+        for axis, part in zip(("roll", "a", "b"), np.split(coefficients, 3), strict=True):
+            rms, span = extent(part)
+            found |= {f"rms_{axis}": (rms, "rad"), f"peak_to_valley_{axis}": (span, "rad")}
+        return found

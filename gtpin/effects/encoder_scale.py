@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, carts, unit
+from gtpin.effects.effect import Effect, Floats, carts, unit
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot
 
 
 class EncoderScale(Effect):
-    """dq = s q. Racks are specified to some 1e-5 to 1e-4 of their length; the paper's fit absorbed 0.5e-4 to 3.7e-4."""
+    """dq = s q: the actuator travels by the factor 1 + s of what is commanded; s > 0 where it goes too far.
+
+    Parameters: ``scale`` s, m/m (rad/rad of an arm); ``uneven``, by how much s is larger at the end of the range than at
+    its beginning, m/m.
+
+    Typical size 1e-4. A precision rack is within 12 um per 500 mm, 24e-6 (Machine Design, Comparing Rack-and-Pinion Sets
+    to Other Options); the norms of Table II in Dressler et al. 2010 are off by 0.5e-4 to 3.7e-4, the drive's scale among it.
+    """
 
     id = "encoder_scale"
     title = "travel per count is off by a constant factor"
@@ -25,3 +32,7 @@ class EncoderScale(Effect):
         j = at.robot.sites.index(site)
         columns, size = bent(at.q[:, j], [at.travel[:, j]], 0.1)
         return along_track(at, site, columns, unit(size, 1e-4))
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """Scale, and what it changes by from one end to the other."""
+        return {"scale": (float(coefficients[0]), "m/m"), "uneven": (-2.0 * float(coefficients[1]), "m/m")}

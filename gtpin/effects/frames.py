@@ -10,6 +10,8 @@ from gtpin.kinematics.rotations import skew
 
 SHIFT, TURN = 4e-5, 1.5e-5
 """Sizes of a frame's motion, m and rad."""
+FREEDOMS = tuple((f"{kind}_{axis}", unit) for kind, unit in (("shift", "m"), ("turn", "rad")) for axis in "xyz")
+"""Names and units of a frame's freedoms."""
 
 
 def frame_twist(at: Situation) -> tuple[Floats, Floats]:

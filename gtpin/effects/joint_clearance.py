@@ -5,16 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, links, unit
+from gtpin.effects.effect import Effect, Floats, links, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
-SURE = 0.02
-"""Least share of the poses that must have the rarer sign of force."""
+FEWEST = 2
+"""Poses that must have the rarer sign of force: a single one looks like a gross error."""
 
 
 class JointClearance(Effect):
-    """dL = c sign(F). A worn ball joint: 5 to 50 um."""
+    """dL = c sign(F), F the link's axial force, tension positive: the play lets a link in tension be longer by c than in the
+    middle of the play, and shorter by c in compression.
+
+    Where the force is small the joint may float, and with the force its seat yields.
+
+    Parameters: ``half_play`` c, m, positive for real play; ``play`` = 2 c, m; ``yielding``, m for every spread of the force
+    in the fit: what goes on with the force beyond the play itself.
+
+    Typical size 15 um to either side: a guess for a ball joint that has run in; new ones are preloaded, and have none.
+    """
 
     id = "joint_clearance"
     title = "play in a spherical joint, taken up by the sign of the force"
@@ -26,18 +35,23 @@ class JointClearance(Effect):
 
     def untestable(self, at: Situation, site: str) -> str:
         """Play shows only where the force changes its sign."""
-        pull = (at.force[:, rods_of(at, site)[0]] > 0.0).mean()
-        return "" if SURE <= pull <= 1.0 - SURE else "the link's force does not change its sign"
+        pulled = int((at.force[:, rods_of(at, site)[0]] > 0.0).sum())
+        return "" if min(pulled, len(at) - pulled) >= FEWEST else "the link's force does not change its sign"
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """What it goes with."""
         return ("load",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """The sign of the force, and its bend with the size of the force."""
+        """The sign of the force, floating where it is small, and yielding."""
         i = rods_of(at, site)[0]
         sign = np.sign(at.force[:, i])
         spread = at.references.force[1][i]
         soft = np.tanh(at.force[:, i] / (0.2 * spread))
         columns = np.stack([sign, soft - sign, at.force[:, i] / spread], axis=1)
         return of_lengths(at, [i], columns[:, None, :], unit([1.0, 0.3, 0.15], 1.5e-5))
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """Half the play, the whole, and what goes on with the force."""
+        half, yielding = float(coefficients[0]), float(coefficients[2])
+        return {"half_play": (half, "m"), "play": (2.0 * half, "m"), "yielding": (yielding, "m")}

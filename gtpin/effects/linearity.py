@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, carts, unit
+from gtpin.effects.effect import Effect, Floats, carts, unit
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines
+from gtpin.effects.smooth import cosines, extent
 from gtpin.robot.robot import Robot
+
+ORDERS, DECAY = 30, 1.2
+"""Cosines along the track, and how fast their sizes decay: enough of them for a rough patch of some centimetres."""
 
 
 class Linearity(Effect):
-    """dq = f(q), smooth. Cart 2 of the paper departed from a straight line by 25 to 140 um."""
+    """dq = f(q), smooth, f > 0 where the cart is farther along its track than commanded. ISO 230-1: EXX of a track X.
+
+    f is a sum of cosines over the range of travel whose sizes decay with their order, slow ones the larger.
+
+    Parameters: ``rms`` and ``peak_to_valley`` of f about its straight line over the whole range, m (rad of an arm);
+    ``end_to_end``, f at the upper end of the range less f at the lower, m.
+
+    Typical size 50 um. Cart 2 of Dressler et al. 2010 departed from a straight line by 25 to 140 um (section III.C, fig. 5).
+    """
 
     id = "linearity"
     title = "smooth deviation along the track (EXX)"
@@ -23,5 +34,11 @@ class Linearity(Effect):
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """Cosines along the track, the slower the larger; the first stands for the slope that geometry leaves."""
         j = at.robot.sites.index(site)
-        columns, size = cosines(at.travel[:, j], 1, 14, 1.2)
+        columns, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
         return along_track(at, site, columns, unit(size, 5e-5))
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """How large the deviation is, about its straight line, and from end to end."""
+        rms, span = extent(coefficients)
+        ends = -2.0 * float(coefficients[::2].sum())
+        return {"rms": (rms, "m"), "peak_to_valley": (span, "m"), "end_to_end": (ends, "m")}

@@ -16,7 +16,14 @@ SHORTEST, LONGEST = 0.008, 0.25
 
 
 class RackPeriodic(Effect):
-    """dq = a cos(2 pi q / p) + b sin(2 pi q / p), with a harmonic and an amplitude that drifts along the track."""
+    """dq = A cos(2 pi q / p - phi), with two harmonics and an amplitude that drifts along the track.
+
+    Parameters: ``period`` p, m (rad of an arm); ``amplitude`` A > 0 at mid-range, m; ``phase`` phi, rad: a crest lies at
+    q = p phi / (2 pi); ``harmonic``, amplitude of the second harmonic, m. The period is what is not linear in it: a setting.
+
+    Typical size 20 um. Dressler et al. 2010, section III.C: the manufacturer expects variations with a period of the length
+    between the rack's teeth. Precision rack drives are said to run true to 10 um (Machine Design, see ``encoder_scale``).
+    """
 
     id = "rack_periodic"
     title = "periodic deviation along the track"
@@ -43,6 +50,11 @@ class RackPeriodic(Effect):
         return along_track(at, site, columns, unit([1.0, 1.0, 0.25, 0.25, 0.25, 0.25], 2e-5))
 
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
-        """Period and amplitude."""
-        amplitude = float(np.hypot(coefficients[0], coefficients[1]))
-        return {"period": (float(setting or 0.0), "m"), "amplitude": (amplitude, "m")}
+        """Period, amplitude, phase and harmonic."""
+        c, s = coefficients[:2]
+        return {
+            "period": (float(setting or 0.0), "m"),
+            "amplitude": (float(np.hypot(c, s)), "m"),
+            "phase": (float(np.arctan2(s, c)), "rad"),
+            "harmonic": (float(np.hypot(*coefficients[4:6])), "m"),
+        }

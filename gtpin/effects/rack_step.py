@@ -13,7 +13,14 @@ from gtpin.robot.robot import Robot
 
 
 class RackStep(Effect):
-    """dq = h where q is beyond the joint, else 0; a segment beyond a bad joint may also be inclined a little."""
+    """dq = h + m (q - p) where q > p, else 0: beyond the place p the cart is farther along by h, and farther with every metre.
+
+    Parameters: ``place`` p, m (rad of an arm); ``step`` h, m; ``slope`` m, m/m: the pitch error of the segment beyond. The
+    place is what is not linear in it: a setting.
+
+    Typical size 50 um. Sections of precision racks that are checked and matched keep to 40 um of position over any length
+    (Machine Design, see ``encoder_scale``).
+    """
 
     id = "rack_step"
     title = "step where two rack segments meet"
@@ -36,10 +43,11 @@ class RackStep(Effect):
         assert setting is not None
         j = at.robot.sites.index(site)
         beyond = (at.q[:, j] > setting).astype(float)
+        columns = np.stack([beyond, beyond * (at.q[:, j] - setting)], axis=1)
         span = at.robot.upper[j] - at.robot.lower[j]
-        columns = np.stack([beyond, beyond * (at.q[:, j] - setting) / span], axis=1)
-        return along_track(at, site, columns, unit([1.0, 0.3], 5e-5))
+        return along_track(at, site, columns, unit([1.0, 0.3 / span], 5e-5))
 
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
-        """Place and height."""
-        return {"place": (float(setting or 0.0), "m"), "step": (float(coefficients[0]), "m")}
+        """Place and height of the step, and the slope beyond."""
+        step, slope = (float(c) for c in coefficients[:2])
+        return {"place": (float(setting or 0.0), "m"), "step": (step, "m"), "slope": (slope, "m/m")}

@@ -8,9 +8,18 @@ from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot
 
+FAST = 0.3
+"""Speed, m/s, over which the lag may bend."""
+
 
 class ServoLag(Effect):
-    """dq = -tau speed. A position loop without feed-forward lags by 1 / Kv; what feed-forward leaves is some 0.1 ms."""
+    """dq = -tau speed: at the instant of measurement the actuator is behind its command by tau times its speed.
+
+    Parameters: ``lag`` tau, s, positive where it stays behind.
+
+    Typical size 0.2 ms. A position loop of gain Kv, some 10 to 100 / s, follows with an error of speed / Kv (Mechanical
+    Engineers' Handbook, vol. 2, Controller Design); that velocity feed-forward leaves about a hundredth of it is a guess.
+    """
 
     id = "servo_lag"
     title = "deviation that grows with speed"
@@ -28,5 +37,5 @@ class ServoLag(Effect):
         """Minus the speed, and its bends with the speed itself and along the track."""
         j = at.robot.sites.index(site)
         speed = at.covariate(f"speed{number(at.robot, site)}")
-        columns, size = bent(-speed, [at.travel[:, j], speed / 0.3], 0.2)
+        columns, size = bent(-speed, [at.travel[:, j], speed / FAST], 0.2)
         return along_track(at, site, columns, unit(size, 2e-4))

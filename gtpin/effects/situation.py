@@ -177,8 +177,10 @@ class Situation:
 
     @cached_property
     def travel(self) -> Floats:
-        """(N, n) commands from -1 to 1 over the actuators' ranges."""
+        """(N, n) commands from -1 to 1 over the actuators' ranges; over one turn where there is no end to them."""
         lower, upper = self.robot.lower, self.robot.upper
+        lower = np.where(np.isfinite(lower), lower, -np.pi)
+        upper = np.where(np.isfinite(upper), upper, np.pi)
         return np.asarray(2.0 * (self.q - lower) / (upper - lower) - 1.0)
 
     @cached_property

@@ -5,15 +5,28 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, unit
+from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines
+from gtpin.effects.smooth import cosines, extent
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
+ORDERS, DECAY = 20, 1.2
+"""Cosines along the track in each direction, and how fast their sizes decay."""
+
 
 class Straightness(Effect):
-    """dC = f(q) across the track, smooth, the same for all joints of the cart. Guideways: 10 to 100 um over a metre."""
+    """dC = f_a(q) a + f_b(q) b, the same for all joints of the cart. ISO 230-1: EYX and EZX of a track X.
+
+    a and b are the unit vectors across the track about which ``track_direction[cart].a`` and ``.b`` turn: for the
+    Gantry-Tau a points up and b horizontally, right-handed with the track (track x a = b).
+
+    Parameters: ``rms_a``, ``rms_b``, ``peak_to_valley_a``, ``peak_to_valley_b``, m, each about its straight line, since a
+    slope is the direction of the track, which is geometry.
+
+    Typical size 40 um. A guideway of good class deviates from parallel to its own base by up to some 30 um over 2 m (Picard,
+    Understanding Accuracy Classes in Linear Guides), and its base is hardly straighter.
+    """
 
     id = "straightness"
     title = "smooth deviation across the track (EYX, EZX)"
@@ -21,13 +34,12 @@ class Straightness(Effect):
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator that slides a carrier along a track."""
-        carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
-        return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
+        return sliding_carts(robot)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """Cosines along the track in two directions across it."""
         j = at.robot.sites.index(site)
-        waves, size = cosines(at.travel[:, j], 1, 10, 1.2)
+        waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
         across = rotation_axes(at.robot.actuators[j].axis)[:2]
         m = waves.shape[1]
         seat = np.zeros((len(at), len(at.robot.rods), 3, 2 * m))
@@ -35,3 +47,11 @@ class Straightness(Effect):
             for i in rods_of(at, site):
                 seat[:, i, :, a * m : (a + 1) * m] = axis[None, :, None] * waves[:, None, :]
         return Basis(unit(np.tile(size, 2), 4e-5), seat=seat)
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """How far the track is from straight in both directions."""
+        found: dict[str, tuple[float, str]] = {}
+        for direction, part in zip("ab", np.split(coefficients, 2), strict=True):
+            rms, span = extent(part)
+            found |= {f"rms_{direction}": (rms, "m"), f"peak_to_valley_{direction}": (span, "m")}
+        return found

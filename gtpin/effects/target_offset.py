@@ -5,13 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis
-from gtpin.effects.effect import Effect, unit
+from gtpin.effects.effect import Effect, Floats, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 
 class TargetOffset(Effect):
-    """dT = R p. Geometry can move all joints on the platform instead, which takes nearly all of it."""
+    """dT = R p: the target sits by p, TCP frame, beyond the TCP.
+
+    Geometry can move all joints on the platform by -p instead, which takes all of it that lies within their tolerances.
+
+    Parameters: ``offset_x``, ``offset_y``, ``offset_z``: p, m.
+
+    Typical size 1 mm: that of the tolerances to which a nest is mounted without being measured.
+    """
 
     id = "target_offset"
     title = "the target is not where the TCP is believed to be"
@@ -30,3 +37,7 @@ class TargetOffset(Effect):
         twist = np.zeros((len(at), 6, 3))
         twist[:, :3] = at.poses.R
         return Basis(unit(np.ones(3), 1e-3), twist=twist)
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """The offset's components."""
+        return {f"offset_{axis}": (float(c), "m") for axis, c in zip("xyz", coefficients, strict=True)}

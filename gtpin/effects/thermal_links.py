@@ -5,13 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, arm_and_links, unit
+from gtpin.effects.effect import Effect, Floats, arm_and_links, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 
 class ThermalLinks(Effect):
-    """dL = alpha L (temp_link - reference). Steel 12e-6, aluminium 23e-6, carbon about 1e-6 per kelvin."""
+    """dL = alpha L (temp_link - reference): a warm link is longer where alpha > 0. The reference is the dataset's.
+
+    At ``arm`` each link differs a little from the others; the growth may go on or fade with the time, as the thermometer is
+    not the link, and with the warming itself.
+
+    Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread`` of alpha from link to link
+    (rms), 1/K.
+
+    Typical size 8e-6 / K: between steel with 12e-6, aluminium with 23e-6 and carbon fibre along the tube with -1e-6 to
+    1e-6 / K (handbook values).
+    """
 
     id = "thermal_links"
     title = "links grow with their temperature"
@@ -26,17 +36,20 @@ class ThermalLinks(Effect):
         return ("temp_link",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """One expansion, what each link differs by, and a lag behind the thermometer that grows with time."""
+        """One expansion, how it goes with the warming, what each link differs by, and a lag that grows with time."""
         rods = rods_of(at, site)
         warm = at.covariate("temp_link") - at.references.temperature
         growth = warm[:, None] * at.length[:, rods]
-        columns, sizes = [growth], [1.0]
+        late = at.time if at.has("time") else np.zeros(len(at))
+        columns, sizes = [growth, growth * np.abs(warm)[:, None] / 5.0, growth * late[:, None]], [1.0, 0.1, 0.15]
         if len(rods) > 1:
             columns += [growth * (np.arange(len(rods)) == i) for i in range(len(rods))]
             sizes += [0.2] * len(rods)
-        if at.has("time"):
-            columns.append(growth * at.time[:, None])
-            sizes.append(0.15)
-        columns.append(growth * np.abs(warm)[:, None] / 5.0)
-        sizes.append(0.1)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, 8e-6))
+
+    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+        """Expansion, and how links differ."""
+        own = coefficients[3:]
+        if not own.size:
+            return {"expansion": (float(coefficients[0]), "1/K")}
+        return {"expansion": (float(coefficients[0] + own.mean()), "1/K"), "spread": (float(own.std()), "1/K")}

@@ -11,7 +11,16 @@ from gtpin.robot.robot import Robot
 
 
 class ThermalTrack(Effect):
-    """dq = alpha (q - q0) (temp_frame - reference), linear in alpha and alpha q0. Steel: 12e-6 per kelvin."""
+    """dq = alpha (q - q0) (temp_frame - reference): in the warm a cart beyond the fixed point q0 is farther along its track.
+
+    Linear in alpha and -alpha q0. One end of the track may warm more than the other, and the growth may go on or fade with
+    the time, as the thermometer is not the track.
+
+    Parameters: ``expansion`` alpha, 1/K; ``at_zero`` = -alpha q0, m/K: how far the cart at q = 0 moves for every kelvin;
+    ``fixed_point`` q0, m, of little meaning where alpha is small.
+
+    Typical size 1e-5 / K: steel has 12e-6 / K (handbook value), and the frame on which the track is held less or more.
+    """
 
     id = "thermal_track"
     title = "the guideway grows with the frame's temperature"
@@ -38,7 +47,7 @@ class ThermalTrack(Effect):
         return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
 
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
-        """Expansion and the point that stays."""
-        expansion = float(coefficients[0])
-        fixed = -float(coefficients[1]) / expansion if expansion else 0.0
-        return {"expansion": (expansion, "1/K"), "fixed_point": (fixed, "m")}
+        """Expansion, the motion of the track's zero, and the point that stays."""
+        expansion, zero = (float(c) for c in coefficients[:2])
+        fixed = -zero / expansion if expansion else 0.0
+        return {"expansion": (expansion, "1/K"), "at_zero": (zero, "m/K"), "fixed_point": (fixed, "m")}

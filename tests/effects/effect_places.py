@@ -1,0 +1,116 @@
+"""Effects at their sites on a Gantry-Tau drawn from its tolerances, in circumstances in which each of them shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import gtpin
+from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.basis import Basis
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.situation import Column, References, Situation
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
+
+Floats = np.ndarray
+EFFECTS = catalogue()
+SETTINGS = {"rack_periodic": 0.0314, "rack_step": 0.051}
+
+
+def drawn(name: str = "gantry_tau", seed: int = 0) -> gtpin.Geometry:
+    nominal = gtpin.Geometry.nominal(gtpin.load_robot(name))
+    rng = np.random.default_rng(seed)
+    return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
+
+
+GEOMETRY = drawn()
+KINEMATICS = RodKinematics(GEOMETRY)
+ROBOT = GEOMETRY.robot
+PLACES = [(name, site) for name, effect in EFFECTS.items() for site in effect.sites(ROBOT)]
+SEEN = [place for place in PLACES if place != ("cart_rotation", "cart1")]
+"""All but a cart that turns about its only joint."""
+
+
+def covariates(count: int, actuators: int = 3, seed: int = 0) -> dict[str, Column]:
+    rng = np.random.default_rng(seed)
+    columns: dict[str, Column] = {
+        "time": np.sort(rng.uniform(0.0, 9000.0, count)),
+        "session": np.array([f"day{i * 3 // count}" for i in range(count)], dtype=object),
+        "temp_frame": 20.0 + rng.uniform(-2.0, 5.0, count),
+        "temp_link": 20.0 + rng.uniform(-2.0, 7.0, count),
+        "payload": rng.choice([0.0, 10.0, 20.0], count),
+    }
+    for i in range(actuators):
+        columns[f"approach{i + 1}"] = rng.choice([-1.0, 1.0], count)
+        columns[f"speed{i + 1}"] = rng.uniform(-0.3, 0.3, count)
+    return columns | {f"f{axis}": 80.0 * rng.standard_normal(count) for axis in "xyz"}
+
+
+def situation(
+    count: int = 30,
+    seed: int = 0,
+    kinematics: RodKinematics = KINEMATICS,
+    fixed: References | None = None,
+    **changed: Column,
+) -> Situation:
+    """Commands all over the range that the robot reaches, with everything that an effect may ask for."""
+    robot = kinematics.geometry.robot
+    rng = np.random.default_rng(seed + 1)
+    middle, half = robot.home_q, (robot.upper - robot.lower) / 2.0
+    # Together over most of the range, and apart by less, as the carts of a Gantry-Tau must stay.
+    q = middle + half * (0.5 * rng.uniform(-1.0, 1.0, (count, 1)) + 0.3 * rng.uniform(-1.0, 1.0, (count, len(middle))))
+    columns = {**covariates(count, robot.n_actuators, seed), **changed}
+    return Situation(kinematics, q, kinematics.forward(q), columns, fixed)
+
+
+FIT = situation(120, seed=7)
+"""What the effects were fitted to, as it were."""
+
+
+def basis(name: str, site: str, at: Situation) -> Basis:
+    return EFFECTS[name].basis(at, site, SETTINGS.get(name))
+
+
+def active(name: str, site: str, coefficients: Floats, references: References = FIT.references) -> ActiveEffect:
+    m = len(coefficients)
+    return ActiveEffect(EFFECTS[name], site, SETTINGS.get(name), coefficients, np.zeros((m, m)), references)
+
+
+def applied(at: Situation, *effects: ActiveEffect) -> Poses:
+    return with_effects(at.kinematics, at.q, at.covariates, effects)
+
+
+def moved(at: Situation, *effects: ActiveEffect) -> Floats:
+    """(N, 6) what effects do to the exact poses, m and rad, base frame."""
+    return applied(at, *effects).minus(at.poses)
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """What an effect's coefficients do to its parts, pose by pose."""
+
+    command: Floats
+    seat: Floats
+    length: Floats
+    twist: Floats
+
+
+def displaced(at: Situation, name: str, site: str, coefficients: Floats) -> Displaced:
+    found, n, k = basis(name, site, at), len(at), len(at.robot.rods)
+    command = np.zeros((n, at.robot.n_actuators))
+    if found.command is not None:
+        command[:, found.command[0]] = found.command[1] @ coefficients
+    return Displaced(
+        command,
+        np.zeros((n, k, 3)) if found.seat is None else found.seat @ coefficients,
+        np.zeros((n, k)) if found.length is None else found.length @ coefficients,
+        np.zeros((n, 6)) if found.twist is None else found.twist @ coefficients,
+    )
+
+
+def some(name: str, site: str, at: Situation, seed: int = 3) -> Floats:
+    """Coefficients of the typical size."""
+    sigma = basis(name, site, at).sigma
+    return sigma * np.random.default_rng(seed).standard_normal(len(sigma))

@@ -1,0 +1,122 @@
+"""The catalogue is the contract's: ids, sites, what each needs, names and units of what it says."""
+
+from __future__ import annotations
+
+import inspect
+
+import numpy as np
+import pytest
+from effect_places import EFFECTS, FIT, PLACES, ROBOT, SEEN, SETTINGS, active, basis, moved, situation, some
+
+from gtpin.effects.situation import Situation
+
+CARTS = ("cart1", "cart2", "cart3")
+LINKS = ("link1", "link2a", "link2b", "link3a", "link3b", "link3c")
+TABLE = {
+    "encoder_scale": CARTS,
+    "linearity": CARTS,
+    "rack_periodic": CARTS,
+    "rack_step": CARTS,
+    "zero_shift": CARTS,
+    "backlash": CARTS,
+    "servo_lag": CARTS,
+    "cross_coupling": CARTS,
+    "straightness": CARTS,
+    "cart_rotation": CARTS,
+    "cart_compliance": CARTS,
+    "link_compliance": ("arm", *LINKS),
+    "joint_clearance": LINKS,
+    "joint_runout": LINKS,
+    "thermal_links": ("arm", *LINKS),
+    "thermal_track": CARTS,
+    "tracker_drift": ("frame",),
+    "frame_shift": ("frame",),
+    "tracker_scale": ("frame",),
+    "target_offset": ("platform",),
+}
+NEEDED = {
+    "zero_shift": "session",
+    "backlash": "approach2",
+    "servo_lag": "speed2",
+    "thermal_links": "temp_link",
+    "thermal_track": "temp_frame",
+    "tracker_drift": "time",
+    "frame_shift": "session",
+}
+UNITS = {"m", "rad", "s", "m/m", "m/N", "rad/(N m)", "1/K", "m/K"}
+
+
+def second(name: str) -> str:
+    sites = EFFECTS[name].sites(ROBOT)
+    return sites[min(1, len(sites) - 1)]
+
+
+def test_the_twenty_effects_of_the_table_are_there_with_their_sites() -> None:
+    assert {name: effect.sites(ROBOT) for name, effect in EFFECTS.items() if name in TABLE} == TABLE
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_an_effect_needs_the_covariate_that_it_goes_with_and_is_untestable_without(name: str) -> None:
+    effect, site = EFFECTS[name], second(name)
+    assert effect.covariates(ROBOT, site) == ((NEEDED[name],) if name in NEEDED else ())
+    assert effect.untestable(FIT, site) == ""
+    if name in NEEDED:
+        rest = {n: values for n, values in FIT.covariates.items() if n != NEEDED[name]}
+        missing = Situation(FIT.kinematics, FIT.q, FIT.poses, rest)
+        assert effect.untestable(missing, site) == f"the covariate {NEEDED[name]} is missing"
+        constant = {**FIT.covariates, NEEDED[name]: FIT.covariates[NEEDED[name]][[0] * len(FIT)]}
+        still = Situation(FIT.kinematics, FIT.q, FIT.poses, constant)
+        assert effect.untestable(still, site) == f"the covariate {NEEDED[name]} does not vary"
+
+
+@pytest.mark.parametrize(("name", "site"), SEEN)
+def test_an_effect_of_typical_size_moves_the_tcp_by_micrometres_to_millimetres(name: str, site: str) -> None:
+    at = situation(40, seed=5, fixed=FIT.references)
+    sigma, rng = basis(name, site, at).sigma, np.random.default_rng(0)
+    either = [active(name, site, sigma * rng.choice([-1.0, 1.0], len(sigma))) for _ in range(3)]
+    rms = [np.sqrt((moved(at, effect)[:, :3] ** 2).sum(axis=1).mean()) for effect in either]
+    assert 1e-6 < np.median(rms) < 3e-3
+
+
+@pytest.mark.parametrize(("name", "site"), PLACES)
+def test_what_the_coefficients_say_has_a_name_a_unit_and_a_line_in_the_documentation(name: str, site: str) -> None:
+    effect = EFFECTS[name]
+    told = effect.parameters(some(name, site, FIT), SETTINGS.get(name))
+    documented = inspect.getdoc(type(effect))
+    assert told
+    for parameter, (value, unit) in told.items():
+        assert np.isfinite(value)
+        assert unit in UNITS
+        # ``shift[2]`` is documented as ``shift[k]``, ``turn_x`` as itself or by its beginning and ``_x``.
+        stem, _, axis = parameter.split("[")[0].rpartition("_")
+        assert parameter.replace("[1]", "[k]").split("[")[0] in documented or (
+            stem in documented and f"_{axis}``" in documented
+        )
+
+
+@pytest.mark.parametrize(("name", "site"), PLACES)
+def test_parameters_of_twice_the_coefficients_are_twice_as_large(name: str, site: str) -> None:
+    c, setting = some(name, site, FIT), SETTINGS.get(name)
+    once, twice = EFFECTS[name].parameters(c, setting), EFFECTS[name].parameters(2.0 * c, setting)
+    for parameter, (value, _) in once.items():
+        # Places, periods and phases are where, not how much.
+        factor = 1.0 if parameter in ("period", "phase", "place", "fixed_point") else 2.0
+        assert twice[parameter][0] == pytest.approx(factor * value, rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "site"), PLACES)
+def test_rows_may_come_in_any_order_and_company(name: str, site: str) -> None:
+    c = some(name, site, FIT)
+    at = situation(7, seed=6, fixed=FIT.references)
+    whole = moved(at, active(name, site, c))
+    rows = np.array([5, 2, 6])
+    few = Situation(at.kinematics, at.q[rows], at.poses[rows], {n: v[rows] for n, v in at.covariates.items()}, at.fixed)
+    np.testing.assert_allclose(moved(few, active(name, site, c)), whole[rows], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("name", "site"), PLACES)
+def test_columns_do_not_depend_on_the_order_of_the_rows_of_the_fit(name: str, site: str) -> None:
+    rows = np.random.default_rng(0).permutation(len(FIT))
+    mixed = Situation(FIT.kinematics, FIT.q[rows], FIT.poses[rows], {n: v[rows] for n, v in FIT.covariates.items()})
+    one, other = basis(name, site, FIT).displacement(FIT)[rows], basis(name, site, mixed).displacement(mixed)
+    np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9 * np.abs(one).max())

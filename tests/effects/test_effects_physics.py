@@ -1,0 +1,339 @@
+"""Signs, units and meaning of the effects, by arguments that don't use their code."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, situation, some
+
+from gtpin.effects.situation import Situation
+from gtpin.robot.parameters import rotation_axes
+
+RODS = {site: i for i, site in enumerate(ROBOT.rod_sites)}
+STEP = 1.0  # N, by which the tool's force is changed; the energy is quadratic in it
+
+
+def only(name: str, site: str, at: Situation, column: int, value: float = 1.0) -> np.ndarray:
+    coefficients = np.zeros(len(basis(name, site, at)))
+    coefficients[column] = value
+    return coefficients
+
+
+def parameters(name: str, coefficients: np.ndarray) -> dict[str, float]:
+    return {n: value for n, (value, _) in EFFECTS[name].parameters(coefficients, SETTINGS.get(name)).items()}
+
+
+def pushed(at: Situation, axis: str, by: float) -> Situation:
+    return Situation(
+        at.kinematics, at.q, at.poses, {**at.covariates, f"f{axis}": at.covariates[f"f{axis}"] + by}, at.fixed
+    )
+
+
+def travel(name: str, q: np.ndarray, coefficients: np.ndarray, **columns: np.ndarray) -> np.ndarray:
+    """(N,) what an effect does to cart 2 along its track where all carts are told to go to q (N,)."""
+    commands = np.tile(q[:, None], (1, 3))
+    told = {key: np.resize(values, len(q)) for key, values in FIT.covariates.items()} | columns
+    at = Situation(KINEMATICS, commands, KINEMATICS.forward(commands), told, FIT.references)
+    return displaced(at, name, "cart2", coefficients).command[:, 1]
+
+
+def rising_energy(at: Situation, energy) -> np.ndarray:
+    """(N, 3) derivative of an energy by the tool's force: by Castigliano's theorem, how far the tool gives way."""
+    return np.stack(
+        [(energy(pushed(at, axis, STEP)) - energy(pushed(at, axis, -STEP))) / (2.0 * STEP) for axis in "xyz"], axis=1
+    )
+
+
+@pytest.mark.parametrize("site", ["arm", "link1", "link2b", "link3c"])
+def test_links_give_way_as_castigliano_says(site: str) -> None:
+    at, give = situation(10, seed=1), 3e-8
+    rods = list(RODS.values()) if site == "arm" else [RODS[site]]
+    moved = (basis("link_compliance", site, at).displacement(at) @ only("link_compliance", site, at, 0, give))[:, :3]
+    expected = rising_energy(at, lambda now: give / 2.0 * (now.force[:, rods] ** 2).sum(axis=1))
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("site", ["cart1", "cart2", "cart3"])
+@pytest.mark.parametrize("direction", [0, 1, 2])
+def test_carts_give_way_as_castigliano_says(site: str, direction: int) -> None:
+    at, give = situation(10, seed=2), 5e-8
+    cart = ROBOT.sites.index(site)
+    v = ROBOT.actuators[cart].axis
+    axis = np.vstack([v, rotation_axes(v)[:2]])[direction]
+    mine = [i for i, rod in enumerate(ROBOT.rods) if rod.carrier == cart]
+
+    def energy(now: Situation) -> np.ndarray:
+        pull = np.einsum("nk,nki->ni", now.force[:, mine], now.along[:, mine])
+        return give / 2.0 * (pull @ axis) ** 2
+
+    moved = (basis("cart_compliance", site, at).displacement(at) @ only("cart_compliance", site, at, direction, give))[
+        :, :3
+    ]
+    expected = rising_energy(at, energy)
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("site", ["cart2", "cart3"])
+@pytest.mark.parametrize(("tip", "direction"), [("roll", 0), ("tip_a", 1), ("tip_b", 2)])
+def test_carts_tip_as_castigliano_says(site: str, tip: str, direction: int) -> None:
+    at, give = situation(10, seed=3), 5e-7
+    column = next(
+        k
+        for k in range(len(basis("cart_compliance", site, at)))
+        if parameters("cart_compliance", only("cart_compliance", site, at, k))[tip]
+    )
+    cart = ROBOT.sites.index(site)
+    v = ROBOT.actuators[cart].axis
+    axis = np.vstack([v, rotation_axes(v)[:2]])[direction]
+    mine = [i for i, rod in enumerate(ROBOT.rods) if rod.carrier == cart]
+
+    def energy(now: Situation) -> np.ndarray:
+        arms = now.seats[:, mine] - now.seats[:, mine].mean(axis=1, keepdims=True)
+        moment = np.cross(arms, now.force[:, mine, None] * now.along[:, mine]).sum(axis=1)
+        return give / 2.0 * (moment @ axis) ** 2
+
+    moved = (basis("cart_compliance", site, at).displacement(at) @ only("cart_compliance", site, at, column, give))[
+        :, :3
+    ]
+    expected = rising_energy(at, energy)
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("site", RODS)
+def test_a_tool_that_pulls_along_a_rod_puts_it_in_tension_and_lengthens_it(site: str) -> None:
+    at, i = situation(6, seed=4), RODS[site]
+    along = {f"f{axis}": 1e5 * at.along[:, i, c] for c, axis in enumerate("xyz")}
+    at = Situation(at.kinematics, at.q, at.poses, {**at.covariates, **along})
+    assert (at.force[:, i] > 0.0).all()
+    for name in ("link_compliance", "joint_clearance"):
+        longer = displaced(at, name, site, only(name, site, at, 0, 1e-5)).length
+        assert (longer[:, i] > 0.0).all()
+        assert not np.delete(longer, i, axis=1).any()
+
+
+def test_play_is_the_difference_between_tension_and_compression() -> None:
+    at = situation(60, seed=5)
+    c = only("joint_clearance", "link2a", at, 0, 2e-5)
+    longer, force = displaced(at, "joint_clearance", "link2a", c).length[:, 1], at.force[:, 1]
+    assert (force > 0.0).any()
+    assert (force < 0.0).any()
+    gap = longer[force > 0.0].mean() - longer[force < 0.0].mean()
+    assert gap == pytest.approx(parameters("joint_clearance", c)["play"], rel=1e-12)
+
+
+@pytest.mark.parametrize("pulled", [0, 1, 2, 58, 59, 60])
+def test_play_is_testable_where_two_poses_have_the_rarer_sign_of_force(pulled: int) -> None:
+    # A dead weight on the tool, and a lift that turns the sign of the force in link 1.
+    q = situation(60, seed=6).q
+    poses = KINEMATICS.forward(q)
+    still = Situation(KINEMATICS, q, poses, {f"f{axis}": np.zeros(60) for axis in "xyz"})
+    sign = np.where(np.arange(60) < pulled, 1.0, -1.0)
+    wanted = 100.0 * sign - still.force[:, 0]
+    per_newton = (
+        Situation(KINEMATICS, q, poses, {**still.covariates, "fz": np.ones(60)}).force[:, 0] - still.force[:, 0]
+    )
+    at = Situation(KINEMATICS, q, poses, {**still.covariates, "fz": wanted / per_newton})
+    np.testing.assert_allclose(at.force[:, 0], 100.0 * sign, rtol=1e-9)
+    assert (EFFECTS["joint_clearance"].untestable(at, "link1") == "") == (2 <= pulled <= 58)
+
+
+def test_a_warm_link_is_longer_by_alpha_times_its_length_for_every_kelvin() -> None:
+    at = situation(10, seed=7, temp_link=np.full(10, 23.0))
+    longer = displaced(at, "thermal_links", "link3a", only("thermal_links", "link3a", at, 0, 12e-6)).length
+    np.testing.assert_allclose(longer[:, RODS["link3a"]], 3.0 * 12e-6 * KINEMATICS.L0[RODS["link3a"]], rtol=1e-9)
+    arm = displaced(at, "thermal_links", "arm", only("thermal_links", "arm", at, 0, 12e-6)).length
+    np.testing.assert_allclose(arm, 3.0 * 12e-6 * np.tile(KINEMATICS.L0, (10, 1)), rtol=1e-9)
+
+
+def test_temperatures_are_counted_from_the_reference() -> None:
+    q = situation(4).q
+    at = Situation(KINEMATICS, q, KINEMATICS.forward(q), {"temp_link": np.full(4, 26.0)}, temperature=25.0)
+    longer = displaced(at, "thermal_links", "link1", only("thermal_links", "link1", at, 0, 1e-5)).length[:, 0]
+    np.testing.assert_allclose(longer, 1e-5 * KINEMATICS.L0[0], rtol=1e-9)
+
+
+def test_a_track_grows_from_its_fixed_point() -> None:
+    c = np.zeros(len(basis("thermal_track", "cart2", FIT)))
+    c[:2] = 12e-6, 12e-6 * 0.4
+    told = parameters("thermal_track", c)
+    assert told["fixed_point"] == pytest.approx(-0.4)
+    q = np.array([-0.4, -0.3, 0.1])
+    warm = travel("thermal_track", q, c, temp_frame=np.full(3, 25.0))
+    np.testing.assert_allclose(warm, told["expansion"] * 5.0 * (q - told["fixed_point"]), rtol=0, atol=1e-15)
+
+
+def test_a_track_that_is_not_straight_is_as_large_as_said() -> None:
+    q = np.linspace(ROBOT.lower[1], ROBOT.upper[1], 4001)
+    for name, parts in (("linearity", ("",)), ("straightness", ("_a", "_b")), ("cart_rotation", ("_roll", "_a", "_b"))):
+        c = some(name, "cart2", FIT)
+        told = parameters(name, c)
+        for part, own in zip(parts, np.split(c, len(parts)), strict=True):
+            curve = travel(
+                "linearity", q, np.concatenate([own, np.zeros(len(basis("linearity", "cart2", FIT)) - len(own))])
+            )
+            left = curve - np.polynomial.Polynomial.fit(q, curve, 1)(q)
+            assert told[f"rms{part}"] == pytest.approx(np.sqrt((left**2).mean()), rel=0.02)
+            assert told[f"peak_to_valley{part}"] == pytest.approx(np.ptp(left), rel=0.02)
+            if name == "linearity":
+                assert told["end_to_end"] == pytest.approx(curve[-1] - curve[0], abs=1e-12)
+
+
+def test_straightness_and_rotation_lie_across_and_about_the_track() -> None:
+    at = situation(12, seed=8)
+    v = ROBOT.actuators[1].axis
+    a, b = rotation_axes(v)[:2]
+    n = len(basis("straightness", "cart2", at)) // 2
+    for half, axis in ((0, a), (1, b)):
+        seat = displaced(at, "straightness", "cart2", only("straightness", "cart2", at, half * n, 1e-5)).seat[:, 1]
+        np.testing.assert_allclose(seat, (seat @ axis)[:, None] * axis, rtol=0, atol=1e-18)
+    m = len(basis("cart_rotation", "cart2", at)) // 3
+    mean = at.seats[:, 1:3].mean(axis=1)
+    for third, axis in ((0, v), (1, a), (2, b)):
+        seat = displaced(at, "cart_rotation", "cart2", only("cart_rotation", "cart2", at, third * m, 1e-5)).seat
+        angle = 1e-5 * np.cos(np.pi * (at.q[:, 1] - ROBOT.lower[1]) / (ROBOT.upper[1] - ROBOT.lower[1]))
+        for i in (1, 2):
+            np.testing.assert_allclose(
+                seat[:, i], np.cross(angle[:, None] * axis, at.seats[:, i] - mean), rtol=0, atol=1e-17
+            )
+
+
+def test_rack_errors_repeat_with_the_period_and_crest_at_the_phase() -> None:
+    period = SETTINGS["rack_periodic"]
+    c = np.zeros(len(basis("rack_periodic", "cart2", FIT)))
+    c[:2] = 2e-5, -1.4e-5
+    told = parameters("rack_periodic", c)
+    assert told["period"] == period
+    q = np.linspace(-0.2, 0.2, 50)
+    wave = travel("rack_periodic", q, c)
+    np.testing.assert_allclose(travel("rack_periodic", q + 3.0 * period, c), wave, rtol=0, atol=1e-17)
+    np.testing.assert_allclose(
+        wave, told["amplitude"] * np.cos(2.0 * np.pi * q / period - told["phase"]), rtol=0, atol=1e-17
+    )
+
+
+def test_no_period_between_two_that_are_tried_is_missed() -> None:
+    periods = np.array(EFFECTS["rack_periodic"].settings(FIT, "cart2"))
+    span = np.ptp(FIT.q[:, 1])
+    true = np.exp(np.random.default_rng(0).uniform(np.log(periods.min()), np.log(periods.max()), 200))
+    # Turns that the nearest period is off by over the whole track: half of that at either end once the phase is fitted.
+    off = np.abs(span / true[:, None] - span / periods).min(axis=1)
+    assert off.max() <= 1.0 / 12.0 + 1e-9
+
+
+def test_a_step_is_beyond_its_place_and_its_slope_starts_there() -> None:
+    place = SETTINGS["rack_step"]
+    c = np.zeros(len(basis("rack_step", "cart2", FIT)))
+    c[:2] = 4e-5, 1e-4
+    np.testing.assert_allclose(
+        travel("rack_step", place + np.array([-0.1, -1e-6, 1e-6, 0.1]), c),
+        [0.0, 0.0, 4e-5 + 1e-10, 5e-5],
+        rtol=0,
+        atol=1e-15,
+    )
+    assert parameters("rack_step", c) == {"place": place, "step": 4e-5, "slope": 1e-4}
+
+
+def test_places_of_steps_lie_inside_the_commands() -> None:
+    places = EFFECTS["rack_step"].settings(FIT, "cart3")
+    assert len(places) > 50
+    assert FIT.q[:, 2].min() < min(places) < max(places) < FIT.q[:, 2].max()
+
+
+def test_a_scale_is_travel_for_every_unit_of_command() -> None:
+    c = np.array([1e-4, 3e-5, 0.0])
+    q = np.array([ROBOT.lower[1], -0.3, 0.3, ROBOT.upper[1]])
+    np.testing.assert_allclose(travel("encoder_scale", q, np.array([1e-4, 0.0, 0.0])), 1e-4 * q, rtol=1e-12)
+    scale = travel("encoder_scale", q, c) / q
+    assert parameters("encoder_scale", c)["uneven"] == pytest.approx(scale[-1] - scale[0], rel=1e-9)
+
+
+def test_backlash_is_what_approaches_from_either_side_differ_by() -> None:
+    c = np.zeros(len(basis("backlash", "cart2", FIT)))
+    c[0] = -2e-5
+    q = np.array([-0.1, 0.2])
+    up, down = (travel("backlash", q, c, approach2=np.full(2, side)) for side in (1.0, -1.0))
+    np.testing.assert_allclose(up - down, parameters("backlash", c)["reversal"], rtol=1e-12)
+    np.testing.assert_allclose(up, -2e-5, rtol=1e-12)
+
+
+def test_a_drive_that_lags_is_behind_its_command() -> None:
+    c = np.zeros(len(basis("servo_lag", "cart2", FIT)))
+    c[0] = 3e-4
+    np.testing.assert_allclose(
+        travel("servo_lag", np.zeros(2), c, speed2=np.array([0.2, -0.1])), [-6e-5, 3e-5], rtol=1e-12
+    )
+    assert parameters("servo_lag", c)["lag"] == 3e-4
+
+
+def test_slopes_of_a_coupling_are_those_over_the_lead_of_each_other_cart() -> None:
+    c = np.zeros(len(basis("cross_coupling", "cart2", FIT)))
+    c[:2] = 3e-5, -6e-5
+    told = parameters("cross_coupling", c)
+    assert list(told) == ["slope[1]", "slope[2]"]
+    q = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.0, 0.01], [0.05, 0.05, 0.05]])
+    at = Situation(KINEMATICS, q, KINEMATICS.forward(q), {})
+    moved = displaced(at, "cross_coupling", "cart2", c).command[:, 1]
+    assert moved[1] - moved[0] == pytest.approx(0.01 * told["slope[1]"])
+    assert moved[2] - moved[0] == pytest.approx(0.01 * told["slope[2]"])
+    assert moved[3] == pytest.approx(moved[0])
+
+
+def test_shifts_between_sessions_are_about_their_mean() -> None:
+    c = np.array([3e-5, -1e-5, 4e-5])
+    told = parameters("zero_shift", c)
+    q = np.zeros(3)
+    moved = travel("zero_shift", q, c, session=np.array(["day0", "day1", "day2"], dtype=object))
+    np.testing.assert_allclose([told[f"shift[{k}]"] for k in (1, 2, 3)], moved - moved.mean(), rtol=0, atol=1e-18)
+    assert told["largest_difference"] == pytest.approx(5e-5)
+
+
+def test_frames_shift_what_is_seen_by_the_session() -> None:
+    c = np.random.default_rng(1).standard_normal(18) * np.tile([1e-5] * 3 + [1e-6] * 3, 3)
+    home = KINEMATICS.home
+    at = Situation(
+        KINEMATICS, np.zeros((3, 3)), home[[0, 0, 0]], {"session": np.array(["day0", "day1", "day2"], dtype=object)}
+    )
+    twist = displaced(at, "frame_shift", "frame", c).twist
+    told = parameters("frame_shift", c)
+    for k in range(3):
+        values = [told[f"{kind}_{axis}[{k + 1}]"] for kind in ("shift", "turn") for axis in "xyz"]
+        np.testing.assert_allclose(values, twist[k] - twist.mean(axis=0), rtol=0, atol=1e-18)
+
+
+def test_a_drift_is_from_the_first_pose_to_the_last() -> None:
+    c = some("tracker_drift", "frame", FIT)
+    told = parameters("tracker_drift", c)
+    home, (start, span) = KINEMATICS.home, FIT.references.time
+    times = np.linspace(start, start + span, 301)
+    at = Situation(KINEMATICS, np.zeros((301, 3)), home[[0] * 301], {"time": times}, FIT.references)
+    twist = displaced(at, "tracker_drift", "frame", c).twist
+    values = [told[f"{kind}_{axis}"] for kind in ("shift", "turn") for axis in "xyz"]
+    np.testing.assert_allclose(values, twist[-1] - twist[0], rtol=0, atol=1e-15)
+    assert told["largest_shift"] == pytest.approx(np.ptp(twist[:, :3], axis=0).max(), rel=0.01)
+    assert told["largest_turn"] == pytest.approx(np.ptp(twist[:, 3:], axis=0).max(), rel=0.01)
+
+
+def test_an_instrument_that_reads_too_long_puts_points_farther_apart() -> None:
+    at = situation(5, seed=9, fixed=FIT.references)
+    seen = (
+        at.poses.T + displaced(at, "tracker_scale", "frame", only("tracker_scale", "frame", at, 0, 1e-4)).twist[:, :3]
+    )
+    apart, true = (np.linalg.norm(T[1:] - T[0], axis=1) for T in (seen, at.poses.T))
+    np.testing.assert_allclose(apart / true, 1.0 + 1e-4, rtol=1e-9)
+
+
+def test_a_target_sits_beyond_the_tcp_in_its_own_frame() -> None:
+    at = situation(5, seed=10)
+    offset = np.array([1e-4, -2e-4, 3e-4])
+    seen = displaced(at, "target_offset", "platform", offset).twist[:, :3]
+    np.testing.assert_allclose(seen, at.poses.R @ offset, rtol=0, atol=1e-18)
+    assert parameters("target_offset", offset) == {"offset_x": 1e-4, "offset_y": -2e-4, "offset_z": 3e-4}
+
+
+def test_a_ball_out_of_round_lengthens_its_own_link_by_its_direction_alone() -> None:
+    at = situation(20, seed=11, fixed=FIT.references)
+    c = some("joint_runout", "link2b", at)
+    longer = displaced(at, "joint_runout", "link2b", c).length
+    assert not np.delete(longer, RODS["link2b"], axis=1).any()
+    # Together, the carts carry everything along the tracks: where the tracks are parallel the links keep their directions.
+    assert 0.3 < np.std(longer[:, RODS["link2b"]]) / parameters("joint_runout", c)["rms"] < 3.0
