@@ -1,0 +1,35 @@
+"""Whether probabilities are what they say: a reliability diagram."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from gtpin.blind.judged import Judged
+from gtpin.blind.rates import Rate, rate
+
+TENTHS = 10
+
+
+@dataclass(frozen=True)
+class Tenth:
+    """Causes whose probability lies in one tenth: where it begins, the mean that was said, and how many were right."""
+
+    start: float
+    said: float
+    right: Rate
+
+
+def tenths(cases: Iterable[Judged], members: bool = False) -> list[Tenth]:
+    """The reliability of the causes that were named, or of all members of their classes; empty tenths are left out."""
+    found: list[list[tuple[float, bool]]] = [[] for _ in range(TENTHS)]
+    for case in cases:
+        for cause in case.said.causes if case.said and case.kind else ():
+            told = {cause.name: cause.probability} | (cause.members if members else {})
+            for name, probability in told.items():
+                found[min(int(probability * TENTHS), TENTHS - 1)].append((probability, name in case.names))
+    return [
+        Tenth(i / TENTHS, sum(p for p, _ in some) / len(some), rate(right for _, right in some))
+        for i, some in enumerate(found)
+        if some
+    ]

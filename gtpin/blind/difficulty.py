@@ -1,0 +1,162 @@
+"""How hard an effect is to name: what every effect of the catalogue leaves of its displacement, past geometry.
+
+Of a whitened displacement d, an effect with whitened displacements X for coefficients of typical size leaves
+d' (I + B B' + s^2 X X')^-1 d, where B is the whitened derivative by the geometry in tolerances, and s the scale, out of
+those a diagnosis would consider, at which the effect is the likeliest. D is the least that an effect other than the true one
+leaves. Settings (a period, a place) are scanned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+
+from gtpin.data import Dataset
+from gtpin.effects.basis import Basis
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.effect import Effect
+from gtpin.effects.situation import Situation
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.library import load_robot
+
+Floats = npt.NDArray[np.float64]
+
+SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
+"""Over the typical size."""
+STRIDE = 2
+"""Of a scan's settings every so many are tried first, then those beside the best."""
+BATCH = 128
+"""Settings whose displacements are held in memory at once."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """What an effect at a site leaves of a displacement, and the scale and setting with which it does."""
+
+    left: float
+    scale: float
+    setting: float | None
+    effect: Effect
+    site: str
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """Measures displacements at a dataset's rows; poses and geometry are the nominal robot's.
+
+    Parameters
+    ----------
+    situation
+        The dataset's rows.
+    sigma
+        (6,) the instrument's, m and rad; infinite for what is not measured.
+    """
+
+    situation: Situation
+    sigma: Floats
+
+    @staticmethod
+    def of(dataset: Dataset, sigma: Floats) -> Yardstick:
+        """The yardstick for a dataset of a robot with rods."""
+        kinematics = RodKinematics(Geometry.nominal(load_robot(dataset.robot_reference)))
+        poses = kinematics.forward(dataset.q)
+        temperature = dataset.conditions.reference_temperature
+        measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
+        return Yardstick(Situation(kinematics, dataset.q, poses, dataset.covariates, None, temperature), measured)
+
+    @cached_property
+    def _geometry(self) -> tuple[Floats, Floats]:
+        """(6 N, p) whitened derivative by the geometry, and the Cholesky factor of I + B'B."""
+        at = self.situation
+        geometry = at.kinematics.geometry
+        B = self.whitened(at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance)
+        return B, cholesky(np.eye(B.shape[1]) + B.T @ B, lower=True)
+
+    def whitened(self, columns: Floats) -> Floats:
+        """(6 N, m) of displacements (N, 6, m)."""
+        return np.asarray(columns / self.sigma[:, None]).reshape(6 * len(columns), -1)
+
+    def energy(self, displacement: Floats) -> float:
+        """E of a displacement (N, 6)."""
+        d = self.whitened(displacement[:, :, None])[:, 0]
+        return float(d @ self._past(d))
+
+    def _past(self, d: Floats) -> Floats:
+        """(I + B B')^-1 d."""
+        B, lower = self._geometry
+        return np.asarray(d - B @ cho_solve((lower, True), B.T @ d))
+
+    def left(self, displacement: Floats) -> dict[str, Best]:
+        """What every effect at every site leaves of a displacement (N, 6), by ``effect@site``."""
+        at = self.situation
+        d = self.whitened(displacement[:, :, None])[:, 0]
+        past = self._past(d)
+        found = {}
+        for effect in catalogue().values():
+            for site in effect.sites(at.robot):
+                if not effect.untestable(at, site):
+                    taken, scale, setting = self._by(effect, site, past)
+                    found[f"{effect.id}@{site}"] = Best(float(d @ past) - taken, scale, setting, effect, site)
+        return found
+
+    def parameters(self, best: Best, displacement: Floats) -> dict[str, float]:
+        """Parameters, by name, of an effect's textbook form that comes nearest to a displacement (N, 6)."""
+        basis = best.effect.basis(self.situation, best.site, best.setting)
+        X = self.whitened(basis.displacement(self.situation) * basis.sigma)
+        d = self.whitened(displacement[:, :, None])[:, 0]
+        c = np.linalg.solve(X.T @ X + np.eye(X.shape[1]) / SCALES[-1] ** 2, X.T @ d) * basis.sigma
+        return {name: value for name, (value, _) in best.effect.parameters(c, best.setting).items()}
+
+    def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, float | None]:
+        """What an effect takes, at which scale and setting."""
+        at = self.situation
+        settings = list(effect.settings(at, site))
+        if not settings:
+            (taken,), (scale,) = self._taken([effect.basis(at, site)], past)
+            return float(taken), float(scale), None
+        tried: dict[int, tuple[float, float]] = {}
+        for places in (range(0, len(settings), STRIDE), range(len(settings))):
+            near = max(tried, key=lambda i: tried[i]) if tried else None
+            waiting = [i for i in places if near is None or abs(i - near) < STRIDE]
+            for start in range(0, len(waiting), BATCH):
+                batch = waiting[start : start + BATCH]
+                found = self._taken([effect.basis(at, site, settings[i]) for i in batch], past)
+                tried |= {i: (float(t), float(s)) for i, t, s in zip(batch, *found, strict=True)}
+        best = max(tried, key=lambda i: tried[i])
+        return *tried[best], settings[best]
+
+    def _taken(self, bases: list[Basis], past: Floats) -> tuple[Floats, Floats]:
+        """(S,) what displacements of each basis take at their likeliest scale, and the scale."""
+        B, lower = self._geometry
+        width = len(bases[0])
+        if bases[0].command is None:
+            X = np.hstack([self.whitened(b.displacement(self.situation) * b.sigma) for b in bases])
+            BtX, moments = B.T @ X, X.T @ past
+            whole = X.reshape(len(X), len(bases), width).transpose(1, 2, 0)
+        else:
+            # The motion by one actuator times a number for each pose: sums over N numbers, not over 6 N.
+            a = self.situation.command_jacobian[:, :, bases[0].command[0]] / self.sigma
+            f = np.stack([b.command[1] * b.sigma for b in bases if b.command], axis=1)
+            flat = f.reshape(len(f), -1)
+            BtX = np.einsum("nci,nc->ni", B.reshape(*a.shape, -1), a, optimize=True).T @ flat
+            moments = flat.T @ (a * past.reshape(a.shape)).sum(axis=1)
+            whole = (f * np.sqrt((a**2).sum(axis=1))[:, None, None]).transpose(1, 2, 0)
+        half = solve_triangular(lower, BtX, lower=True).reshape(len(lower), len(bases), width).transpose(1, 2, 0)
+        grams = whole @ whole.transpose(0, 2, 1) - half @ half.transpose(0, 2, 1)
+        values, vectors = np.linalg.eigh(grams)
+        squares = np.einsum("sij,si->sj", vectors, moments.reshape(len(bases), width)) ** 2
+        return _likeliest(np.maximum(values, 0.0), squares)
+
+
+def _likeliest(values: Floats, squares: Floats) -> tuple[Floats, Floats]:
+    """(S,) energy taken at the scale with the largest evidence, and the scale, of (S, m) eigenvalues and squared moments."""
+    s2 = (SCALES**2)[:, None, None]
+    taken = (s2 * squares / (1.0 + s2 * values)).sum(axis=2)
+    evidence = 0.5 * taken - 0.5 * np.log1p(s2 * values).sum(axis=2)
+    best = np.argmax(evidence, axis=0)
+    return np.take_along_axis(taken, best[None], axis=0)[0], SCALES[best]

@@ -1,0 +1,106 @@
+"""What is drawn for a check: sorts of cases in fixed shares, everything else about them at random."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtpin.blind.truth import Hidden, Kind, TruePoses, Truth
+from gtpin.plant.bulk import draw_case
+from gtpin.plant.case import make_case
+from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED
+from gtpin.plant.tracker import Noise
+from gtpin.plant.truth import Case
+
+SHARES: dict[Kind, float] = {
+    "one": 0.46,
+    "none": 0.11,
+    "unlisted": 0.09,
+    "two": 0.10,
+    "three": 0.03,
+    "known_and_unlisted": 0.04,
+    "rough": 0.08,
+    "power": 0.09,
+}
+"""How often a case is of each sort."""
+POWER_POSES = (60, 120, 240)
+POWER_ENERGY = (2.0, 250.0)
+"""Poses, and energies (uniform in the logarithm), of the cases that tell from what energy on an effect is found."""
+GOLDEN = (5**0.5 - 1) / 2
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A case to be made: what sort it is, the plant's seed, effects (sites are drawn), and poses where they are fixed."""
+
+    name: str
+    kind: Kind
+    seed: int
+    effects: tuple[str, ...] = ()
+    poses: int | None = None
+
+
+def drafts(cases: int, seed: int) -> Iterator[Draft]:
+    """The cases of a check; the first of a larger check of the same seed are those of a smaller one.
+
+    Sorts come in their shares in any stretch of cases, and single effects in turn, so that each has its cases; sites,
+    energies, poses, conditions and forms are the plant's to draw.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
+    listed, unlisted = ([kind.name for kind in kinds] for kinds in (CATALOGUE, UNLISTED))
+    edges = np.cumsum(list(SHARES.values()))
+    start = rng.random()
+    turns: dict[Kind, list[str]] = {
+        "one": list(rng.permutation(listed)),
+        "power": list(rng.permutation(listed)),
+        "unlisted": list(rng.permutation(unlisted)),
+    }
+    count = dict.fromkeys(SHARES, 0)
+    for number in range(cases):
+        at = (start + number * GOLDEN) % 1.0 * edges[-1]
+        kind = list(SHARES)[int(np.searchsorted(edges, at, side="right"))]
+        own = np.random.default_rng(np.random.SeedSequence([seed, 1, number]))
+        effects: tuple[str, ...] = ()
+        if kind in turns:
+            effects = (turns[kind][count[kind] % len(turns[kind])],)
+        elif kind in ("two", "three"):
+            effects = tuple(own.choice(listed, 2 if kind == "two" else 3, replace=False))
+        elif kind == "known_and_unlisted":
+            effects = (str(own.choice(listed)), str(own.choice(unlisted)))
+        poses = POWER_POSES[count[kind] % len(POWER_POSES)] if kind == "power" else None
+        count[kind] += 1
+        yield Draft(f"case{number:05d}", kind, int(own.integers(2**31)), tuple(map(str, effects)), poses)
+
+
+def made(draft: Draft) -> Case:
+    """Let the plant make a case."""
+    if draft.kind == "rough":
+        return draw_case(draft.seed, rough=True)
+    energy = POWER_ENERGY if draft.kind == "power" else None
+    return make_case(draft.seed, effects=[(name, None) for name in draft.effects], poses=draft.poses, energy=energy)
+
+
+def truth_of(case: Case, kind: Kind) -> Truth:
+    """What is to be sealed of a case."""
+    noise = Noise()
+    return Truth(
+        kind=kind,
+        effects=tuple(
+            Hidden(
+                effect=t.effect,
+                site=t.site,
+                energy=t.energy,
+                amplitude=t.amplitude,
+                displacement=tuple(map(tuple, t.displacement.tolist())),
+            )
+            for t in case.effects
+        ),
+        poses=TruePoses(
+            pose=tuple(case.commands.pose.tolist()),
+            position=tuple(map(tuple, case.truth.T.tolist())),
+            orientation=tuple(map(tuple, case.truth.quaternions.tolist())),
+        ),
+        sigma=(noise.position_sigma,) * 3 + (noise.orientation_sigma,) * 3,
+    )

@@ -1,0 +1,157 @@
+"""The figures that a diagnosis should reach, each by its definition."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gtpin.blind.calibration import tenths
+from gtpin.blind.judged import LEFT, VISIBLE, Judged
+from gtpin.blind.rates import Rate, mean, rate
+from gtpin.blind.truth import Kind
+
+MOST_AFTER = 1.3
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure: what it says, its value with bounds, and the least or most that it should be."""
+
+    name: str
+    rate: Rate
+    least: float | None = None
+    most: float | None = None
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the value is on the right side; None without cases or target."""
+        if self.rate.value is None or (self.least is None and self.most is None):
+            return None
+        return (self.least is None or self.rate.value >= self.least) and (
+            self.most is None or self.rate.value <= self.most
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """As in ``score.json``."""
+        target = {"least": self.least, "most": self.most, "reached": self.reached}
+        return {"figure": self.name, **self.rate.to_json(), **target}
+
+
+def figures(cases: Sequence[Judged]) -> list[Figure]:
+    """All figures, of those cases that they are about; a failed case is never right."""
+    one, none = of_kind(cases, "one"), of_kind(cases, "none")
+    seen, clear = [c for c in one if c.energy > VISIBLE], [c for c in one if c.leaves > VISIBLE]
+    weak = [c for c in one if c.leaves <= VISIBLE]
+    rough = [c for c in of_kind(cases, "rough") if len(c.truth) == 1 and c.energy > VISIBLE and c.testable and c.listed]
+    two, three = of_kind(cases, "two"), of_kind(cases, "three")
+    both = of_kind(cases, "known_and_unlisted")
+    return [
+        Figure("detected, E > 63", rate(c.detected for c in seen), least=0.97),
+        Figure("class holds the truth, E > 63", rate(c.in_class for c in seen), least=0.97),
+        Figure("members of the class, E > 63", mean(len(c.said.members) for c in seen if c.said and c.said.members), most=2.5),
+        Figure("class with a member that leaves more than 63, E > 63", rate(_stranger(c) for c in seen), most=0.0),
+        Figure("cause and site right, nothing else named, D > 63", rate(c.strict for c in clear), least=0.90),
+        Figure("site that leads `where` right, D > 63", rate(_where(c) for c in clear), least=0.90),
+        Figure("no false name with confidence, D <= 63", rate(not c.error and not c.false_confident for c in weak), least=0.95),
+        Figure("no effect: silent", rate(c.said is not None and not c.detected for c in none), least=0.99),
+        Figure("two effects: F1 of the set", mean(c.f1 for c in two), least=0.95),
+        Figure("three effects: F1 of the set", mean(c.f1 for c in three)),
+        *_outside(cases),
+        Figure("known and unlisted together: `unknown`", rate(_unknown(c) for c in both)),
+        Figure("known and unlisted together: a false cause named", rate(bool(c.false_names) for c in both)),
+        _calibrated(cases),
+        Figure("rough data: class holds the truth, E > 63, covariate there", rate(c.in_class for c in rough), least=0.90),
+        *_shrinkage(cases, seen),
+        Figure("95 % intervals of parameters cover", rate(covered(cases))),
+    ]  # fmt: skip
+
+
+def of_kind(cases: Iterable[Judged], *kinds: Kind) -> list[Judged]:
+    """The cases of some sorts."""
+    return [case for case in cases if case.kind in kinds]
+
+
+def taken_out(cases: Iterable[Judged]) -> list[Judged]:
+    """The single effects as those of an unlisted one, by what was said once they had been taken out of the catalogue."""
+    found = []
+    for case in of_kind(cases, "one"):
+        if case.without is not None or case.without_error is not None:
+            nameless = case.single.model_copy(update={"site": "", "leaves": case.without_left})
+            found.append(
+                case.model_copy(update={"said": case.without, "error": case.without_error, "truth": (nameless,)})
+            )
+    return found
+
+
+def covered(cases: Iterable[Judged]) -> Iterable[bool]:
+    """Whether parameters of rightly named causes lie within 1.96 sigma of the true ones."""
+    return (abs(value - true) <= 1.96 * sigma for c in cases for _, value, sigma, true in c.parameters)
+
+
+def _outside(cases: Sequence[Judged]) -> list[Figure]:
+    """Effects that are in no catalogue, and those that were taken out of it."""
+    rows = []
+    for word, some in (
+        ("outside the catalogue", of_kind(cases, "unlisted")),
+        ("taken out of the catalogue", taken_out(cases)),
+    ):
+        plain = [c for c in some if c.leaves > LEFT]
+        asked: list[tuple[str, Callable[[Judged], bool], Sequence[Judged], dict[str, float]]] = [
+            ("`unknown`, where others leave more than 250", _unknown, plain, {"least": 0.90}),
+            ("`unknown`, all", _unknown, some, {}),
+            ("a cause named with confidence, where others leave more than 250", _confident, plain, {"most": 0.15}),
+            ("a cause named with confidence, all", _confident, some, {"most": 0.15}),
+            ("any cause named, all", _named, some, {}),
+        ]
+        rows += [Figure(f"{word}: {text}", rate(map(test, those)), **bound) for text, test, those, bound in asked]
+    return rows
+
+
+def _shrinkage(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
+    told = [
+        (c.said.shrinkage, c.said.interval, c.shrunk.share)
+        for c in cases
+        if c.said and c.shrunk and c.said.shrinkage is not None
+    ]
+    ratios = [c.shrunk.after / c.shrunk.knowing for c in seen if c.shrunk and c.shrunk.knowing]
+    return [
+        Figure("shrinkage said less realised, absolute", mean(abs(said - real) for said, _, real in told), most=0.05),
+        Figure("shrinkage said less realised", mean(said - real for said, _, real in told)),
+        Figure("95 % interval of shrinkage covers", rate(i[0] <= real <= i[1] for _, i, real in told if i), least=0.90),
+        Figure("gap after over that of a fit that knows the cause, E > 63", mean(ratios), most=MOST_AFTER),
+        Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
+    ]
+
+
+def _calibrated(cases: Sequence[Judged]) -> Figure:
+    """The tenth of probabilities that is farthest off."""
+    off = [abs(t.said - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
+    return Figure(
+        "probabilities: farthest off of the tenths that have 30 causes",
+        Rate(max(off, default=None), None, None, len(off)),
+        most=0.05,
+    )
+
+
+def _stranger(case: Judged) -> bool:
+    """Whether the class has a member that can't stand in for the effect."""
+    return case.said is not None and any(
+        case.left.get(n, 0.0) > VISIBLE for n in case.said.members if n not in case.names
+    )
+
+
+def _where(case: Judged) -> bool:
+    return case.said is not None and case.said.site == case.single.site
+
+
+def _unknown(case: Judged) -> bool:
+    return case.said is not None and case.said.verdict == "unknown"
+
+
+def _confident(case: Judged) -> bool:
+    return bool(case.false_confident)
+
+
+def _named(case: Judged) -> bool:
+    return bool(case.false_names)

@@ -1,0 +1,188 @@
+"""Cases that somebody else made: datasets with their truths beside them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from gtpin.blind.truth import Hidden, Kind, Six, TruePoses, Truth
+from gtpin.data import columns
+from gtpin.data.description import read_description, write_description
+from gtpin.data.files import find_table, read_bytes, read_table
+from gtpin.data.names import POSITION
+from gtpin.effects.catalogue import catalogue
+from gtpin.errors import DatasetError, GtpinError
+from gtpin.output import writing
+from gtpin.robot.library import load_robot
+from gtpin.robot.robot import Robot
+
+TRUTH, POSES = ".truth.json", ".truth.csv"
+ROBOT = "robot.urdf"
+"""Name of a dataset's own URDF once it is in the dataset's folder."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """A case that somebody else made: the folder of its dataset, and its truth."""
+
+    folder: Path
+    truth: Truth
+
+    @property
+    def name(self) -> str:
+        """The case's name."""
+        return self.folder.name
+
+
+class _TruthFile(BaseModel):
+    """What ``NAME.truth.json`` holds; the sort of case and the noise are told only where gtpin wrote it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    effects: tuple[Hidden, ...]
+    kind: Kind | None = None
+    sigma: Six | None = None
+
+
+def given(folder: Path) -> list[Given]:
+    """Find all cases in a folder, ``NAME/`` and ``NAME.truth.json``, in the order of their names.
+
+    Raises
+    ------
+    GtpinError
+        If there are none, a dataset has no truth or a truth no dataset, or a truth can't be read; the message names it.
+    """
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise GtpinError(f"can't be read ({reason})", file=folder, hint="name a folder of cases") from None
+    truths = {entry.name.removesuffix(TRUTH) for entry in entries if entry.name.endswith(TRUTH)}
+    datasets = {entry.name for entry in entries if entry.is_dir() and not entry.name.startswith(".")}
+    if not truths and not datasets:
+        raise GtpinError(
+            "there are no cases here", file=folder, hint="it needs NAME/ and NAME.truth.json for each case"
+        )
+    for name in sorted(datasets ^ truths):
+        file = folder / (f"{name}{TRUTH}" if name in datasets else name)
+        raise GtpinError(
+            "is missing", file=file, hint="each case is a folder NAME/ and a file NAME.truth.json beside it"
+        )
+    return [Given(folder / name, _truth(folder, name)) for name in sorted(truths)]
+
+
+def _truth(folder: Path, name: str) -> Truth:
+    file = folder / f"{name}{TRUTH}"
+    try:
+        told = _TruthFile.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        hint = 'write {"effects": [{"effect": ID, "site": SITE}, ...]}'
+        raise GtpinError(str(first["msg"]), file=file, column=key, hint=hint) from None
+    except json.JSONDecodeError as error:
+        raise GtpinError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint="correct the file") from None
+    except (UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise GtpinError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint="correct the file") from None
+    _check(file, told, _robot_of(folder / name))
+    return Truth(
+        kind=told.kind or kind_of([effect.effect for effect in told.effects]),
+        effects=told.effects,
+        poses=_poses(folder, name),
+        sigma=told.sigma,
+    )
+
+
+def _check(file: Path, told: _TruthFile, robot: Robot | None) -> None:
+    """Refuse known effects at sites that the robot does not have, and the same effect twice."""
+    for number, effect in enumerate(told.effects):
+        where = f"effects.{number}.site"
+        sites = catalogue()[effect.effect].sites(robot) if robot and effect.effect in catalogue() else None
+        if sites is not None and effect.site not in sites:
+            raise GtpinError(
+                f"{effect.effect} can't be at {effect.site!r}", file=file, column=where, hint=f"use {', '.join(sites)}"
+            )
+        if effect.name in {other.name for other in told.effects[:number]}:
+            raise GtpinError(f"{effect.name} is there twice", file=file, column=where, hint="keep one of them")
+
+
+def kind_of(effects: list[str]) -> Kind:
+    """What sort of case it is, by its effects."""
+    known = sum(effect in catalogue() for effect in effects)
+    kinds: Mapping[tuple[int, int], Kind] = {
+        (0, 0): "none", (1, 0): "one", (2, 0): "two", (3, 0): "three", (0, 1): "unlisted", (1, 1): "known_and_unlisted",
+    }  # fmt: skip
+    return kinds.get((known, len(effects) - known), "many")
+
+
+def _robot_of(folder: Path) -> Robot | None:
+    """The robot of a dataset; None where the dataset can't be read, of which its diagnosis will tell."""
+    try:
+        robot = read_description(folder / "dataset.toml").robot
+        return load_robot(_path_of(folder, robot) or robot)
+    except GtpinError:
+        return None
+
+
+def _path_of(folder: Path, robot: str) -> Path | None:
+    is_path = "/" in robot or os.sep in robot or robot.lower().endswith(".urdf")
+    return Path(os.path.abspath(folder / robot)) if is_path else None
+
+
+def _poses(folder: Path, name: str) -> TruePoses | None:
+    """The true poses, which must be those of the commands."""
+    file = folder / f"{name}{POSES}"
+    if not file.exists():
+        return None
+    table = read_table(file)
+    pose, T, turns = table.column("pose").tolist(), table.matrix(POSITION), columns.orientation(table)
+    if len(set(pose)) < len(pose):
+        raise DatasetError("a pose is there twice", file=file, column="pose", hint="give each command one true pose")
+    asked = find_table(folder / name, "commands")
+    if asked is None:
+        hint = "the true poses are those at its commands"
+        raise DatasetError("the file is missing", file=folder / name / "commands.csv", hint=hint)
+    other = set(pose) ^ set(read_table(asked).column("pose").tolist())
+    if other:
+        what = f"pose {sorted(other)[0]} is not in both this file and {asked.name}"
+        raise DatasetError(what, file=file, column="pose", hint="give each command its true pose")
+    return TruePoses(
+        pose=tuple(pose),
+        position=tuple(map(tuple, T.tolist())),
+        orientation=None if turns is None else tuple(map(tuple, turns.tolist())),
+    )
+
+
+def source_digest(cases: list[Given]) -> str:
+    """SHA-256 of all datasets and truths, by name."""
+    found = hashlib.sha256()
+    for case in cases:
+        for name, content in {**_files(case.folder), "truth": case.truth.model_dump_json().encode()}.items():
+            found.update(f"{case.name}/{name}".encode() + b"\0" + hashlib.sha256(content).digest())
+    return found.hexdigest()
+
+
+def take_in(case: Given, place: Path) -> None:
+    """Copy a dataset, with the URDF that it names."""
+    with writing(place):
+        place.mkdir(parents=True, exist_ok=True)
+        for name, content in _files(case.folder).items():
+            (place / name).write_bytes(content)
+        try:
+            description = read_description(case.folder / "dataset.toml")
+            urdf = _path_of(case.folder, description.robot)
+            if urdf is not None:
+                (place / ROBOT).write_bytes(read_bytes(urdf))
+                write_description(place / "dataset.toml", description.model_copy(update={"robot": ROBOT}))
+        except GtpinError:
+            return  # its diagnosis will tell
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    return {file.name: read_bytes(file) for file in sorted(folder.iterdir()) if file.is_file()}

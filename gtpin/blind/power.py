@@ -1,0 +1,47 @@
+"""From what energy on an effect is found, beside what a matched filter could do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.stats import norm
+
+from gtpin.blind.judged import Judged
+from gtpin.blind.rates import Rate, rate
+
+EDGES = (2.0, 8.0, 16.0, 32.0, 63.0, 125.0, 250.0)
+"""Of the energies that are counted together."""
+FALSE_ALARM = 0.01
+
+
+@dataclass(frozen=True)
+class Found:
+    """Share of effects that were found: with so many poses, of energies from and to."""
+
+    poses: int
+    start: float
+    end: float
+    energy: float
+    found: Rate
+    limit: float
+
+
+def matched_filter(energy: float) -> float:
+    """Chance that a filter that knows an effect's form and sign finds it, at 1 % false alarms; 95 % at E = 15.8."""
+    return float(norm.sf(norm.isf(FALSE_ALARM) - np.sqrt(energy)))
+
+
+def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[Found]:
+    """Shares found of the cases that were made for it, by number of poses and energy."""
+    rows = []
+    for number in numbers:
+        for start, end in pairwise(EDGES):
+            some = [c for c in cases if c.kind == "power" and c.planned == number and start <= c.energy < end]
+            if some:
+                limit = float(np.mean([matched_filter(c.energy) for c in some]))
+                middle = float(np.exp(np.mean([np.log(c.energy) for c in some])))
+                rows.append(Found(number, start, end, middle, rate(c.detected for c in some), limit))
+    return rows

@@ -1,0 +1,52 @@
+"""Fractions and means with their 95 % bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Z = 1.959963984540054
+"""Standard normal quantile of 0.975."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A fraction or mean of so many cases, with its 95 % bounds; all None where there are no cases."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    of: int
+
+    def to_json(self) -> dict[str, Any]:
+        """``value``, ``low``, ``high``, ``of``."""
+        return {"value": self.value, "low": self.low, "high": self.high, "of": self.of}
+
+
+def rate(hits: Iterable[bool]) -> Rate:
+    """Fraction of hits with Wilson's bounds (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
+    values = [bool(hit) for hit in hits]
+    n = len(values)
+    if not n:
+        return Rate(None, None, None, 0)
+    p = sum(values) / n
+    middle, half = (
+        (p + Z**2 / (2 * n)) / (1 + Z**2 / n),
+        Z / (1 + Z**2 / n) * (p * (1 - p) / n + Z**2 / (4 * n**2)) ** 0.5,
+    )
+    return Rate(p, max(middle - half, 0.0), min(middle + half, 1.0), n)
+
+
+def mean(values: Iterable[float]) -> Rate:
+    """Mean with bounds of 1.96 standard errors; no bounds from a single value."""
+    found = np.array(list(values), dtype=float)
+    if not found.size:
+        return Rate(None, None, None, 0)
+    middle = float(found.mean())
+    if found.size == 1:
+        return Rate(middle, None, None, 1)
+    half = Z * float(found.std(ddof=1)) / found.size**0.5
+    return Rate(middle, middle - half, middle + half, int(found.size))

@@ -1,0 +1,150 @@
+"""A check from beginning to end: cases made and sealed, diagnosed, opened and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Protocol
+
+from gtpin.blind.draw import Draft, drafts, made, truth_of
+from gtpin.blind.folder import CheckFolder, Settings, diagnosis_digest
+from gtpin.blind.judge import judge
+from gtpin.blind.judged import Judged
+from gtpin.blind.others import given, source_digest, take_in
+from gtpin.blind.seal import SealError, opened, read_manifest, seal, write_manifest
+from gtpin.blind.spread import cluster, spread
+from gtpin.blind.truth import Truth
+from gtpin.blind.worker import Said, diagnose_alone
+from gtpin.errors import GtpinError
+from gtpin.plant.digest import digest as plant_digest
+
+TAKEN_OUT = 2
+"""Of the cases with one effect, every so many are diagnosed again with the effect taken out of the catalogue."""
+
+
+class Watch(Protocol):
+    """Is told how far a check is."""
+
+    def begin(self, what: str, total: int, done: int) -> None:
+        """So many pieces of work begin, some of which were done earlier."""
+
+    def one_more(self) -> None:
+        """A piece of work is done."""
+
+
+def check(output: Path, cases: int, seed: int, watch: Watch, address: str | None = None) -> list[Judged]:
+    """Make cases, diagnose them, open the seals, and judge; go on where the same check was stopped."""
+    folder = CheckFolder(output)
+    folder.claim(Settings(cases, seed, None, plant_digest(), diagnosis_digest()))
+    asked = list(drafts(cases, seed))
+    if not folder.manifest.exists():
+        waiting = [draft for draft in asked if not folder.sealed(draft.name).exists()]
+        watch.begin("making cases", len(asked), len(asked) - len(waiting))
+        with cluster(None):  # never where cases are diagnosed
+            lost = spread(_make, [(d.name, (folder.root, d)) for d in waiting], lambda *_: watch.one_more())
+        if lost:
+            raise GtpinError(f"a process died while {lost[0]} was made", hint="run the same command again")
+        write_manifest(folder.manifest, folder.digests(draft.name for draft in asked), plant_digest())
+    return diagnose_and_judge(folder, watch, address)
+
+
+def check_given(output: Path, source: Path, watch: Watch, address: str | None = None) -> list[Judged]:
+    """Diagnose cases that somebody else made, and judge; go on where the same check was stopped.
+
+    Raises
+    ------
+    GtpinError
+        If a truth is missing or malformed, or the folder belongs to another check.
+    """
+    cases = given(source)
+    folder = CheckFolder(output)
+    folder.claim(Settings(len(cases), None, source_digest(cases), None, diagnosis_digest()))
+    if not folder.manifest.exists():
+        watch.begin("sealing", len(cases), 0)
+        for case in cases:
+            take_in(case, folder.case(case.name))
+            seal(case.truth, folder.case(case.name), folder.sealed(case.name))
+            watch.one_more()
+        write_manifest(folder.manifest, folder.digests(case.name for case in cases), None)
+    return diagnose_and_judge(folder, watch, address)
+
+
+def _make(root: Path, draft: Draft) -> None:
+    """Make a case: its dataset, the digest of its truth, and its truth, last."""
+    folder = CheckFolder(root)
+    case = made(draft)
+    place = folder.case(draft.name)
+    for old in place.glob("*") if place.exists() else ():
+        old.unlink()
+    case.dataset.write(place)
+    case.commands.write(place / "commands.csv")
+    seal(truth_of(case, draft.kind), place, folder.sealed(draft.name))
+
+
+def diagnose_and_judge(folder: CheckFolder, watch: Watch, address: str | None) -> list[Judged]:
+    """Diagnose all cases of a manifest that were not yet, then open the seals and judge."""
+    digests = read_manifest(folder.manifest)
+    _diagnose(folder, dict.fromkeys(digests, ()), watch, address, "diagnosing")
+    truths = _opened(folder, digests)
+    _diagnose(folder, _taken_out(truths), watch, address, "with effects taken out")
+    watch.begin("judging", len(digests), 0)
+    judged: dict[str, Judged] = {}
+
+    def done(name: str, case: Judged) -> None:
+        judged[name] = case
+        watch.one_more()
+
+    with cluster(None):
+        tasks = [
+            (name, (folder.case(name), folder.sealed(name), digest, folder.said(name), folder.said(name, without=True)))
+            for name, digest in digests.items()
+        ]
+        lost = spread(judge, tasks, done)
+    if lost:
+        raise GtpinError(f"a process died while {lost[0]} was judged", hint="run the same command again")
+    for name, truth in truths.items():
+        folder.publish(name, truth)
+    return [judged[name] for name in digests]
+
+
+def _diagnose(
+    folder: CheckFolder, asked: Mapping[str, tuple[str, ...]], watch: Watch, address: str | None, what: str
+) -> None:
+    """Diagnose cases that were not yet, each with what is to be taken out of the catalogue."""
+
+    def done(name: str, result: tuple[Said, float]) -> None:
+        folder.keep(name, result[0], without=bool(asked[name]))
+        watch.one_more()
+
+    waiting = [name for name in asked if folder.said(name, without=bool(asked[name])) is None]
+    watch.begin(what, len(asked), len(asked) - len(waiting))
+    with cluster(address):
+        lost = spread(diagnose_alone, [(name, (folder.files_of(name), asked[name])) for name in waiting], done)
+    for name in lost:  # somewhere among them is one whose process dies
+        with cluster(address):
+            if spread(diagnose_alone, [(name, (folder.files_of(name), asked[name]))], done):
+                done(name, (Said(error="the process that diagnosed it died"), 0.0))
+
+
+def _opened(folder: CheckFolder, digests: Mapping[str, str]) -> dict[str, Truth]:
+    """Truths whose seals are whole."""
+    truths = {}
+    for name, digest in digests.items():
+        try:
+            truths[name] = opened(folder.sealed(name), digest)
+        except SealError:
+            continue  # the judge tells
+    return truths
+
+
+def _taken_out(truths: Mapping[str, Truth]) -> dict[str, tuple[str, ...]]:
+    """The cases that are diagnosed again, and the effect that is taken out: every other case of each effect."""
+    count: dict[str, int] = {}
+    found: dict[str, tuple[str, ...]] = {}
+    for name, truth in truths.items():
+        if truth.kind == "one":
+            effect = truth.effects[0].effect
+            count[effect] = count.get(effect, -1) + 1
+            if count[effect] % TAKEN_OUT == 0:
+                found[name] = (effect,)
+    return found

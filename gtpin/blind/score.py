@@ -1,0 +1,103 @@
+"""The score of a check: fractions over all cases, figures beside their targets, and what else there is to tell."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from gtpin.blind.baselines import baselines
+from gtpin.blind.calibration import Tenth, tenths
+from gtpin.blind.figures import figures, of_kind, taken_out
+from gtpin.blind.judged import Judged
+from gtpin.blind.power import power
+from gtpin.blind.rates import mean, rate
+
+SCHEMA = "gtpin-score/1"
+POSES = (60, 120, 240)
+
+
+def score(cases: Sequence[Judged]) -> dict[str, Any]:
+    """The content of ``score.json``; fractions are None where no case tells them."""
+    one, several = of_kind(cases, "one"), of_kind(cases, "two", "three")
+    none, unlisted = of_kind(cases, "none"), of_kind(cases, "unlisted")
+    told = [
+        (c.said.shrinkage, c.said.interval, c.shrunk.share)
+        for c in cases
+        if c.said and c.shrunk and c.said.shrinkage is not None
+    ]
+    return {
+        "schema": SCHEMA,
+        "cases": len(cases),
+        "strict": rate(c.strict for c in one).value,
+        "in_class": rate(c.in_class for c in one).value,
+        "class_size": mean(len(c.said.members) for c in one if c.said and c.said.members).value,
+        "site": rate(_site(c) for c in one).value,
+        "false_alarm": rate(c.detected for c in none).value,
+        "unknown_recognised": rate(c.said is not None and c.said.verdict == "unknown" for c in unlisted).value,
+        "unknown_misnamed": rate(bool(c.false_names) for c in unlisted).value,
+        "set_f1": mean(c.f1 for c in several).value,
+        "shrinkage_error": mean(abs(said - real) for said, _, real in told).value,
+        "interval_coverage": rate(i[0] <= real <= i[1] for _, i, real in told if i).value,
+        "failed": rate(c.error is not None for c in cases).value,
+        "by_effect": by_effect(cases),
+        "kinds": dict(sorted(Counter(c.kind or "broken seal" for c in cases).items())),
+        "figures": [figure.to_json() for figure in figures(cases)],
+        "baselines": baselines(cases),
+        "confusion": confusion(one),
+        "reliability": {
+            "causes": [_tenth(t) for t in tenths(cases)],
+            "members": [_tenth(t) for t in tenths(cases, members=True)],
+        },
+        "power": [asdict(found) for found in power(cases, POSES)],
+        "failures": [c.name for c in cases if c.error is not None],
+    }
+
+
+def by_effect(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
+    """By effect: cases, how often it was named, in which class, where, and what was said once it was taken out."""
+    found: dict[str, dict[str, Any]] = {}
+    one, taken = of_kind(cases, "one"), taken_out(cases)
+    for effect in sorted({c.single.effect for c in one}):
+        some = [c for c in one if c.single.effect == effect]
+        out = [c for c in taken if c.single.effect == effect]
+        strict, inside = rate(c.strict for c in some), rate(c.in_class for c in some)
+        found[effect] = {
+            "cases": len(some),
+            "strict": strict.value,
+            "in_class": inside.value,
+            "strict_bounds": [strict.low, strict.high],
+            "in_class_bounds": [inside.low, inside.high],
+            "class_size": mean(len(c.said.members) for c in some if c.said and c.said.members).value,
+            "detected": rate(c.detected for c in some).value,
+            "site": rate(_site(c) for c in some).value,
+            "where": rate(c.said is not None and c.said.site == c.single.site for c in some).value,
+            "taken_out": len(out),
+            "taken_out_unknown": rate(c.said is not None and c.said.verdict == "unknown" for c in out).value,
+            "taken_out_misnamed": rate(bool(c.false_confident) for c in out).value,
+        }
+    return found
+
+
+def confusion(one: Sequence[Judged]) -> dict[str, dict[str, int]]:
+    """How often a single effect (first key) was called what: the leading cause's effect, or else the verdict."""
+    found: dict[str, Counter[str]] = {}
+    for case in one:
+        found.setdefault(case.single.effect, Counter())[_called(case)] += 1
+    return {effect: dict(sorted(found[effect].items())) for effect in sorted(found)}
+
+
+def _called(case: Judged) -> str:
+    if case.said is None:
+        return "failed"
+    return case.said.names[0].split("@")[0] if case.said.names else case.said.verdict
+
+
+def _site(case: Judged) -> bool:
+    """Whether the leading cause sits where the effect does."""
+    return bool(case.said and case.said.names and case.said.names[0].split("@")[1] == case.single.site)
+
+
+def _tenth(tenth: Tenth) -> dict[str, Any]:
+    return {"start": tenth.start, "said": tenth.said, "right": tenth.right.to_json()}

@@ -1,0 +1,76 @@
+"""A rival that names nothing: a Gaussian process over commands and covariates closes what the geometry leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
+
+from gtpin.data import Commands, Dataset
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+START = np.log([2.0, 0.7, 1.0, 0.7])
+"""Amplitude and length over the commands, amplitude over the covariates, and noise: over the residual's size and the
+commands' spread."""
+TRIALS = 60
+ROWS = 400
+"""Rows that are used at most."""
+
+
+def smoothed(dataset: Dataset, baseline: Model, commands: Commands) -> Floats:
+    """(H, 3) positions at commands, m: the baseline's, and a Gaussian process of what it leaves at the dataset's rows.
+
+    Squared-exponential kernels over the commands together and over each covariate alone (its length is the covariate's
+    spread); the rest by maximum likelihood (Rasmussen and Williams 2006, ch. 5).
+    """
+    rows = np.linspace(0, len(dataset) - 1, min(len(dataset), ROWS)).astype(int)
+    left = dataset.position[rows] - baseline.predict(dataset.q[rows]).T
+    size = max(float(left.std()), 1e-12)
+    y = (left - left.mean(axis=0)) / size
+    own, asked = _covariates(dataset.commands, commands)[rows], _covariates(commands, dataset.commands)
+    near = _near(dataset.q[rows], own, dataset.q[rows], own)
+
+    def factor(log: Floats) -> tuple[Floats, bool]:
+        return cho_factor(_kernel(near, log) + (np.exp(2.0 * log[3]) + 1e-8) * np.eye(len(y)), lower=True)
+
+    def cost(log: Floats) -> float:
+        try:
+            lower = factor(log)
+        except np.linalg.LinAlgError:
+            return 1e12
+        fit = 0.5 * float((y * cho_solve(lower, y)).sum()) + 3.0 * float(np.log(np.diag(lower[0])).sum())
+        return fit + float(((log - START) ** 2).sum()) / 8.0
+
+    best = minimize(cost, START, method="Nelder-Mead", options={"maxfev": TRIALS}).x
+    across = _kernel(_near(dataset.q[rows], own, commands.q, asked), best)
+    correction = across.T @ cho_solve(factor(best), y) * size + left.mean(axis=0)
+    return np.asarray(baseline.predict(commands.q).T + correction)
+
+
+def _covariates(own: Commands, other: Commands) -> Floats:
+    """(N, c) numeric covariates that both have."""
+    both = [n for n in own.covariates if n in other.covariates and own.covariates[n].dtype == np.float64]
+    return (
+        np.stack([np.asarray(own.covariates[n], dtype=float) for n in both], axis=1)
+        if both
+        else np.zeros((len(own), 0))
+    )
+
+
+def _near(q: Floats, covariates: Floats, other_q: Floats, other: Floats) -> tuple[Floats, Floats]:
+    """(N, H) squared distances over the commands, and how near the covariates are on average, in units of spreads."""
+    spread, spreads = max(float(q.std(axis=0).mean()), 1e-12), covariates.std(axis=0)
+    over_q = (((q[:, None] - other_q) / spread) ** 2).sum(axis=2)
+    vary = spreads > 1e-9
+    if not vary.any():
+        return over_q, np.zeros(over_q.shape)
+    squares = ((covariates[:, None, vary] - other[:, vary]) / spreads[vary]) ** 2
+    return over_q, np.exp(-0.5 * squares).mean(axis=2)
+
+
+def _kernel(near: tuple[Floats, Floats], log: Floats) -> Floats:
+    over_q, together = near
+    return np.asarray(np.exp(2.0 * log[0] - 0.5 * over_q * np.exp(-2.0 * log[1])) + np.exp(2.0 * log[2]) * together)

@@ -1,0 +1,90 @@
+"""What a diagnosis says of a case, as far as it is scored; read from ``diagnosis.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+CONFIDENT = 0.95
+"""Probability from which a cause counts as named with confidence."""
+
+
+class Named(BaseModel):
+    """A cause that was named: ``effect@site``, its probability, its class by name with probabilities."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    probability: float
+    members: dict[str, float]
+    parameters: dict[str, tuple[float, float]] = {}
+
+
+class Statement(BaseModel):
+    """What was said.
+
+    Parameters
+    ----------
+    verdict, causes
+        As in ``diagnosis.json``; causes by ``effect@site``, the largest first.
+    site
+        That leads ``where``; empty where nothing does.
+    top
+        Candidate with the largest evidence, ``effect@site``; empty without candidates.
+    shrinkage, interval
+        As said; None where nothing was.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    verdict: Literal["none", "explained", "ambiguous", "unknown"]
+    causes: tuple[Named, ...] = ()
+    site: str = ""
+    top: str = ""
+    shrinkage: float | None = None
+    interval: tuple[float, float] | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Causes, ``effect@site``."""
+        return tuple(cause.name for cause in self.causes)
+
+    @property
+    def members(self) -> frozenset[str]:
+        """The classes of all causes together."""
+        return frozenset(name for cause in self.causes for name in (cause.name, *cause.members))
+
+    def confident(self) -> tuple[str, ...]:
+        """Causes that were named with confidence."""
+        return tuple(cause.name for cause in self.causes if cause.probability >= CONFIDENT)
+
+    @staticmethod
+    def of(diagnosis: Mapping[str, Any]) -> Statement:
+        """Read the content of ``diagnosis.json``."""
+        shares = diagnosis["where"]["site"]
+        leading = max(shares, key=lambda site: shares[site], default="")
+        candidates = [c for c in diagnosis["candidates"] if c["testable"]]
+        top = max(candidates, key=lambda c: c["log_evidence"], default=None)
+        gap = diagnosis["gap"]
+        return Statement(
+            verdict=diagnosis["verdict"],
+            causes=tuple(
+                Named(
+                    name=_name(cause),
+                    probability=cause["probability"],
+                    members={_name(member): member["probability"] for member in cause["class"]},
+                    parameters={k: (p["value"], p["sigma"]) for k, p in cause["parameters"].items()},
+                )
+                for cause in diagnosis["causes"]
+            ),
+            site=leading if leading and shares[leading] > 0.0 else "",
+            top=_name(top) if top else "",
+            shrinkage=gap["shrinkage"],
+            interval=gap["interval"],
+        )
+
+
+def _name(told: Mapping[str, Any]) -> str:
+    return f"{told['effect']}@{told['site']}"

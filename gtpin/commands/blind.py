@@ -1,0 +1,97 @@
+"""``gtpin blind``: sealed cases, diagnosed, opened and scored."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from gtpin.commands.terminal import AsJson, Output, Seed, tell, write_json
+from gtpin.errors import GtpinError
+from gtpin.plant.digest import digest
+
+CASES = 100
+
+
+def blind(
+    output: Output,
+    cases: Annotated[
+        int | None, typer.Option("--cases", help=f"Number of cases; {CASES} where left out.", min=1)
+    ] = None,
+    seed: Seed = 0,
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", help="Score cases that somebody else made: NAME/ and NAME.truth.json in a folder."),
+    ] = None,
+    cluster: Annotated[
+        str | None, typer.Option("--cluster", help="Address of a dask scheduler, such as tcp://host:8786.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make machines with hidden effects, seal the truth, diagnose the data, open the seals, and score."""
+    from gtpin.blind.run import check, check_given  # much that other commands need not wait for
+    from gtpin.blind.score import score
+
+    if source is not None and cases is not None:
+        raise GtpinError("--cases and --from", hint="--from takes all cases of its folder: leave --cases out")
+    with _watched() as watch:
+        if source is not None:
+            judged = check_given(output, source, watch, cluster)
+        else:
+            typer.echo(f"plant {digest()}", err=True)
+            judged = check(output, cases or CASES, seed, watch, cluster)
+    result = score(judged)
+    write_json(output / "judged.json", [case.model_dump(exclude_none=True) for case in judged])
+    write_json(output / "score.json", result)
+    tell(result, f"{_text(result)}\nWritten: {output / 'score.json'}, {output / 'score.html'}", as_json)
+
+
+def _text(result: dict[str, Any]) -> str:
+    lines = [f"{result['cases']} cases, {len(result['failures'])} failed", ""]
+    for row in result["figures"]:
+        if row["value"] is not None:
+            bounds = "" if row["low"] is None else f"({row['low']:.3f} .. {row['high']:.3f})"
+            target = "".join(
+                f"{sign} {row[key]}" for sign, key in ((">=", "least"), ("<=", "most")) if row[key] is not None
+            )
+            mark = {True: "", False: "  missed", None: ""}[row["reached"]]
+            lines.append(f"  {row['figure']:<70} {row['value']:7.3f} {bounds:<18} of {row['of']:<5}{target}{mark}")
+    return "\n".join(lines)
+
+
+class _Rate(ProgressColumn):
+    """How many cases a minute."""
+
+    def render(self, task: Task) -> Text:
+        """The column's text."""
+        return Text(f"{60.0 * task.speed:.0f} a minute" if task.speed else "")
+
+
+class _Bars:
+    """One bar for each part of the work."""
+
+    def __init__(self, bars: Progress) -> None:
+        self._bars = bars
+        self._task = bars.add_task("", visible=False, total=0)
+
+    def begin(self, what: str, total: int, done: int) -> None:
+        """Start the bar of a part."""
+        self._task = self._bars.add_task(what, total=total, completed=done)
+
+    def one_more(self) -> None:
+        """Move the latest bar on."""
+        self._bars.advance(self._task)
+
+
+@contextmanager
+def _watched() -> Iterator[_Bars]:
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
+        yield _Bars(bars)
