@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from gtpin import __version__
+from gtpin.commands.blind import blind
 from gtpin.commands.calibrate import calibrate
 from gtpin.commands.compare import compare
 from gtpin.commands.demo import demo
@@ -34,6 +35,7 @@ app.command(epilog="Example: gtpin simulate -o virtual --poses 150 --seed 3")(si
 app.command(epilog="Example: gtpin calibrate measurements -o calibrated")(calibrate)
 app.command(epilog="Example: gtpin compare measurements -o compared")(compare)
 app.command(epilog="Example: gtpin sensitivity calibrated --poses commands.csv -o accuracy")(sensitivity)
+app.command(epilog="Example: gtpin blind -o check --cases 100")(blind)
 app.command(epilog="Example: gtpin predict calibrated commands.csv -o predicted.csv")(predict)
 
 
