@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,6 +20,9 @@ from markupsafe import Markup
 @dataclass(frozen=True)
 class Plot:
     """An interactive plot, in the words of plotly.js.
+
+    In place of an array, ``#name`` is a column of the page, and ``{choice}`` within it what the reader has chosen; in a text
+    that begins with ``$``, ``{choice}`` is that choice's label.
 
     A colour ``@name`` is the page's own: ``@data``, ``@fit``, ``@band``, ``@accent``, ... of ``style.css``, in light and dark.
 
@@ -45,8 +50,16 @@ class Plot:
     @property
     def json(self) -> Markup:
         """What plotly.js draws, so written that no text in it can end the script that holds it."""
-        text = json.dumps(_plain({"data": self.data, "layout": self.layout}), allow_nan=False, separators=(",", ":"))
-        return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+        return _script({"data": self.data, "layout": self.layout})
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the reader can choose for several plots together: its name in plots, a label, and (value, label) of the options."""
+
+    name: str
+    label: str
+    options: Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -62,7 +75,8 @@ def render(
     *,
     title: str,
     contents: Sequence[tuple[str, str]] = (),
-    plots: Mapping[str, Plot] | None = None,
+    plots: Mapping[str, Plot | Sequence[Plot] | None] | None = None,
+    columns: Mapping[str, Any] | None = None,
     provenance: Table | None = None,
     **content: Any,
 ) -> str:
@@ -78,27 +92,41 @@ def render(
         (id, title) of the sections that the page links to at its top.
     plots
         By the names that the template knows them by; none of them is drawn where plotly is not installed.
+    columns
+        Arrays that plots share.
     provenance
         Where the page's numbers come from.
     content
         What else the template knows. Text is escaped.
     """
-    script = plotly_js() if plots else None
-    known = dict(plots or {}) if script else {}
+    library = plotly_js() if plots else None
+    scripts = (library, _own_script()) if library else ()
     return (
         _environment()
         .get_template(template)
         .render(
             title=title,
             contents=contents,
-            plots=known,
-            drawn=script is not None or not plots,
-            plotly_js=script,
+            plots=dict(plots or {}) if library else {},
+            drawn=library is not None or not plots,
+            scripts=scripts,
+            script_hashes=[_hash(script) for script in scripts],
+            columns=_script(columns or {}) if library else None,
             provenance=provenance,
             version=version("gtpin"),
             **content,
         )
     )
+
+
+def _hash(script: str) -> str:
+    """By which the page's security policy knows a script: none but the page's own may run in it."""
+    return "'sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() + "'"
+
+
+@cache
+def _own_script() -> Markup:
+    return Markup(_environment().get_template("plots.js").render())
 
 
 @cache
@@ -122,6 +150,11 @@ def _environment() -> Environment:
     )
 
 
+def _script(content: Mapping[str, Any]) -> Markup:
+    text = json.dumps(_plain(content), allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
 def _plain(value: Any) -> Any:
     """Arrays and numbers as JSON has them, with six digits; None for what is not finite."""
     if isinstance(value, Mapping):
@@ -135,3 +168,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.6g}") if np.isfinite(value) else None
     return value
+
+
+def escaped(text: str) -> str:
+    """Text as plots show it: they read a little HTML."""
+    return str(Markup.escape(text))

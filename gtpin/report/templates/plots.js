@@ -3,8 +3,22 @@
 (function () {
   const blocks = document.querySelectorAll("script[data-plot]");
   const style = () => getComputedStyle(document.documentElement);
+  const columns = JSON.parse(document.getElementById("columns").textContent);
+  const choices = [...document.querySelectorAll("[data-choice]")];
+  const chosen = (text, label) => text.replace(/\{(\w+)\}/g, (all, name) => {
+    const choice = choices.find((one) => one.dataset.choice === name);
+    if (!choice) return all;
+    return label ? choice.dataset.label || choice.selectedOptions[0].textContent : choice.value;
+  });
+  // Text that names no color, column or choice is itself.
+  const told = (text, css) => {
+    if (text[0] === "@") return css.getPropertyValue("--" + text.slice(1)).trim() || text;
+    if (text[0] === "$" && text.includes("{")) return chosen(text.slice(1), true);
+    const name = text[0] === "#" ? chosen(text.slice(1), false) : "";
+    return Object.hasOwn(columns, name) ? columns[name] : text;
+  };
   const colored = (value, css) => {
-    if (typeof value === "string") return value[0] === "@" ? css.getPropertyValue("--" + value.slice(1)).trim() : value;
+    if (typeof value === "string") return told(value, css);
     if (Array.isArray(value)) return value.map((one) => colored(one, css));
     if (value && typeof value === "object")
       return Object.fromEntries(Object.entries(value).map(([key, one]) => [key, colored(one, css)]));
@@ -28,6 +42,12 @@
     }
   };
   draw();
+  // Selects of one name show one choice, wherever they stand.
+  for (const choice of choices)
+    choice.addEventListener("change", () => {
+      for (const other of choices) if (other.dataset.choice === choice.dataset.choice) other.value = choice.value;
+      draw();
+    });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   matchMedia("print").addEventListener("change", draw);
 })();

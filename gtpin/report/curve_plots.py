@@ -1,0 +1,149 @@
+"""Plots of effects' own curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gtpin.report.effect_curves import WIDE, Curve, Line
+from gtpin.report.page import Plot, escaped
+from gtpin.report.residual_plots import POINTS, scale_of, shown
+from gtpin.report.words import joined, quantity
+
+COLORS = (("@fit", "@band"), ("@accent", "@band2"), ("@good", "@band3"))
+"""Of lines and their bands."""
+MOST = 6
+"""Curves of an effect that are drawn."""
+
+
+def curve_plots(name: str, found: Sequence[Curve]) -> tuple[dict[str, Any], list[Plot]]:
+    """Columns and plots of an effect's curves, those that are seen first.
+
+    Parameters
+    ----------
+    name
+        What the plots' names begin with.
+    """
+    seen = [curve for curve in found if curve.seen] or list(found[:1])
+    columns: dict[str, Any] = {}
+    plots = []
+    for number, curve in enumerate(seen[:MOST]):
+        plot_name = f"{name}-{number}"
+        traces: list[dict[str, Any]] = []
+        factor, unit = scale_of(np.concatenate([line.y for line in curve.lines]), curve.unit)
+        for k, line in enumerate(curve.lines):
+            key = f"{plot_name} {k}"
+            columns |= _columns(key, line, factor)
+            traces += _traces(key, curve, line, *COLORS[k % len(COLORS)])
+        plots.append(Plot(plot_name, _title(curve), traces, _layout(curve, factor, unit), height=300))
+    return columns, plots
+
+
+def curve_notes(found: Sequence[Curve]) -> list[str]:
+    """How to read an effect's curves, and what it could move too but is not seen to."""
+    if not found:
+        return []
+    taken = "mean and a straight line" if any(curve.straightened for curve in found) else "mean"
+    held = " What else it goes with is held at its middle." if any(curve.smooth for curve in found) else ""
+    notes = [
+        f"Curves are less their {taken}, which geometry takes, with 95 % bands.{held} Dots: the measurements, less everything "
+        "else that the model explains."
+    ]
+    names = dict.fromkeys(curve.name for curve in found)
+    seen = {curve.name for curve in found if curve.seen}
+    hidden = [name for name in names if name not in seen]
+    return notes + ([f"It could move these too, but is not seen to: {joined(hidden)}."] if hidden else [])
+
+
+def reach(found: Sequence[Curve]) -> str:
+    """How much an effect moves, in words: the quantity of each unit that it moves most."""
+    words = []
+    for unit in ("m", "rad"):
+        ranges = {curve.name: curve.range for curve in found if curve.unit == unit and curve.seen}
+        if ranges:
+            most = max(ranges, key=lambda name: ranges[name])
+            words.append(f"{most}: {quantity(ranges[most], unit)} peak to peak")
+    return "; ".join(words)
+
+
+def _columns(key: str, line: Line, factor: float) -> dict[str, Any]:
+    rows = shown(len(line.points_x))
+    thin = shown(len(line.x))
+    texts = line.x.dtype == object
+    return {
+        f"{key} x": [escaped(str(s)) for s in line.x[thin]] if texts else line.x[thin],
+        f"{key} y": factor * line.y[thin],
+        f"{key} low": factor * (line.y - WIDE * line.sigma)[thin],
+        f"{key} high": factor * (line.y + WIDE * line.sigma)[thin],
+        f"{key} reach": factor * WIDE * line.sigma[thin],
+        f"{key} points x": [escaped(str(s)) for s in line.points_x[rows]] if texts else line.points_x[rows],
+        f"{key} points y": factor * line.points_y[rows],
+    }
+
+
+def _traces(key: str, curve: Curve, line: Line, color: str, band: str) -> list[dict[str, Any]]:
+    several = len(curve.lines) > 1
+    told = {"type": "scatter", "hoverinfo": "skip", "showlegend": False, "mode": "lines", "line": {"width": 0}}
+    points = {
+        "type": "scatter",
+        "mode": "markers",
+        "x": f"#{key} points x",
+        "y": f"#{key} points y",
+        "name": "measured" if not several else f"measured, {line.label}",
+        "marker": POINTS | {"color": color if several else "@data", "opacity": 0.45},
+        "showlegend": not several,
+        "hoverinfo": "x+y",
+    }
+    name = line.label or "effect, 95 % band"
+    if not curve.smooth:
+        bars = {"type": "data", "array": f"#{key} reach", "color": color, "thickness": 1, "width": 0}
+        marks = {
+            "type": "scatter",
+            "mode": "markers",
+            "x": f"#{key} x",
+            "y": f"#{key} y",
+            "error_y": bars,
+            "name": name,
+        }
+        return [points, marks | {"marker": {"color": color, "size": 5}}]
+    return [
+        points,
+        told | {"x": f"#{key} x", "y": f"#{key} low"},
+        told | {"x": f"#{key} x", "y": f"#{key} high", "fill": "tonexty", "fillcolor": band},
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": f"#{key} x",
+            "y": f"#{key} y",
+            "name": name,
+            "line": {"color": color, "width": 2.2},
+        },
+    ]
+
+
+def _layout(curve: Curve, factor: float, unit: str) -> dict[str, Any]:
+    points = np.concatenate([line.points_y for line in curve.lines])
+    ends = np.concatenate([line.y + s * WIDE * line.sigma for line in curve.lines for s in (-1.0, 1.0)])
+    # A few points far out shall not flatten the curve.
+    inner = np.quantile(points, (0.01, 0.99)) if len(points) else np.zeros(2)
+    low, high = min(inner[0], float(ends.min())), max(inner[1], float(ends.max()))
+    room = 0.06 * max(high - low, 1e-12)
+    kind = {"type": "category"} if curve.categories else {}
+    return {
+        "title": {
+            "text": f"{escaped(curve.name)} ({unit})",
+            "font": {"size": 13},
+            "x": 0,
+            "xref": "container",
+            "yref": "container",
+        },
+        "xaxis": {"title": {"text": escaped(curve.x_title)}} | kind,
+        "yaxis": {"range": [factor * (low - room), factor * (high + room)]},
+        "margin": {"t": 58},
+    }
+
+
+def _title(curve: Curve) -> str:
+    return f"{curve.name} against {curve.x_title}"

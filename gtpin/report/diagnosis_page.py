@@ -1,0 +1,200 @@
+"""The page of a diagnosis: the verdict first, then everything that it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Dataset
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.where import Where
+from gtpin.report.curve_plots import curve_notes, curve_plots, reach
+from gtpin.report.effect_curves import Curve, curves
+from gtpin.report.evidence import Bar, NamedCause, evidence_bars, named_causes, testable_count, untestable
+from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.maps import maps
+from gtpin.report.page import Plot, Table, render
+from gtpin.report.provenance import provenance
+from gtpin.report.quality import quality
+from gtpin.report.residual_plots import LAYERS, against_covariates, commanded, components, leading, over_two
+from gtpin.report.residuals import Residuals
+from gtpin.report.skeleton import skeleton
+from gtpin.report.sketch import sketch
+from gtpin.report.verdict import verdict
+from gtpin.report.words import coordinate_words, length, percent, site_words, whole
+
+CONTENTS = (
+    ("where", "Where it lies"),
+    ("causes", "The causes"),
+    ("maps", "Over the workspace"),
+    ("covariates", "Against what was recorded"),
+    ("evidence", "Evidence"),
+    ("apart", "What to measure next"),
+    ("untestable", "Not testable"),
+    ("parameters", "Parameters"),
+    ("data", "Data"),
+    ("provenance", "Provenance"),
+)
+
+
+def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> str:
+    """The whole report of a diagnosis as one HTML file that needs nothing else.
+
+    Parameters
+    ----------
+    diagnosis, dataset
+        What was found, in which data.
+    seed
+        Of the diagnosis, for the record.
+    """
+    robot = diagnosis.baseline.model.robot
+    residuals = Residuals.of(dataset, diagnosis.baseline, diagnosis.model)
+    own_curves = _found_curves(diagnosis, residuals)
+    named = named_causes(diagnosis, {key: reach(found) for key, found in own_curves.items()})
+    sites = [c.site for c in diagnosis.causes] or [site for site, _, _ in diagnosis.unexplained.correlates]
+    values, component = components(residuals, leading(residuals, sites, diagnosis.where.axis))
+    covariates, against = against_covariates(residuals, diagnosis.where.covariate, bool(named))
+    views = maps(residuals)
+    curve_columns, by_cause = _curves(named, own_curves)
+    bars, others = evidence_bars(diagnosis)
+    moved, parameters = geometry_tables(diagnosis.baseline, diagnosis.model if named else None)
+    return render(
+        "diagnosis.html",
+        title=f"{robot.name}: {diagnosis.verdict}",
+        contents=[(id_, name) for id_, name in CONTENTS if id_ != "causes" or named],
+        plots={"left": _left(diagnosis, residuals), "against": against, "maps": views.plots, **by_cause},
+        columns=values | covariates | views.columns | curve_columns,
+        provenance=provenance(dataset, robot, seed),
+        robot=robot.name,
+        poses=len(dataset),
+        verdict=verdict(diagnosis),
+        numbers=_numbers(diagnosis),
+        sketch=_sketch(diagnosis),
+        causes=named,
+        notes={cause.key: curve_notes(own_curves.get((cause.effect, cause.site), ())) for cause in named},
+        where=_where_bars(diagnosis.where),
+        regions=_regions(diagnosis.where),
+        component=component,
+        layers=LAYERS if named else replace(LAYERS, options=LAYERS.options[:1]),
+        views=views,
+        bars=bars,
+        others=others,
+        tested=testable_count(diagnosis),
+        unexplained=_unexplained(diagnosis),
+        correlates=[(site_words(s), coordinate_words(c), f"{p:.1e}") for s, c, p in diagnosis.unexplained.correlates],
+        doubtful=[cause for cause in named if len(cause.members) > 1],
+        next_experiment=_experiments(diagnosis),
+        untestable=untestable(diagnosis.candidates),
+        moved=moved,
+        parameters=parameters,
+        quality=quality(dataset, diagnosis.baseline),
+        method=diagnosis.to_json()["gap"]["method"],
+    )
+
+
+def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
+    """The key figures under the headline."""
+    numbers = [(length(d.gap.before), "gap of the calibrated geometry, RMS")]
+    if d.causes:
+        numbers.append((length(d.gap.after), "with the causes"))
+    numbers.append((length(d.gap.floor), "noise alone"))
+    if d.gap.shrinkage is not None and d.gap.before > d.gap.floor:
+        between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
+        numbers.append((percent(d.gap.shrinkage), f"of the power beyond noise goes away{between}"))
+    return numbers
+
+
+def _sketch(d: Diagnosis) -> str | None:
+    machine = skeleton(d.model)
+    if machine is None:
+        return None
+    none = d.verdict == "none"
+    site, rod = ({}, {}) if none else (d.where.site, d.where.rod)
+    return sketch(machine, d.model.robot.rod_sites, site, rod, [c.site for c in d.causes])
+
+
+def _left(d: Diagnosis, residuals: Residuals) -> Plot | None:
+    """What is left over the two commands that it goes with most, if it goes with two."""
+    for _, coordinates, _ in d.unexplained.correlates[:1]:
+        commands = coordinates.split(" ")[0].split(",")
+        if len(commands) == 2 and all(name in commanded(residuals) for name in commands):
+            return over_two(residuals, *commands)
+    return None
+
+
+def _found_curves(d: Diagnosis, residuals: Residuals) -> dict[tuple[str, str], tuple[Curve, ...]]:
+    return {(active.effect.id, active.site): curves(active, residuals) for active in d.model.effects}
+
+
+def _curves(
+    named: list[NamedCause], found: Mapping[tuple[str, str], tuple[Curve, ...]]
+) -> tuple[dict[str, Any], dict[str, list[Plot]]]:
+    """Columns and plots of each cause's own curves."""
+    columns: dict[str, Any] = {}
+    plots: dict[str, list[Plot]] = {}
+    for cause in named:
+        own = found.get((cause.effect, cause.site), ())
+        own_columns, plots[cause.key] = curve_plots(cause.key, own)
+        columns |= own_columns
+    return columns, plots
+
+
+def _where_bars(where: Where) -> list[tuple[str, list[Bar]]]:
+    """Shares by site, rod, axis and coordinate, those that there are."""
+    groups = (
+        ("By site", {site_words(k): v for k, v in where.site.items()}),
+        ("By rod", where.rod),
+        ("By axis", where.axis),
+        (
+            "By what it goes with, the most telling as 100 %",
+            {coordinate_words(k): v for k, v in where.covariate.items()},
+        ),
+    )
+    return [(title, bars) for title, shares in groups if (bars := _bars(shares))]
+
+
+def _bars(shares: Mapping[str, float]) -> list[Bar]:
+    top = max(shares.values(), default=0.0)
+    order = sorted(shares.items(), key=lambda pair: -pair[1])
+    return [Bar(name, share / top, percent(share)) for name, share in order if share >= 0.01] if top > 0.0 else []
+
+
+def _regions(where: Where) -> list[Bar]:
+    """The boxes of the workspace that hold most of the gap."""
+    order = sorted(where.region, key=lambda pair: -pair[1])[:4]
+    top = max((share for _, share in order), default=0.0)
+    return [
+        Bar(
+            _box(box),
+            share / top,
+            percent(share),
+        )
+        for box, share in order
+        if share > 0.0
+    ]
+
+
+def _experiments(d: Diagnosis) -> list[dict[str, Any]]:
+    """What to measure next, its commands as a table."""
+    head = tuple(f"q{j + 1}" for j in range(d.model.robot.n_actuators))
+    return [
+        step | {"table": Table(head, [[f"{value:.4f}" for value in q] for q in step["poses"]])}
+        for step in d.to_json()["next_experiment"]
+    ]
+
+
+def _box(box: npt.NDArray[np.float64]) -> str:
+    """A box of the workspace in words."""
+    return ", ".join(whole(f"{a} {low:.2f} to {high:.2f}") for a, low, high in zip("xyz", *box, strict=True)) + " m"
+
+
+def _unexplained(d: Diagnosis) -> str:
+    chance = "less than 1 in 10,000" if d.unexplained.p_value < 1e-4 else f"{d.unexplained.p_value:.2g}"
+    return (
+        f"{percent(d.unexplained.share)} of what geometry alone leaves beyond noise is left unexplained; "
+        f"noise alone would leave as much with a chance of {chance}."
+    )

@@ -1,0 +1,275 @@
+"""An effect's own curves with their 95 % bands: a track's straightness, a rack's period, a drift."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.situation import Situation
+from gtpin.report.effect_motions import Motion, motions
+from gtpin.report.residuals import Residuals
+from gtpin.report.words import coordinate_words, covariate_unit, with_unit
+
+Floats = npt.NDArray[np.float64]
+
+FINE = 401
+"""Points of a curve."""
+WIDE = 1.96
+"""Standard deviations that a 95 % band reaches to either side."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve with its band, and the measurements that belong to it.
+
+    Parameters
+    ----------
+    label
+        What is special about it; empty for the only one.
+    x, y, sigma
+        (m,) the curve and its standard deviations; x is text where it counts sessions.
+    points_x, points_y
+        (n,) the curve at the measured poses plus what is left there.
+    """
+
+    label: str
+    x: npt.NDArray[np.generic]
+    y: Floats
+    sigma: Floats
+    points_x: npt.NDArray[np.generic]
+    points_y: Floats
+
+
+@dataclass(frozen=True)
+class Curve:
+    """How an effect moves one quantity.
+
+    Parameters
+    ----------
+    name, unit
+        What is moved, m or rad.
+    x_title
+        With what it goes, and its unit.
+    lines
+        One, or several that differ in something else.
+    smooth
+        Whether the lines are curves; else each of their points is a pose or a session.
+    categories
+        Whether x is text.
+    straightened
+        Whether a straight line was taken from it, not only its mean.
+    """
+
+    name: str
+    unit: str
+    x_title: str
+    lines: tuple[Line, ...]
+    smooth: bool
+    straightened: bool = False
+    categories: bool = False
+
+    @property
+    def seen(self) -> bool:
+        """Whether it leaves its band's middle, zero, anywhere."""
+        return any(bool((np.abs(line.y) > WIDE * line.sigma).any()) for line in self.lines)
+
+    @property
+    def range(self) -> float:
+        """From its lowest to its highest point, m or rad."""
+        return float(max(line.y.max() for line in self.lines) - min(line.y.min() for line in self.lines))
+
+
+@dataclass(frozen=True)
+class _Level:
+    label: str
+    at: Situation
+    x: npt.NDArray[np.generic]
+    rows: npt.NDArray[np.intp]
+
+
+def curves(active: ActiveEffect, residuals: Residuals) -> tuple[Curve, ...]:
+    """The curves of an effect, of every quantity that it moves.
+
+    Where it goes with something that can be swept (a command, time, a temperature), the rest is held at its middle; where it
+    goes with forces, directions or places, it is shown at the measured poses.
+    """
+    own = _own_coordinates(active, residuals)
+    name, levels = _levels(active, residuals, own)
+    if levels:
+        return _swept(active, residuals, name, levels)
+    return _at_the_poses(active, residuals, own)
+
+
+def _own_coordinates(active: ActiveEffect, residuals: Residuals) -> tuple[str, ...]:
+    return active.effect.coordinates(residuals.model.robot, active.site)
+
+
+def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[str, list[_Level]]:
+    """What to sweep, and the situations along it: one for each value of what else the effect goes with."""
+    if not own or own[0] in ("load", "direction", "position"):
+        return "", []
+    if "session" in own:
+        return "session", [_sessions(active, residuals)]
+    known = [name for name in own if _column(residuals, name) is not None]
+    swept = [name for name in known if not name.startswith("approach")]
+    if not swept:
+        return "", []
+    if active.site in residuals.model.robot.sites and len(swept) == residuals.model.robot.n_actuators > 1:
+        swept.sort(key=lambda name: name == _command_of(active, residuals))  # with the others' places, not its own
+    first = swept[0]
+    others = [name for name in known if name != first]
+    data = _column(residuals, first)
+    assert data is not None
+    grid = np.linspace(data.min(), data.max(), FINE)
+    if not others:
+        return first, [_Level("", _situation(active, residuals, {first: grid}), grid, np.arange(len(residuals)))]
+    other = others[0]
+    values = _column(residuals, other)
+    assert values is not None
+    steps = [-1.0, 1.0] if other.startswith("approach") else np.quantile(values, (0.1, 0.9)).tolist()
+    nearest = np.abs(values[:, None] - np.array(steps)).argmin(axis=1)
+    unit = covariate_unit(other, _angular(residuals, other))
+    return first, [
+        _Level(
+            f"{other} = {step:.3g} {unit}".rstrip(),
+            _situation(active, residuals, {first: grid, other: np.full(FINE, step)}),
+            grid,
+            np.flatnonzero(nearest == k),
+        )
+        for k, step in enumerate(steps)
+    ]
+
+
+def _sessions(active: ActiveEffect, residuals: Residuals) -> _Level:
+    known = np.array(active.references.sessions, dtype=object)
+    at = _situation(active, residuals, {"session": known})
+    return _Level("", at, known, np.arange(len(residuals)))
+
+
+def _command_of(active: ActiveEffect, residuals: Residuals) -> str:
+    return f"q{residuals.model.robot.sites.index(active.site) + 1}"
+
+
+def _column(residuals: Residuals, name: str) -> Floats | None:
+    """A command or numeric covariate; None where it is not there."""
+    q, known = residuals.dataset.q, residuals.dataset.covariates
+    if name.startswith("q") and name[1:].isdigit():
+        return np.asarray(q[:, int(name[1:]) - 1])
+    return np.asarray(known[name], dtype=float) if name in known and name != "session" else None
+
+
+def _angular(residuals: Residuals, name: str) -> bool:
+    word = name.rstrip("0123456789")
+    number = name[len(word) :]
+    return word in ("q", "speed") and bool(number) and residuals.model.robot.actuators[int(number) - 1].revolute
+
+
+def _situation(active: ActiveEffect, residuals: Residuals, given: Mapping[str, npt.NDArray[np.generic]]) -> Situation:
+    """Situations at which some coordinates are given, and the rest is usual: commands at their means, covariates at medians."""
+    count = len(next(iter(given.values())))
+    q = np.tile(residuals.dataset.q.mean(axis=0), (count, 1))
+    if not any(name.startswith("q") for name in given):
+        q = np.tile(residuals.model.robot.home_q, (count, 1))  # about which frames turn
+    covariates: dict[str, npt.NDArray[np.float64] | npt.NDArray[np.object_]] = {}
+    for name, values in residuals.dataset.covariates.items():
+        if name == "session":
+            covariates[name] = np.full(count, values[0], dtype=object)
+        else:
+            covariates[name] = np.full(count, float(np.median(np.asarray(values, dtype=float))))
+    for name, wanted in given.items():
+        if name.startswith("q") and name[1:].isdigit():
+            q[:, int(name[1:]) - 1] = wanted
+        else:
+            covariates[name] = wanted.astype(object) if name == "session" else wanted.astype(float)
+    return residuals.at(q, covariates, active.references)
+
+
+def _swept(active: ActiveEffect, residuals: Residuals, x_name: str, levels: list[_Level]) -> tuple[Curve, ...]:
+    found = []
+    at_poses = {motion.name: motion for motion in motions(active, _measured(active, residuals))}
+    by_level = [{motion.name: motion for motion in motions(active, level.at)} for level in levels]
+    for name, first in by_level[0].items():
+        if name not in at_poses or any(name not in level for level in by_level):
+            continue
+        parts = [level[name].columns for level in by_level]
+        straightened = first.straightened and len(levels) == 1 and x_name.startswith("q")
+        parts = _less_geometry(parts, np.asarray(levels[0].x, dtype=float) if straightened else None)
+        left = residuals.along(residuals.after, at_poses[name].tcp)
+        lines = []
+        for level, columns in zip(levels, parts, strict=True):
+            y, sigma = _with_sigma(active, columns)
+            x = _x_of(residuals, x_name)[level.rows]
+            lines.append(Line(level.label, level.x, y, sigma, x, _between(level.x, y, x) + left[level.rows]))
+        title = with_unit(coordinate_words(x_name), covariate_unit(x_name, _angular(residuals, x_name)))
+        sessions = x_name == "session"
+        found.append(Curve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions))
+    return tuple(found)
+
+
+def _at_the_poses(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[Curve, ...]:
+    at = _measured(active, residuals)
+    found = []
+    for number, motion in enumerate(motions(active, at)):
+        (columns,) = _less_geometry([motion.columns], None)
+        y, sigma = _with_sigma(active, columns)
+        left = residuals.along(residuals.after, motion.tcp)
+        for x_name, unit, x in _places(active, at, motion, number, own):
+            order = np.argsort(x, kind="stable")
+            line = Line("", x[order], y[order], sigma[order], x[order], (y + left)[order])
+            found.append(Curve(motion.name, motion.unit, with_unit(x_name, unit), (line,), smooth=False))
+    return tuple(found)
+
+
+def _places(
+    active: ActiveEffect, at: Situation, motion: Motion, number: int, own: tuple[str, ...]
+) -> list[tuple[str, str, Floats]]:
+    """What an effect of forces, directions or places is shown against."""
+    if "load" in own and motion.rod is not None:
+        return [(f"force in {at.robot.rods[motion.rod].site}", "N", at.force[:, motion.rod])]
+    if "load" in own and active.site in at.robot.sites:
+        j = at.robot.sites.index(active.site)
+        rods = [i for i, rod in enumerate(at.robot.rods) if rod.carrier == j]
+        force = (at.force[:, rods, None] * at.along[:, rods]).sum(axis=1) @ at.robot.actuators[j].axis
+        return [(f"force on {active.site} along its track", "N", force)]
+    if "direction" in own and motion.rod is not None:
+        angles = np.rad2deg(at.tilt[:, motion.rod] * at.references.direction[1][motion.rod])
+        return [(f"tilt of {at.robot.rods[motion.rod].site}, {k + 1} of 2", "°", angles[:, k]) for k in range(2)]
+    axis = number % 3
+    return [(f"TCP along {'xyz'[axis]}", "m", at.poses.T[:, axis])]
+
+
+def _measured(active: ActiveEffect, residuals: Residuals) -> Situation:
+    return residuals.at(residuals.dataset.q, residuals.dataset.covariates, active.references)
+
+
+def _x_of(residuals: Residuals, name: str) -> npt.NDArray[np.generic]:
+    if name == "session":
+        return np.array([str(s) for s in residuals.dataset.covariates["session"]], dtype=object)
+    column = _column(residuals, name)
+    assert column is not None
+    return column
+
+
+def _between(x: npt.NDArray[np.generic], y: Floats, at: npt.NDArray[np.generic]) -> Floats:
+    """A curve between its points, or of a session."""
+    if x.dtype == object:
+        value = dict(zip(x.tolist(), y.tolist(), strict=True))
+        return np.array([value[one] for one in at.tolist()])
+    return np.asarray(np.interp(at.astype(float), x.astype(float), y))
+
+
+def _less_geometry(parts: list[Floats], x: Floats | None) -> list[Floats]:
+    """Columns less what geometry takes of them: their mean over all parts, and a straight line over x if that is given."""
+    whole = np.vstack(parts)
+    taken = np.ones((len(whole), 1)) if x is None else np.stack([np.ones(len(x)), x - x.mean()], axis=1)
+    left = whole - taken @ np.linalg.lstsq(taken, whole, rcond=None)[0]
+    return np.split(left, np.cumsum([len(part) for part in parts])[:-1])
+
+
+def _with_sigma(active: ActiveEffect, columns: Floats) -> tuple[Floats, Floats]:
+    variance = np.einsum("nm,mk,nk->n", columns, active.covariance, columns)
+    return columns @ active.coefficients, np.sqrt(np.maximum(variance, 0.0))

@@ -1,0 +1,127 @@
+"""What an effect moves, quantity by quantity: a cart along or across its track, its turning, a link's length, the frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.basis import Basis, along_track, of_lengths
+from gtpin.effects.situation import Situation
+from gtpin.robot.parameters import rotation_axes
+
+Floats = npt.NDArray[np.float64]
+
+FREEDOMS = ("shift along x", "shift along y", "shift along z", "turn about x", "turn about y", "turn about z")
+
+
+SMALLEST = 1e-9
+"""What a coefficient of its usual size must move a quantity by, m or rad, to move it at all: rounding is below."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One quantity that an effect moves at N poses.
+
+    Parameters
+    ----------
+    name, unit
+        What it is; ``m`` or ``rad``.
+    columns
+        (N, m) how far each of the effect's coefficients moves it.
+    tcp
+        (N, 6) what one unit of it does to the TCP, base frame, m and rad.
+    rod
+        The rod whose length it is, if it is one's.
+    straightened
+        Whether geometry takes a straight line of it along the track, not only its mean.
+    """
+
+    name: str
+    unit: str
+    columns: Floats
+    tcp: Floats
+    rod: int | None = None
+    straightened: bool = False
+
+
+def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
+    """All quantities that an effect moves; those that it can't are left out."""
+    basis = active.basis(at)
+    found = [*_travel(active, at, basis), *_seats(active, at, basis), *_lengths(at, basis), *_twist(active, at, basis)]
+    return [motion for motion in found if np.abs(motion.columns * basis.sigma).max(initial=0.0) > SMALLEST]
+
+
+def _travel(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+    if basis.command is None:
+        return []
+    actuator, columns = basis.command
+    robot = at.robot
+    site, turns = robot.sites[actuator], robot.actuators[actuator].revolute
+    one = along_track(at, site, np.ones((len(at), 1)), np.ones(1))
+    return [Motion(f"travel of {site}", "rad" if turns else "m", columns, one.displacement(at)[:, :, 0])]
+
+
+def _seats(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+    """Shifts of a cart along and across its track, and its turns."""
+    if basis.seat is None or active.site not in at.robot.sites:
+        return []
+    rods = np.flatnonzero(np.abs(basis.seat).max(axis=(0, 2, 3)) > 0.0)
+    if not rods.size:
+        return []
+    axis = at.robot.actuators[at.robot.sites.index(active.site)].axis
+    axes = (axis, *rotation_axes(axis)[:2])
+    moved, lever = basis.seat[:, rods], at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
+    found = []
+    for number, direction in enumerate(axes):
+        where = "along its track" if number == 0 else f"across its track, towards {_towards(direction)}"
+        unit = np.broadcast_to(direction, (len(at), len(rods), 3))
+        columns = np.einsum("nkim,i->nm", moved, direction) / len(rods)
+        found.append(Motion(f"{active.site} {where}", "m", columns, _tcp(at, rods, unit), straightened=number > 0))
+    if len(rods) > 1:
+        inertia = np.einsum("nki,nki->n", lever, lever)[:, None, None] * np.eye(3) - np.einsum(
+            "nki,nkj->nij", lever, lever
+        )
+        moment = np.cross(lever[..., None], moved, axisa=2, axisb=2, axisc=2).sum(axis=1)
+        turn = np.linalg.pinv(inertia, rcond=1e-9) @ moment
+        for number, direction in enumerate(axes):
+            about = "its track (roll)" if number == 0 else f"an axis towards {_towards(direction)}"
+            columns = np.einsum("nim,i->nm", turn, direction)
+            found.append(
+                Motion(f"{active.site} about {about}", "rad", columns, _tcp(at, rods, np.cross(direction, lever)))
+            )
+    return found
+
+
+def _lengths(at: Situation, basis: Basis) -> list[Motion]:
+    if basis.length is None:
+        return []
+    found = []
+    for i, rod in enumerate(at.robot.rods):
+        one = of_lengths(at, [i], np.ones((len(at), 1, 1)), np.ones(1))
+        found.append(Motion(f"length of {rod.site}", "m", basis.length[:, i], one.displacement(at)[:, :, 0], i))
+    return found
+
+
+def _twist(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+    if basis.twist is None:
+        return []
+    return [
+        Motion(name, "m" if k < 3 else "rad", basis.twist[:, k], np.broadcast_to(np.eye(6)[k], (len(at), 6)))
+        for k, name in enumerate(FREEDOMS)
+    ]
+
+
+def _tcp(at: Situation, rods: npt.NDArray[np.intp], moved: Floats) -> Floats:
+    """(N, 6) motion of the TCP by a motion (N, len(rods), 3) of some rods' seats."""
+    seat = np.zeros((len(at), len(at.robot.rods), 3, 1))
+    seat[:, rods] = moved[..., None]
+    return Basis(np.ones(1), seat=seat).displacement(at)[:, :, 0]
+
+
+def _towards(direction: Floats) -> str:
+    """The base axis that a direction is nearest to, with its sign."""
+    k = int(np.argmax(np.abs(direction)))
+    return f"{'-' if direction[k] < 0.0 else '+'}{'xyz'[k]}"

@@ -1,0 +1,111 @@
+"""Candidates by their evidence, classes that can't be told apart, and what could not be tested."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Member
+from gtpin.report.page import Table
+from gtpin.report.phrases import phrase, sentence
+from gtpin.report.words import chance, counted, joined, percent, quantity, site_words
+
+SHOWN = 12
+"""Candidates whose bars are drawn; the others are in a table."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar: name, share of the longest, value in words, and whether it stands for a cause."""
+
+    name: str
+    share: float
+    value: str
+    lead: bool = False
+
+
+@dataclass(frozen=True)
+class NamedCause:
+    """A cause as the page shows it."""
+
+    key: str
+    words: str
+    effect: str
+    site: str
+    probability: str
+    shrinkage: str
+    reach: str
+    parameters: Table
+    members: tuple[Bar, ...]
+
+
+def evidence_bars(d: Diagnosis) -> tuple[list[Bar], Table]:
+    """Gains in log evidence of each candidate alone beside geometry: bars of the largest, and a table of the others."""
+    named = {(c.effect, c.site) for c in d.causes}
+    tested = sorted((c for c in d.candidates if c.testable), key=lambda c: -c.log_evidence)
+    top = max([c.log_evidence for c in tested], default=0.0)
+    bars = [
+        Bar(
+            _name(c),
+            max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0,
+            f"{c.log_evidence:.1f}",
+            (c.effect, c.site) in named,
+        )
+        for c in tested[:SHOWN]
+    ]
+    rest = [[_name(c), f"{c.log_evidence:.1f}"] for c in tested[SHOWN:]]
+    return bars, Table(("candidate", "gain in log evidence"), rest)
+
+
+def named_causes(d: Diagnosis, reach: Mapping[tuple[str, str], str]) -> list[NamedCause]:
+    """The causes with their classes and parameters.
+
+    Parameters
+    ----------
+    reach
+        How much each moves, in words, by effect and site.
+    """
+    told = d.gap.before > d.gap.floor
+    return [_named(f"cause-{k + 1}", c, reach.get((c.effect, c.site), ""), told) for k, c in enumerate(d.causes)]
+
+
+def _named(key: str, c: Cause, reach: str, told: bool) -> NamedCause:
+    rows = [
+        [name.replace("_", " "), quantity(value, unit, sigma)] for name, (value, sigma, unit) in c.parameters.items()
+    ]
+    members = tuple(
+        Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == (c.effect, c.site)) for m in c.members
+    )
+    words = sentence(phrase(c.effect, c.site).clause)
+    shrinkage = percent(c.shrinkage) if told else "can't be told"
+    return NamedCause(
+        key,
+        words,
+        c.effect,
+        c.site,
+        chance(c.probability),
+        shrinkage,
+        reach,
+        Table(("parameter", "value"), rows),
+        members,
+    )
+
+
+def untestable(candidates: Sequence[Considered]) -> Table:
+    """What could not be tested, by its reason."""
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for c in candidates:
+        if not c.testable:
+            reasons.setdefault((c.effect, c.reason), []).append(site_words(c.site))
+    return Table(
+        ("effect", "at", "why not"), [[effect, joined(sites), reason] for (effect, reason), sites in reasons.items()]
+    )
+
+
+def testable_count(d: Diagnosis) -> str:
+    """How many candidates were tried."""
+    return counted(sum(c.testable for c in d.candidates), "candidate")
+
+
+def _name(c: Considered | Member) -> str:
+    return f"{c.effect} at {site_words(c.site)}"

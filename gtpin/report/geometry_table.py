@@ -1,0 +1,42 @@
+"""Identified geometry as a table."""
+
+from __future__ import annotations
+
+from gtpin.calibration.result import Calibration
+from gtpin.model import Model
+from gtpin.report.page import Table
+from gtpin.report.words import quantity
+
+MOVED = 8
+"""Parameters that moved most, which are shown first."""
+
+
+def geometry_tables(calibration: Calibration, model: Model | None = None) -> tuple[Table, Table]:
+    """The parameters that moved most, in tolerances, and all of them.
+
+    Parameters
+    ----------
+    model
+        Geometry identified together with causes, shown beside the geometry alone.
+    """
+    geometry = calibration.model.geometry
+    head = ["parameter", "nominal", "identified − nominal", "in tolerances", "learned"]
+    if model is not None:
+        head.append("with the causes − nominal")
+    rows = []
+    for p, value, sigma, learned in zip(
+        geometry.parameters, calibration.values, calibration.sigma, calibration.learned, strict=True
+    ):
+        moved = float(value - p.nominal)
+        row = [
+            p.name,
+            f"{p.nominal:.6f} {p.unit}",
+            quantity(moved, p.unit, float(sigma)),
+            f"{moved / p.tolerance:+.1f}",
+            f"{100.0 * learned:.0f} %",
+        ]
+        if model is not None:
+            row.append(quantity(model.geometry[p.name] - p.nominal, p.unit))
+        rows.append((abs(moved / p.tolerance), row))
+    moved_most = sorted(rows, key=lambda pair: -pair[0])[:MOVED]
+    return Table(head, [row for _, row in moved_most]), Table(head, [row for _, row in rows])

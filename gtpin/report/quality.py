@@ -1,0 +1,104 @@
+"""How good the data are: what was measured, how noisy, what varies, what was set aside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
+from gtpin.report.page import Table
+from gtpin.report.words import counted, covariate_unit, length, quantity, with_unit
+
+SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Facts about the data, the ranges of their columns, and the poses that were set aside."""
+
+    facts: tuple[str, ...]
+    ranges: Table
+    set_aside: Table
+
+
+def quality(dataset: Dataset, calibration: Calibration) -> Quality:
+    """Judge a dataset by its calibration."""
+    visits = len(np.unique(dataset.visits))
+    repeats = len(dataset) - visits
+    facts = [
+        f"{counted(len(dataset), 'measurement')} of {counted(visits, 'pose')}"
+        + (
+            f", {counted(repeats, 'repeated visit')}"
+            if repeats
+            else ", none visited twice: repeatability can't be seen"
+        )
+        + ".",
+        "Position and orientation were measured."
+        if dataset.orientation is not None
+        else "Only positions were measured.",
+        _noise(calibration),
+        _fit(calibration),
+    ]
+    return Quality(tuple(fact for fact in facts if fact), _ranges(dataset), _set_aside(dataset, calibration))
+
+
+def _noise(c: Calibration) -> str:
+    noise = c.noise
+    text = f"Noise of the instrument, {SOURCES[noise.source]}: {length(noise.position_sigma)} per axis"
+    if c.residual.shape[1] == 6:
+        text += f" and {quantity(noise.orientation_sigma, 'rad')} about each axis"
+    if noise.repeatability > 0.0:
+        text += f"; repeatability of each actuator, from repeated visits: {length(noise.repeatability)}"
+    if np.isfinite(c.freedom):
+        text += f"; its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)"
+    return text + "."
+
+
+def _fit(c: Calibration) -> str:
+    if c.noise.source == "residuals":
+        return "The noise was taken from the residuals, so chi-square can't judge the fit of the geometry."
+    spread = np.sqrt(2.0 / c.dof)
+    return (
+        f"Chi-square of geometry alone is {c.chi2_per_dof:.2f} per degree of freedom; {1.0 - 2.0 * spread:.2f} to "
+        f"{1.0 + 2.0 * spread:.2f} is usual where nothing is left out."
+    )
+
+
+def _ranges(dataset: Dataset) -> Table:
+    rows = []
+    for j in range(dataset.n_actuators):
+        rows.append(_range(f"q{j + 1}", dataset.q[:, j]))
+    for name, values in dataset.covariates.items():
+        if name == "session":
+            sessions = dict.fromkeys(str(v) for v in values)
+            rows.append(["session", counted(len(sessions), "session"), ", ".join(sessions)])
+        else:
+            rows.append(_range(name, np.asarray(values, dtype=float)))
+    return Table(("column", "from", "to"), rows)
+
+
+def _range(name: str, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[str]:
+    low, high = float(values.min()), float(values.max())
+    label = with_unit(name, covariate_unit(name))
+    return [label, f"{low:.4g}", "does not vary" if low == high else f"{high:.4g}"]
+
+
+def _set_aside(dataset: Dataset, c: Calibration) -> Table:
+    """The poses that were set aside, by how far they lie from the calibrated geometry."""
+    rows = np.flatnonzero(np.isin(dataset.pose.astype(str), c.rejected))
+    head = ("pose", "line", "off by")
+    if not len(rows):
+        return Table(head, [])
+    some = dataset.take(rows)
+    off = np.linalg.norm(measured_poses(some).minus(c.model.predict(some.q))[:, :3], axis=1)
+    order = np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable")
+    return Table(
+        head,
+        [
+            [str(some.pose[i]), str(some.row[i]), length(off[i]) if np.isfinite(off[i]) else "can't be reached"]
+            for i in order
+        ],
+    )

@@ -1,0 +1,107 @@
+"""What geometry alone leaves of the measurements, and what the causes leave: the numbers behind a diagnosis's plots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.problem import in_frame
+from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
+from gtpin.effects.situation import Column, References, Situation
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Measured less predicted of N poses that were used.
+
+    Parameters
+    ----------
+    dataset
+        The poses.
+    baseline, model
+        Geometry alone, and with the causes.
+    before, after
+        (N, c) what each leaves: position, m, and rotation vector, rad, in the instrument's frame.
+    sigma
+        (c,) the instrument's noise.
+    """
+
+    dataset: Dataset
+    baseline: Model
+    model: Model
+    before: Floats
+    after: Floats
+    sigma: Floats
+
+    @staticmethod
+    def of(dataset: Dataset, baseline: Calibration, model: Model | None = None) -> Residuals:
+        """Of the poses that a calibration did not set aside.
+
+        Parameters
+        ----------
+        model
+            With the causes; the baseline's own where there are none.
+        """
+        kept = dataset.take(~np.isin(dataset.pose.astype(str), baseline.rejected))
+        measured = measured_poses(kept)
+        before = measured.minus(baseline.model.predict(kept.q))
+        after = before if model is None else measured.minus(model.predict(kept.q, kept.covariates))
+        noise = baseline.noise
+        sigma = np.array([noise.position_sigma] * 3 + [noise.orientation_sigma] * 3)
+        return Residuals(kept, baseline.model, model or baseline.model, before, after, sigma[: measured.components])
+
+    def __len__(self) -> int:
+        return len(self.before)
+
+    @property
+    def components(self) -> int:
+        """Numbers a pose."""
+        return int(self.before.shape[1])
+
+    @cached_property
+    def situation(self) -> Situation:
+        """The poses at the model's geometry, base frame."""
+        return self.at(self.dataset.q, self.dataset.covariates)
+
+    def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
+        """Other commands and circumstances at the model's geometry."""
+        kinematics = self.model.kinematics
+        assert isinstance(kinematics, RodKinematics)
+        temperature = self.dataset.conditions.reference_temperature
+        return Situation(kinematics, q, kinematics.forward(q), dict(covariates), fixed, temperature)
+
+    def along(self, residual: Floats, motion: Floats) -> Floats:
+        """(N,) how far a motion (N, 6), for one unit of it, base frame, has to go to explain residuals (N, c) best."""
+        u = in_frame(motion[:, :, None], self.model.frame)[:, : self.components, 0] / self.sigma
+        power = np.einsum("nc,nc->n", u, u)
+        return np.asarray(np.einsum("nc,nc->n", u, residual / self.sigma) / np.maximum(power, 1e-300))
+
+    def component(self, name: str, residual: Floats) -> Floats:
+        """(N,) residuals along an axis (``x``, ``rx``) or along the travel of an actuator (``cart2``), m or rad."""
+        if name in AXES:
+            return np.asarray(residual[:, AXES.index(name)])
+        actuator = self.model.robot.sites.index(name)
+        return self.along(residual, self.situation.command_jacobian[:, :, actuator])
+
+    @property
+    def component_names(self) -> tuple[str, ...]:
+        """What residuals can be seen along."""
+        return (*self.model.robot.sites, *AXES[: self.components])
+
+    def unit(self, name: str) -> str:
+        """``m`` or ``rad``: the unit of a component."""
+        if name in AXES:
+            return "rad" if name.startswith("r") else "m"
+        return "rad" if self.model.robot.actuators[self.model.robot.sites.index(name)].revolute else "m"

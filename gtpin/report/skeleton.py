@@ -1,0 +1,96 @@
+"""A machine as lines in space: tracks, carts, rods, platform; what sketches and 3-D views draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """A machine with rods at one command, base frame, m.
+
+    Parameters
+    ----------
+    seats, joints
+        (k, 3) the rods' ends on their carriers and on the platform.
+    tcp
+        (3,) the TCP.
+    tracks
+        By actuator: (2, 3) the ends of the way that its cart, in the middle of its joints, can go.
+    carts
+        By actuator that moves rods' ends: (3,) the middle of its joints.
+    anchors
+        By actuator that turns: (3,) the point of its axis that is nearest to its joints.
+    rods_of
+        By actuator: its rods.
+    up
+        (3,) unit vector against gravity.
+    """
+
+    seats: Floats
+    joints: Floats
+    tcp: Floats
+    tracks: dict[str, Floats]
+    carts: dict[str, Floats]
+    anchors: dict[str, Floats]
+    rods_of: dict[str, tuple[int, ...]]
+    up: Floats
+
+    @property
+    def points(self) -> Floats:
+        """(m, 3) all of it."""
+        ends = [*self.tracks.values(), *(a[None] for a in self.anchors.values())]
+        return np.vstack([self.seats, self.joints, self.tcp[None], *ends])
+
+
+def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
+    """The skeleton at a command (n,), by default at the middle of what the robot can reach; None for a robot without rods."""
+    kinematics, robot = model.kinematics, model.robot
+    if not isinstance(kinematics, RodKinematics):
+        return None
+    if q is None:
+        q = _middle(kinematics)
+    pose = kinematics.forward(q[None])
+    ends = kinematics.ends(q[None])
+    joints = np.broadcast_to(ends.P, (1, *ends.P.shape[-2:]))[0] @ pose.R[0].T + pose.T[0]
+    tracks, carts, anchors, rods_of = {}, {}, {}, {}
+    for j, actuator in enumerate(robot.actuators):
+        carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == j]
+        rods_of[actuator.site] = tuple(i for i, rod in enumerate(robot.rods) if j in (rod.carrier, rod.extension))
+        if not carried:
+            continue
+        middle = ends.C[0, carried].mean(axis=0)
+        carts[actuator.site] = middle
+        if actuator.revolute:
+            away = middle - actuator.origin
+            anchors[actuator.site] = actuator.origin + actuator.axis * float(actuator.axis @ away)
+        else:
+            tracks[actuator.site] = _track(kinematics, q, j, carried)
+    gravity = np.asarray(robot.model.gravity.linear, dtype=float)
+    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
+    return Skeleton(ends.C[0], joints, pose.T[0], tracks, carts, anchors, rods_of, up)
+
+
+def _middle(kinematics: RodKinematics) -> Floats:
+    """The middle of the actuators' ranges where it can be reached, else home."""
+    robot = kinematics.geometry.robot
+    middle = (robot.lower + robot.upper) / 2.0
+    if np.isfinite(middle).all() and kinematics.forward(middle[None]).reached.all():
+        return np.asarray(middle)
+    return robot.home_q
+
+
+def _track(kinematics: RodKinematics, q: Floats, actuator: int, carried: list[int]) -> Floats:
+    robot = kinematics.geometry.robot
+    both = np.stack([q, q])
+    lower, upper = robot.lower[actuator], robot.upper[actuator]
+    both[:, actuator] = (lower, upper) if np.isfinite([lower, upper]).all() else (q[actuator] - 0.5, q[actuator] + 0.5)
+    return np.asarray(kinematics.ends(both).C[:, carried].mean(axis=1))

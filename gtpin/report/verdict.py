@@ -1,0 +1,139 @@
+"""The verdict of a diagnosis in a sentence that an engineer can act on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gtpin.diagnosis.result import Cause, Diagnosis
+from gtpin.report.phrases import phrase, sentence
+from gtpin.report.words import chance, coordinate_words, counted, joined, length, percent, site_words
+
+SURE = 0.95
+"""Probability from which a cause stands alone."""
+BADGES = {
+    "none": ("no cause", "good"),
+    "explained": ("cause found", "accent"),
+    "ambiguous": ("can't be told apart", "warn"),
+    "unknown": ("unknown cause", "mystery"),
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The first words of the page: a badge with its colour, a headline, and what to do."""
+
+    badge: str
+    tone: str
+    headline: str
+    advice: tuple[str, ...]
+
+
+def verdict(diagnosis: Diagnosis) -> Verdict:
+    """Say what a diagnosis says."""
+    headline, advice = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}[
+        diagnosis.verdict
+    ](diagnosis)
+    return Verdict(*BADGES[diagnosis.verdict], headline, tuple(advice))
+
+
+def _none(d: Diagnosis) -> tuple[str, list[str]]:
+    advice = [
+        f"The calibrated geometry leaves {length(d.gap.before)} RMS on poses that it was not fitted to; instrument and "
+        f"repeatability alone give {length(d.gap.floor)}. Use it as it is: nothing calls for a compensation."
+    ]
+    untestable = sum(not c.testable for c in d.candidates)
+    if untestable:
+        advice.append(
+            f"{counted(untestable, 'candidate')} could not be tested with these data; a cause among them would not show."
+        )
+    return "Nothing but noise is left: the calibrated geometry explains these measurements.", advice
+
+
+def _explained(d: Diagnosis) -> tuple[str, list[str]]:
+    clauses = [phrase(c.effect, c.site).clause for c in d.causes]
+    several = f"{_number(len(clauses))} causes: " if len(clauses) > 1 else ""
+    return sentence(several + joined(clauses)), [*_actions(d.causes), _shrinks(d)]
+
+
+def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
+    sure, doubtful = _by_doubt(d.causes)
+    headline = " ".join(sentence(_either(cause)) for cause in doubtful)
+    if sure:
+        headline += f" Sure beside it: {joined([phrase(c.effect, c.site).clause for c in sure])}."
+    advice = [_shrinks(d), "Which of them it is makes no difference to what the model predicts near these poses."]
+    told = d.to_json()["next_experiment"]
+    if told:
+        advice.append(f"To tell them apart: {told[0]['measure']}.")
+    return headline, [*_actions(sure), *advice]
+
+
+def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
+    what = "something that the catalogue does not know"
+    if d.unexplained.correlates:
+        site, coordinates, _ = d.unexplained.correlates[0]
+        headline = sentence(
+            f"{what} moves {site_words(site)} with {coordinate_words(coordinates)}: don't compensate it by name"
+        )
+        look = f"Look for what could move {site_words(site)} with {coordinate_words(coordinates)}; the plots below show how."
+    else:
+        headline = sentence(f"{what} is in these measurements: don't compensate it by name")
+        look = "It goes with no single coordinate that was recorded; the maps below show where it is."
+    advice = [look]
+    if d.causes:
+        sure = joined([phrase(c.effect, c.site).clause for c in d.causes])
+        advice += [f"Sure beside it: {sure}.", *_actions(d.causes), _shrinks(d)]
+    else:
+        advice.append(
+            "The corrected model is the calibrated geometry alone: no known effect is sure enough to be in it."
+        )
+    return headline, advice
+
+
+def _by_doubt(causes: tuple[Cause, ...]) -> tuple[list[Cause], list[Cause]]:
+    sure = [c for c in causes if c.probability >= SURE]
+    return sure, [c for c in causes if c.probability < SURE]
+
+
+def _either(cause: Cause) -> str:
+    """What a doubtful cause may be."""
+    named = [f"{phrase(m.effect, m.site).clause} ({chance(m.probability)})" for m in cause.members]
+    if len(named) == 1:
+        return f"probably {named[0]}, but these data don't settle it"
+    more = f", or one of {len(named) - 3} others" if len(named) > 3 else ""
+    return f"{joined(named[:3], 'or')}{more}: these data can't tell"
+
+
+def _actions(causes: tuple[Cause, ...] | list[Cause]) -> list[str]:
+    if len(causes) == 1:
+        return [phrase(causes[0].effect, causes[0].site).action]
+    return [sentence(f"{site_words(c.site)}: {_lower(phrase(c.effect, c.site).action)}") for c in causes]
+
+
+def _lower(action: str) -> str:
+    """An action as the rest of a sentence."""
+    return action[:1].lower() + action[1:].rstrip(".")
+
+
+def _shrinks(d: Diagnosis) -> str:
+    gap = d.gap
+    if gap.shrinkage is None:
+        return "How far the gap shrinks can't be told from these data."
+    before, after, floor = length(gap.before), length(gap.after), length(gap.floor)
+    if gap.before <= gap.floor:
+        return (
+            f"The gap, {before}, is below the noise that these data are taken to have, {floor}: how far it shrinks can't "
+            f"be told well. The corrected model leaves {after}."
+        )
+    interval = f" (95 % interval {_range(gap.interval)})" if gap.interval else ""
+    return (
+        f"On poses that it was not fitted to, the corrected model brings the gap from {before} to {after}, where noise alone "
+        f"gives {floor}: {percent(gap.shrinkage)} of its power beyond noise{interval}."
+    )
+
+
+def _range(interval: tuple[float, float]) -> str:
+    return f"{percent(interval[0])} to {percent(interval[1])}"
+
+
+def _number(count: int) -> str:
+    return {2: "two", 3: "three", 4: "four"}.get(count, str(count))

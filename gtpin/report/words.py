@@ -1,0 +1,114 @@
+"""Numbers, sites and coordinates in words that an engineer reads."""
+
+from __future__ import annotations
+
+import math
+
+PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n"}
+"""Of the units that are shown in thousandths."""
+SITES = {"arm": "all links", "frame": "the measurement frame", "platform": "the platform"}
+"""What sites are that no machine names itself."""
+COORDINATES = {
+    "time": "time",
+    "session": "the session",
+    "payload": "the payload",
+    "load": "the links' forces",
+    "direction": "the link's direction",
+    "position": "the TCP's position",
+    "temp_frame": "the frame's temperature",
+    "temp_link": "the links' temperature",
+}
+UNITS = {"time": "s", "temp_frame": "°C", "temp_link": "°C", "payload": "kg", "fx": "N", "fy": "N", "fz": "N"}
+"""Of the covariates that have names of their own."""
+
+
+def site_words(site: str) -> str:
+    """A site: ``cart2``, ``the measurement frame``."""
+    return SITES.get(site, site)
+
+
+def coordinate_words(name: str) -> str:
+    """A coordinate of a free motion: ``q3``, ``the payload``, ``q1 and q3, across the track``."""
+    coordinates, _, across = name.partition(" ")
+    words = " and ".join(COORDINATES.get(word, word) for word in coordinates.split(","))
+    return f"{words}, {across} the track" if across else words
+
+
+def covariate_unit(name: str, angular: bool = False) -> str:
+    """The unit of a command (angular: of a turning actuator) or covariate; empty where it has none or nobody knows it."""
+    if name in UNITS:
+        return UNITS[name]
+    if name.rstrip("0123456789") == "q":
+        return "rad" if angular else "m"
+    if name.rstrip("0123456789") == "speed":
+        return "rad/s" if angular else "m/s"
+    return ""
+
+
+def with_unit(name: str, unit: str) -> str:
+    """The title of an axis."""
+    return f"{name} ({unit})" if unit else name
+
+
+def length(value: float) -> str:
+    """A length as it reads best: ``26.0 µm``, ``1.20 mm``."""
+    return quantity(value, "m")
+
+
+def quantity(value: float, unit: str, sigma: float | None = None) -> str:
+    """A value with its standard deviation, both to the digits that this allows, kept on one line: ``25.00 ± 0.90 µm``."""
+    size = max(abs(value), sigma or 0.0)
+    if not math.isfinite(size):
+        return "not known"
+    exponent = _exponent(size, unit)
+    value = value / 10.0**exponent
+    digits = _digits(sigma / 10.0**exponent, 2) if sigma else _digits(value, 3)
+    text = f"{value:.{digits}f}"
+    if sigma:
+        text += f" ± {sigma / 10.0**exponent:.{digits}f}"
+    if unit.startswith("1/"):
+        power = {0: " ", -3: "·10⁻³", -6: "·10⁻⁶", -9: "·10⁻⁹"}[exponent]
+        return whole(f"({text}){power}/{unit[2:]}" if sigma else f"{text}{power}/{unit[2:]}")
+    return whole(f"{text} {PREFIXES[exponent]}{unit}".rstrip())
+
+
+def _exponent(size: float, unit: str) -> int:
+    if size == 0.0 or unit.split("/")[0] not in ("m", "rad", "s", "1", "N"):
+        return 0
+    return max(-9, min(0, 3 * math.floor(math.log10(size) / 3.0 + 1e-12)))
+
+
+def _digits(value: float, significant: int) -> int:
+    """Decimals that show so many significant digits."""
+    if value == 0.0:
+        return 0
+    return max(0, significant - 1 - math.floor(math.log10(abs(value))))
+
+
+def whole(text: str) -> str:
+    """Text that no line break parts, with a true minus sign."""
+    return text.replace(" ", "\u00a0").replace("-", "−")
+
+
+def percent(share: float) -> str:
+    """A share: ``86 %``; what is not quite nothing or all is not rounded to it."""
+    if 0.0 < share < 0.005:
+        return whole("< 1 %")
+    if 0.995 <= share < 1.0:
+        return whole("> 99 %")
+    return whole(f"{100.0 * share:.0f} %")
+
+
+def chance(probability: float) -> str:
+    """A probability: as a share, but never quite certain."""
+    return percent(min(max(probability, 1e-3), 1.0 - 1e-3))
+
+
+def joined(words: list[str], last: str = "and") -> str:
+    """A list in a sentence."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else ""
+
+
+def counted(number: int, what: str) -> str:
+    """``1 pose``, ``3 poses``."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
