@@ -5,6 +5,8 @@ from importlib.metadata import version
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
+from gtpin.diagnosis.diagnose import diagnose
+from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.kinematics.geometry_jacobian import geometry_jacobian
 from gtpin.kinematics.inverse import commands_for, reach
@@ -24,6 +26,7 @@ __all__ = [
     "ClosedPosture",
     "Commands",
     "Dataset",
+    "Diagnosis",
     "Frame",
     "Geometry",
     "GtpinError",
@@ -34,6 +37,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "commands_for",
+    "diagnose",
     "geometry_jacobian",
     "home",
     "load_robot",

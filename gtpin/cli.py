@@ -14,6 +14,7 @@ from gtpin.commands.blind import blind
 from gtpin.commands.calibrate import calibrate
 from gtpin.commands.compare import compare
 from gtpin.commands.demo import demo
+from gtpin.commands.diagnose import diagnose
 from gtpin.commands.predict import predict
 from gtpin.commands.sensitivity import sensitivity
 from gtpin.commands.simulate import simulate
@@ -36,6 +37,7 @@ app.command(epilog="Example: gtpin calibrate measurements -o calibrated")(calibr
 app.command(epilog="Example: gtpin compare measurements -o compared")(compare)
 app.command(epilog="Example: gtpin sensitivity calibrated --poses commands.csv -o accuracy")(sensitivity)
 app.command(epilog="Example: gtpin blind -o check --cases 100")(blind)
+app.command(epilog="Example: gtpin diagnose measurements -o diagnosis")(diagnose)
 app.command(epilog="Example: gtpin predict calibrated commands.csv -o predicted.csv")(predict)
 
 

@@ -51,7 +51,8 @@ def simulate(
 ) -> None:
     """Write a dataset of a virtual machine: a robot drawn from its tolerances, measured by a noisy tracker.
 
-    With a scenario the machine has the effects that it lists; DATASET.truth.json and DATASET.truth.csv beside the dataset tell.
+    With a scenario the machine has the effects that it lists. They stand in DATASET.truth.json, and the true poses at
+    commands.csv in DATASET.truth.csv, beside the dataset.
     """
     if scenario is None:
         name = robot or ROBOT

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import Progress as RichProgress
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -25,6 +25,9 @@ ModelReference = Annotated[
     str, typer.Argument(help="Folder of a model, name of a shipped robot, or path of a URDF.", show_default=False)
 ]
 
+PIPED_WIDTH = 120
+"""Columns of tables that nobody watches being printed."""
+
 
 def write_json(file: Path, content: object) -> None:
     """Write a result as JSON, floats so that they read back bit by bit."""
@@ -34,6 +37,17 @@ def write_json(file: Path, content: object) -> None:
 def tell(result: object, text: str, as_json: bool) -> None:
     """Print a result: as text for people, or as JSON alone."""
     typer.echo(json.dumps(result, indent=1, allow_nan=False) if as_json else text.rstrip("\n"))
+
+
+def rendered(*parts: RenderableType) -> str:
+    """Tables and sentences as text: in colour and as wide as the terminal where there is one, else plain."""
+    console = Console(highlight=False, markup=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, markup=False, width=PIPED_WIDTH, soft_wrap=True)
+    with console.capture() as captured:
+        for part in parts:
+            console.print(part)
+    return "\n".join(line.rstrip(" ") for line in captured.get().splitlines())
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import pytest
 import gtpin
 
 
-@pytest.mark.parametrize("command", ["calibrate", "predict", "simulate", "demo"])
+@pytest.mark.parametrize("command", ["calibrate", "diagnose", "predict", "simulate", "demo"])
 def test_help_shows_an_example(run, command):
     ran = run(command, "--help")
     assert ran.code == 0

@@ -1,0 +1,57 @@
+"""``gtpin diagnose``: where the gap lies, what causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gtpin.commands.terminal import AsJson, DatasetFolder, Output, Seed, progress_of, rendered, tell, write_json
+from gtpin.data import Dataset
+from gtpin.diagnosis.diagnose import FALSE_ALARM
+from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.model_folder import write_model
+from gtpin.output import results_folder
+from gtpin.report.diagnosis_page import diagnosis_page
+from gtpin.report.diagnosis_text import diagnosis_summary
+
+
+def diagnose(
+    dataset: DatasetFolder,
+    output: Output,
+    exclude: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--exclude",
+            metavar="EFFECT[@SITE]",
+            help="Takes an effect, or an effect at a site, out of the catalogue; may be given more than once.",
+            show_default=False,
+        ),
+    ] = None,
+    false_alarm: Annotated[
+        float, typer.Option("--false-alarm", help="Chance of naming a cause where there is none.", min=1e-6, max=0.5)
+    ] = FALSE_ALARM,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Diagnose the gap between a calibrated geometry and measured poses: where it lies, what causes it, how far it shrinks."""
+    with results_folder(output) as folder:
+        read = Dataset.read(dataset)
+        with progress_of("diagnosing") as progress:
+            found = run_diagnosis(read, exclude=exclude or (), false_alarm=false_alarm, seed=seed, progress=progress)
+        result = write_diagnosis(found, read, folder, seed)
+    written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
+    text = rendered(diagnosis_summary(found), f"Written: {written}", f"Open {output / 'report.html'}")
+    tell(result, text, as_json)
+
+
+def write_diagnosis(found: Diagnosis, dataset: Dataset, folder: Path, seed: int = 0) -> dict[str, object]:
+    """Write ``baseline/``, ``model/``, ``diagnosis.json`` and ``report.html``; give what ``diagnosis.json`` holds."""
+    result = found.to_json()
+    write_model(found.baseline.model, folder / "baseline")
+    write_model(found.model, folder / "model")
+    write_json(folder / "diagnosis.json", result)
+    (folder / "report.html").write_text(diagnosis_page(found, dataset, seed=seed), encoding="utf-8")
+    return result

@@ -1,0 +1,68 @@
+"""A diagnosis in a few lines, for a terminal."""
+
+from __future__ import annotations
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Group, RenderableType
+from rich.table import Table
+
+from gtpin.diagnosis.result import Cause, Diagnosis, Member
+from gtpin.report.verdict import verdict
+from gtpin.report.words import percent
+
+SHOWN = 3
+"""Parameters of a cause that are listed; the report has all."""
+
+
+def diagnosis_summary(diagnosis: Diagnosis) -> RenderableType:
+    """Verdict, causes with class and probability, and the gap before and after."""
+    parts: list[RenderableType] = [verdict(diagnosis).headline]
+    if diagnosis.causes:
+        parts.append(_causes(diagnosis))
+    return Group(*parts, *_gap(diagnosis), *_untestable(diagnosis))
+
+
+def _others(cause: Cause) -> list[Member]:
+    return [m for m in cause.members if (m.effect, m.site) != (cause.effect, cause.site)]
+
+
+def _causes(diagnosis: Diagnosis) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("cause", no_wrap=True)
+    table.add_column("probability", justify="right", no_wrap=True)
+    table.add_column("parameters")
+    table.add_column("shrinks the gap by", justify="right", no_wrap=True)
+    for cause in diagnosis.causes:
+        values = [_value(name, *told) for name, told in cause.parameters.items()]
+        more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
+        name = f"{cause.effect} at {cause.site}"
+        table.add_row(name, percent(cause.probability), "\n".join(values[:SHOWN] + more), percent(cause.shrinkage))
+        for member in _others(cause):
+            table.add_row(f"  or {member.effect} at {member.site}", percent(member.probability))
+    return table
+
+
+def _value(name: str, value: float, sigma: float, unit: str) -> str:
+    spread = f" +- {sigma:.1g}" if sigma > 0.0 else ""
+    return f"{name} {value:.3g}{spread} {unit}"
+
+
+def _gap(diagnosis: Diagnosis) -> list[str]:
+    gap = diagnosis.gap
+    before, after, floor = (f"{value * 1e6:.1f} um" for value in (gap.before, gap.after, gap.floor))
+    if diagnosis.verdict == "none":
+        return [f"Held-out position error, RMS: {before}, of which noise is {floor}."]
+    lines = [
+        f"Held-out position error, RMS: {before} by geometry alone -> {after} with the causes; noise floor {floor}."
+    ]
+    if gap.shrinkage is not None and gap.interval is not None:
+        low, high = (percent(value) for value in gap.interval)
+        lines.append(f"The gap's power beyond noise shrinks by {percent(gap.shrinkage)} (95 %: {low} to {high}).")
+    return lines
+
+
+def _untestable(diagnosis: Diagnosis) -> list[str]:
+    count = sum(not candidate.testable for candidate in diagnosis.candidates)
+    if not count:
+        return []
+    return [f"{count} of {len(diagnosis.candidates)} candidates can't be tested with these data; the report says why."]

@@ -1,0 +1,219 @@
+"""``gtpin diagnose``: what it writes and prints, that its models predict, and how it refuses."""
+
+import contextlib
+import io
+import json
+import sys
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import gtpin
+import gtpin.cli
+from gtpin.commands.diagnose import write_diagnosis
+from gtpin.data import Dataset
+from gtpin.plant import make_case
+
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a plant holds constant is noticed
+SAMPLES = Path(__file__).parents[3] / "shared" / "samples"
+KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment"}
+
+
+def made(folder, *effects):
+    """A plant's dataset of 120 poses with effects so strong that they can't be missed; the truth beside it."""
+    case = make_case(11, effects=[(name, site) for name, site in effects], energy=4000.0, poses=120)
+    case.write(folder, "set")
+    return folder / "set"
+
+
+@pytest.fixture(scope="module")
+def strong(tmp_path_factory):
+    """A machine whose first drive has a lot of play."""
+    return made(tmp_path_factory.mktemp("strong"), ("backlash", "cart1"))
+
+
+@pytest.fixture(scope="module")
+def diagnosed(strong, tmp_path_factory):
+    """What ``gtpin diagnose`` makes of it, not to be changed, and how it ended."""
+    folder = tmp_path_factory.mktemp("result") / "deep" / "diagnosis"
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        warnings.catch_warnings(),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        patch.setattr(sys, "argv", ["gtpin", "diagnose", str(strong), "-o", str(folder)])
+        with pytest.raises(SystemExit) as ended:
+            gtpin.cli.main()
+    return folder, SimpleNamespace(code=ended.value.code or 0, out=out.getvalue(), err=err.getvalue())
+
+
+def told(folder):
+    return json.loads((folder / "diagnosis.json").read_text())
+
+
+def errors(folder, dataset):
+    """(N,) position errors of predictions, m, against the plant's truth."""
+    truth = pd.read_csv(dataset.with_name("set.truth.csv"))
+    found = pd.read_csv(folder)
+    assert len(found) == len(truth)
+    return np.linalg.norm(found[["x", "y", "z"]].to_numpy() - truth[["x", "y", "z"]].to_numpy(), axis=1)
+
+
+def test_diagnose_writes_two_models_their_numbers_and_a_page(diagnosed):
+    folder, ran = diagnosed
+    assert ran.code == 0, ran.err
+    assert {path.name for path in folder.iterdir()} == {"baseline", "model", "diagnosis.json", "report.html"}
+    assert set(told(folder)) == KEYS
+    assert "</html>" in (folder / "report.html").read_text()
+    assert {path.name for path in folder.parent.iterdir()} == {"diagnosis"}
+
+
+def test_diagnose_names_what_the_plant_has(diagnosed):
+    found = told(diagnosed[0])
+    assert found["verdict"] in ("explained", "ambiguous")
+    leader = found["causes"][0]
+    assert {"effect": "backlash", "site": "cart1"} in [{k: m[k] for k in ("effect", "site")} for m in leader["class"]]
+
+
+def test_people_are_told_verdict_causes_gap_and_which_file_to_open(diagnosed):
+    folder, ran = diagnosed
+    found = told(folder)
+    lines = ran.out.rstrip("\n").splitlines()
+    assert "cart1" in lines[0]
+    for cause in found["causes"]:
+        assert f"{cause['effect']} at {cause['site']}" in ran.out
+    for value in ("position_rms_before", "position_rms_after", "noise_floor"):
+        assert f"{found['gap'][value] * 1e6:.1f} um" in ran.out
+    assert lines[-1] == f"Open {folder / 'report.html'}"
+    assert "\x1b" not in ran.out
+    assert all(line.startswith("gtpin: warning: ") for line in ran.err.splitlines())
+
+
+def test_the_model_with_the_causes_predicts_better_than_the_one_without(run, diagnosed, strong, tmp_path):
+    folder, _ = diagnosed
+    rms = {}
+    for name, model in {"after": folder, "before": folder / "baseline"}.items():
+        assert run("predict", model, strong / "commands.csv", "-o", tmp_path / f"{name}.csv").code == 0
+        rms[name] = np.sqrt((errors(tmp_path / f"{name}.csv", strong) ** 2).mean())
+    assert rms["after"] < 0.7 * rms["before"]
+    assert gtpin.read_model(folder).effects
+    assert not gtpin.read_model(folder / "baseline").effects
+
+
+def test_a_covariate_that_the_causes_need_is_asked_for_and_by_the_baseline_is_not(
+    run, diagnosed, strong, tmp_path, tree
+):
+    folder, _ = diagnosed
+    commands = pd.read_csv(strong / "commands.csv", dtype={"pose": str}).drop(columns="approach1")
+    commands.to_csv(tmp_path / "c.csv", index=False)
+    before = tree(tmp_path)
+    error = run("predict", folder, tmp_path / "c.csv", "-o", tmp_path / "deep" / "p.csv").failed()
+    assert "c.csv, column approach1" in error
+    assert "backlash@cart1" in error
+    assert tree(tmp_path) == before
+    assert run("predict", folder / "baseline", tmp_path / "c.csv", "-o", tmp_path / "p.csv").code == 0
+
+
+@pytest.fixture(scope="module")
+def again(strong):
+    """The same data diagnosed once more, in Python."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return gtpin.diagnose(Dataset.read(strong))
+
+
+def test_the_same_data_twice_give_the_same_bytes(diagnosed, again, strong, tmp_path, tree):
+    folder, _ = diagnosed
+    write_diagnosis(again, Dataset.read(strong), tmp_path)
+    first, second = tree(folder), tree(tmp_path)
+    names = [name for name in first if name.endswith((".json", ".urdf"))]
+    assert {"diagnosis.json", "model/model.json", "baseline/model.json"} <= set(names)
+    assert [name for name in names if first[name] != second[name]] == []
+
+
+def test_json_prints_the_result_and_nothing_else(run, diagnosed, again, strong, tmp_path, monkeypatch):
+    monkeypatch.setattr("gtpin.commands.diagnose.run_diagnosis", lambda *_, **__: again)
+    ran = run("diagnose", strong, "-o", tmp_path / "out", "--json")
+    assert ran.code == 0
+    assert json.loads(ran.out) == told(diagnosed[0])
+    assert all(line.startswith("gtpin: warning: ") for line in ran.err.splitlines())
+
+
+def test_what_is_excluded_is_neither_named_nor_considered(run, strong, tmp_path):
+    ran = run("diagnose", strong, "-o", tmp_path / "out", "--exclude", "backlash@cart1", "--exclude", "servo_lag")
+    assert ran.code == 0, ran.err
+    found = told(tmp_path / "out")
+    left = {(c["effect"], c["site"]) for c in found["candidates"]}
+    assert ("backlash", "cart1") not in left
+    assert ("backlash", "cart2") in left
+    assert not [site for effect, site in left if effect == "servo_lag"]
+    named = {(m["effect"], m["site"]) for cause in found["causes"] for m in cause["class"]}
+    assert named <= left
+    assert found["verdict"] != "none"
+
+
+def test_without_an_effect_nothing_is_named(run, tmp_path):
+    dataset = made(tmp_path)
+    ran = run("diagnose", dataset, "-o", tmp_path / "out")
+    assert ran.code == 0, ran.err
+    found = told(tmp_path / "out")
+    assert (found["verdict"], found["causes"]) == ("none", [])
+    assert (found["gap"]["shrinkage"], found["gap"]["interval"]) == (None, None)
+    assert ran.out.startswith("Nothing but noise")
+    model, baseline = (gtpin.read_model(tmp_path / "out" / name) for name in ("model", "baseline"))
+    q = Dataset.read(dataset).q
+    assert not model.effects
+    assert (
+        np.abs(model.predict(q).minus(baseline.predict(q)))[:, :3].max() < 2e-6
+    )  # both are the same geometry, fitted twice
+
+
+@pytest.mark.parametrize("words", ["gremlin", "backlash@arm", ""])
+def test_excluding_what_is_no_effect_is_refused(run, strong, tmp_path, words):
+    assert repr(words) in run("diagnose", strong, "-o", tmp_path / "deep" / "out", "--exclude", words).failed()
+    assert not (tmp_path / "deep").exists()
+
+
+@pytest.mark.parametrize("value", ["0", "1", "-0.1", "nan", "often"])
+def test_a_false_alarm_rate_that_can_t_be_is_refused(run, strong, tmp_path, value):
+    assert "--false-alarm" in run("diagnose", strong, "-o", tmp_path / "out", "--false-alarm", value).failed()
+
+
+def test_wrong_datasets_are_refused_and_leave_nothing(run, strong, tmp_path, tree):
+    dataset = tmp_path / "set"
+    replace(Dataset.read(strong), position=Dataset.read(strong).position * 1000.0).write(dataset)
+    before = tree(tmp_path)
+    assert "millimetres" in run("diagnose", dataset, "-o", tmp_path / "deep" / "out").failed()
+    assert "dataset.toml" in run("diagnose", tmp_path / "no", "-o", tmp_path / "deep" / "out").failed()
+    (tmp_path / "taken").write_text("mine")
+    assert "taken" in run("diagnose", strong, "-o", tmp_path / "taken").failed()
+    (tmp_path / "taken").unlink()
+    assert tree(tmp_path) == before
+
+
+def test_a_disk_that_is_full_leaves_nothing(run, again, strong, tmp_path, tree, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("gtpin.commands.diagnose.run_diagnosis", lambda *_, **__: again)
+    monkeypatch.setattr("pathlib.Path.write_text", full)
+    assert "No space" in run("diagnose", strong, "-o", tmp_path / "deep" / "out").failed()
+    assert tree(tmp_path) == {}
+
+
+@pytest.mark.skipif(not SAMPLES.is_dir(), reason="no samples here")
+@pytest.mark.parametrize("name", ["b", "e"])
+def test_the_samples_are_diagnosed_and_predicted(run, tmp_path, name):
+    ran = run("diagnose", SAMPLES / name, "-o", tmp_path / "out")
+    assert ran.code == 0, ran.err
+    assert set(told(tmp_path / "out")) == KEYS
+    commands = SAMPLES / name / "commands.csv"
+    assert run("predict", tmp_path / "out", commands, "-o", tmp_path / "p.csv").code == 0
+    assert len(pd.read_csv(tmp_path / "p.csv")) == len(pd.read_csv(commands))
