@@ -22,7 +22,6 @@ from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.library import load_robot
 
 Floats = npt.NDArray[np.float64]
 
@@ -47,7 +46,7 @@ class Best:
 
 @dataclass(frozen=True)
 class Yardstick:
-    """Measures displacements at a dataset's rows; poses and geometry are the nominal robot's.
+    """Measures displacements at a dataset's rows.
 
     Parameters
     ----------
@@ -61,9 +60,9 @@ class Yardstick:
     sigma: Floats
 
     @staticmethod
-    def of(dataset: Dataset, sigma: Floats) -> Yardstick:
-        """The yardstick for a dataset of a robot with rods."""
-        kinematics = RodKinematics(Geometry.nominal(load_robot(dataset.robot_reference)))
+    def of(dataset: Dataset, sigma: Floats, geometry: Geometry) -> Yardstick:
+        """The yardstick for a dataset and the geometry of a robot with rods; take one near the machine's own."""
+        kinematics = RodKinematics(geometry)
         poses = kinematics.forward(dataset.q)
         temperature = dataset.conditions.reference_temperature
         measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)

@@ -8,6 +8,7 @@ from typing import Any
 
 from gtpin.blind.calibration import tenths
 from gtpin.blind.judged import LEFT, VISIBLE, Judged
+from gtpin.blind.promises import kept, off, promises
 from gtpin.blind.rates import Rate, mean, rate
 from gtpin.blind.truth import Kind
 
@@ -49,22 +50,32 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     return [
         Figure("detected, E > 63", rate(c.detected for c in seen), least=0.97),
         Figure("class holds the truth, E > 63", rate(c.in_class for c in seen), least=0.97),
-        Figure("members of the class, E > 63", mean(len(c.said.members) for c in seen if c.said and c.said.members), most=2.5),
+        Figure(
+            "members of the class, E > 63",
+            mean(len(c.said.members) for c in seen if c.said and c.said.members),
+            most=2.5,
+        ),
         Figure("class with a member that leaves more than 63, E > 63", rate(_stranger(c) for c in seen), most=0.0),
         Figure("cause and site right, nothing else named, D > 63", rate(c.strict for c in clear), least=0.90),
-        Figure("site that leads `where` right, D > 63", rate(_where(c) for c in clear), least=0.90),
-        Figure("no false name with confidence, D <= 63", rate(not c.error and not c.false_confident for c in weak), least=0.95),
+        Figure("site that leads where right, D > 63", rate(_where(c) for c in clear), least=0.90),
+        Figure(
+            "no false name with confidence, D <= 63",
+            rate(not c.error and not c.false_confident for c in weak),
+            least=0.95,
+        ),
         Figure("no effect: silent", rate(c.said is not None and not c.detected for c in none), least=0.99),
         Figure("two effects: F1 of the set", mean(c.f1 for c in two), least=0.95),
         Figure("three effects: F1 of the set", mean(c.f1 for c in three)),
         *_outside(cases),
-        Figure("known and unlisted together: `unknown`", rate(_unknown(c) for c in both)),
+        Figure("known and unlisted together: unknown", rate(_unknown(c) for c in both)),
         Figure("known and unlisted together: a false cause named", rate(bool(c.false_names) for c in both)),
         _calibrated(cases),
-        Figure("rough data: class holds the truth, E > 63, covariate there", rate(c.in_class for c in rough), least=0.90),
+        Figure(
+            "rough data: class holds the truth, E > 63, covariate there", rate(c.in_class for c in rough), least=0.90
+        ),
         *_shrinkage(cases, seen),
         Figure("95 % intervals of parameters cover", rate(covered(cases))),
-    ]  # fmt: skip
+    ]
 
 
 def of_kind(cases: Iterable[Judged], *kinds: Kind) -> list[Judged]:
@@ -98,8 +109,8 @@ def _outside(cases: Sequence[Judged]) -> list[Figure]:
     ):
         plain = [c for c in some if c.leaves > LEFT]
         asked: list[tuple[str, Callable[[Judged], bool], Sequence[Judged], dict[str, float]]] = [
-            ("`unknown`, where others leave more than 250", _unknown, plain, {"least": 0.90}),
-            ("`unknown`, all", _unknown, some, {}),
+            ("unknown, where others leave more than 250", _unknown, plain, {"least": 0.90}),
+            ("unknown, all", _unknown, some, {}),
             ("a cause named with confidence, where others leave more than 250", _confident, plain, {"most": 0.15}),
             ("a cause named with confidence, all", _confident, some, {"most": 0.15}),
             ("any cause named, all", _named, some, {}),
@@ -109,16 +120,12 @@ def _outside(cases: Sequence[Judged]) -> list[Figure]:
 
 
 def _shrinkage(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
-    told = [
-        (c.said.shrinkage, c.said.interval, c.shrunk.share)
-        for c in cases
-        if c.said and c.shrunk and c.said.shrinkage is not None
-    ]
+    told = promises(cases)
     ratios = [c.shrunk.after / c.shrunk.knowing for c in seen if c.shrunk and c.shrunk.knowing]
     return [
-        Figure("shrinkage said less realised, absolute", mean(abs(said - real) for said, _, real in told), most=0.05),
-        Figure("shrinkage said less realised", mean(said - real for said, _, real in told)),
-        Figure("95 % interval of shrinkage covers", rate(i[0] <= real <= i[1] for _, i, real in told if i), least=0.90),
+        Figure("shrinkage said less realised, absolute", off(told), most=0.05),
+        Figure("shrinkage said less realised", mean(p.said - p.realised for p in told)),
+        Figure("95 % interval of shrinkage covers", kept(told), least=0.90),
         Figure("gap after over that of a fit that knows the cause, E > 63", mean(ratios), most=MOST_AFTER),
         Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
     ]

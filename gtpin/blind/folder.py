@@ -124,10 +124,19 @@ class CheckFolder:
         file = self._said(name, without)
         return Said.model_validate_json(file.read_bytes()) if file.is_file() else None
 
-    def keep(self, name: str, said: Said, without: bool = False) -> None:
-        """Keep what was said."""
-        with placed_file(self._said(name, without)) as beside:
+    def keep(self, name: str, said: Said, seconds: float, without: bool = False) -> None:
+        """Keep what was said, and apart from it how long that took."""
+        file = self._said(name, without)
+        with placed_file(file) as beside:
             beside.write_text(said.model_dump_json() + "\n", encoding="utf-8")
+        with (self.root / "seconds.txt").open("a", encoding="utf-8") as log:
+            log.write(f"{file.stem} {seconds:.2f}\n")
+
+    def seconds(self) -> list[float]:
+        """How long each diagnosis took, s."""
+        file = self.root / "seconds.txt"
+        lines = file.read_text(encoding="utf-8").split() if file.is_file() else []
+        return [s for s in map(float, lines[1::2]) if s == s]
 
     def _said(self, name: str, without: bool) -> Path:
         return self.root / "diagnoses" / (f"{name}.without.json" if without else f"{name}.json")

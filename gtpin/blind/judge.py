@@ -18,6 +18,7 @@ from gtpin.blind.statement import Named, Statement
 from gtpin.blind.truth import Hidden, TruePoses, Truth
 from gtpin.blind.worker import Said
 from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import GtpinError, GtpinWarning
@@ -32,7 +33,7 @@ SMOOTHED = frozenset({"one"})
 """Sorts of cases on which the rivals are tried."""
 
 
-def judge(folder: Path, sealed: Path, digest: str, said: Said, without: Said | None = None) -> Judged:
+def judge(folder: Path, sealed: Path, digest: str, said: Said | None, without: Said | None = None) -> Judged:
     """Judge a case; ``without`` is what was said with its effect taken out of the catalogue.
 
     A broken seal makes it a failed case.
@@ -41,6 +42,7 @@ def judge(folder: Path, sealed: Path, digest: str, said: Said, without: Said | N
         truth = opened(sealed, digest)
     except SealError as error:
         return Judged(name=folder.name, error=str(error))
+    said = said or Said(error="it was not diagnosed")
     statement, other = _statement(said), _statement(without)
     plain = tuple(effect.model_copy(update={"displacement": None}) for effect in truth.effects)
     found = Judged(
@@ -73,8 +75,10 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, said:
         "testable": _testable(dataset, truth),
     }
     lefts: list[Left] = []
+    baseline: Calibration | None = None
     if truth.sigma is not None and truth.effects and all(e.displacement is not None for e in truth.effects):
-        yardstick = Yardstick.of(dataset, np.array(truth.sigma))
+        baseline = calibrate(dataset)
+        yardstick = Yardstick.of(dataset, np.array(truth.sigma), baseline.model.geometry)
         lefts = [yardstick.left(np.array(effect.displacement)) for effect in truth.effects]
         told = [_with_leaves(effect, left) for effect, left in zip(found.truth, lefts, strict=True)]
         changes |= {"truth": tuple(effect for effect, _ in told)}
@@ -85,7 +89,7 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, said:
             rows = (_parameters(yardstick, found.said, effect, left) for effect, left in pairs)
             changes["parameters"] = tuple(row for some in rows for row in some)
     if said.baseline is not None and said.model is not None and truth.poses is not None:
-        changes["shrunk"] = _shrunk(folder, dataset, truth, said, lefts)
+        changes["shrunk"] = _shrunk(folder, dataset, truth, said, lefts, baseline)
     return found.model_copy(update=changes)
 
 
@@ -123,14 +127,15 @@ def _parameters(
             yield name, value, sigma, true[name]
 
 
-def _shrunk(folder: Path, dataset: Dataset, truth: Truth, said: Said, lefts: list[Left]) -> Shrunk | None:
+def _shrunk(
+    folder: Path, dataset: Dataset, truth: Truth, said: Said, lefts: list[Left], baseline: Calibration | None
+) -> Shrunk:
     commands = Commands.read(folder / "commands.csv", dataset.n_actuators)
     assert truth.poses is not None
     T = _true_positions(commands, truth.poses)
     found = Shrunk(before=_rms(np.array(said.baseline) - T), after=_rms(np.array(said.model) - T))
-    if not lefts or truth.kind not in KNOWING or dataset.instrument.frame == "free":
+    if baseline is None or truth.kind not in KNOWING or dataset.instrument.frame == "free":
         return found
-    baseline = calibrate(dataset)
     changes = {}
     causes = [left[effect.name] for effect, left in zip(truth.effects, lefts, strict=True) if effect.name in left]
     if len(causes) == len(lefts):

@@ -116,8 +116,13 @@ def kind_of(effects: list[str]) -> Kind:
     """What sort of case it is, by its effects."""
     known = sum(effect in catalogue() for effect in effects)
     kinds: Mapping[tuple[int, int], Kind] = {
-        (0, 0): "none", (1, 0): "one", (2, 0): "two", (3, 0): "three", (0, 1): "unlisted", (1, 1): "known_and_unlisted",
-    }  # fmt: skip
+        (0, 0): "none",
+        (1, 0): "one",
+        (2, 0): "two",
+        (3, 0): "three",
+        (0, 1): "unlisted",
+        (1, 1): "known_and_unlisted",
+    }
     return kinds.get((known, len(effects) - known), "many")
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol
+from statistics import median
+from typing import Any, Protocol
 
 from gtpin.blind.draw import Draft, drafts, made, truth_of
 from gtpin.blind.folder import CheckFolder, Settings, diagnosis_digest
 from gtpin.blind.judge import judge
 from gtpin.blind.judged import Judged
 from gtpin.blind.others import given, source_digest, take_in
-from gtpin.blind.seal import SealError, opened, read_manifest, seal, write_manifest
-from gtpin.blind.spread import cluster, spread
+from gtpin.blind.seal import SealError, digest_of, opened, read_manifest, seal, write_manifest
+from gtpin.blind.spread import spread, workers
 from gtpin.blind.truth import Truth
 from gtpin.blind.worker import Said, diagnose_alone
 from gtpin.errors import GtpinError
@@ -20,6 +22,18 @@ from gtpin.plant.digest import digest as plant_digest
 
 TAKEN_OUT = 2
 """Of the cases with one effect, every so many are diagnosed again with the effect taken out of the catalogue."""
+
+SUSPECTS = 16
+"""Where a process has died, so many of the cases that were not done are diagnosed one by one, to find whose end it was."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The judged cases of a check, what the check was (its settings, the digest of its manifest), and its median pace, s."""
+
+    cases: list[Judged]
+    about: dict[str, Any]
+    seconds: float | None
 
 
 class Watch(Protocol):
@@ -32,23 +46,24 @@ class Watch(Protocol):
         """A piece of work is done."""
 
 
-def check(output: Path, cases: int, seed: int, watch: Watch, address: str | None = None) -> list[Judged]:
+def check(output: Path, cases: int, seed: int, watch: Watch, address: str | None = None) -> Checked:
     """Make cases, diagnose them, open the seals, and judge; go on where the same check was stopped."""
     folder = CheckFolder(output)
-    folder.claim(Settings(cases, seed, None, plant_digest(), diagnosis_digest()))
+    settings = Settings(cases, seed, None, plant_digest(), diagnosis_digest())
+    folder.claim(settings)
     asked = list(drafts(cases, seed))
     if not folder.manifest.exists():
-        waiting = [draft for draft in asked if not folder.sealed(draft.name).exists()]
+        waiting = {draft.name: draft for draft in asked if not folder.sealed(draft.name).exists()}
         watch.begin("making cases", len(asked), len(asked) - len(waiting))
-        with cluster(None):  # never where cases are diagnosed
-            lost = spread(_make, [(d.name, (folder.root, d)) for d in waiting], lambda *_: watch.one_more())
+        with workers():  # never where cases are diagnosed
+            lost = spread(_make, list(waiting), lambda name: (folder.root, waiting[name]), lambda *_: watch.one_more())
         if lost:
             raise GtpinError(f"a process died while {lost[0]} was made", hint="run the same command again")
         write_manifest(folder.manifest, folder.digests(draft.name for draft in asked), plant_digest())
-    return diagnose_and_judge(folder, watch, address)
+    return _diagnosed_and_judged(folder, settings, watch, address)
 
 
-def check_given(output: Path, source: Path, watch: Watch, address: str | None = None) -> list[Judged]:
+def check_given(output: Path, source: Path, watch: Watch, address: str | None = None) -> Checked:
     """Diagnose cases that somebody else made, and judge; go on where the same check was stopped.
 
     Raises
@@ -58,7 +73,8 @@ def check_given(output: Path, source: Path, watch: Watch, address: str | None = 
     """
     cases = given(source)
     folder = CheckFolder(output)
-    folder.claim(Settings(len(cases), None, source_digest(cases), None, diagnosis_digest()))
+    settings = Settings(len(cases), None, source_digest(cases), None, diagnosis_digest())
+    folder.claim(settings)
     if not folder.manifest.exists():
         watch.begin("sealing", len(cases), 0)
         for case in cases:
@@ -66,7 +82,7 @@ def check_given(output: Path, source: Path, watch: Watch, address: str | None = 
             seal(case.truth, folder.case(case.name), folder.sealed(case.name))
             watch.one_more()
         write_manifest(folder.manifest, folder.digests(case.name for case in cases), None)
-    return diagnose_and_judge(folder, watch, address)
+    return _diagnosed_and_judged(folder, settings, watch, address)
 
 
 def _make(root: Path, draft: Draft) -> None:
@@ -81,7 +97,7 @@ def _make(root: Path, draft: Draft) -> None:
     seal(truth_of(case, draft.kind), place, folder.sealed(draft.name))
 
 
-def diagnose_and_judge(folder: CheckFolder, watch: Watch, address: str | None) -> list[Judged]:
+def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch, address: str | None) -> Checked:
     """Diagnose all cases of a manifest that were not yet, then open the seals and judge."""
     digests = read_manifest(folder.manifest)
     _diagnose(folder, dict.fromkeys(digests, ()), watch, address, "diagnosing")
@@ -94,17 +110,18 @@ def diagnose_and_judge(folder: CheckFolder, watch: Watch, address: str | None) -
         judged[name] = case
         watch.one_more()
 
-    with cluster(None):
-        tasks = [
-            (name, (folder.case(name), folder.sealed(name), digest, folder.said(name), folder.said(name, without=True)))
-            for name, digest in digests.items()
-        ]
-        lost = spread(judge, tasks, done)
+    def arguments(name: str) -> tuple[Path, Path, str, Said | None, Said | None]:
+        return folder.case(name), folder.sealed(name), digests[name], folder.said(name), folder.said(name, without=True)
+
+    with workers():
+        lost = spread(judge, list(digests), arguments, done)
     if lost:
         raise GtpinError(f"a process died while {lost[0]} was judged", hint="run the same command again")
     for name, truth in truths.items():
         folder.publish(name, truth)
-    return [judged[name] for name in digests]
+    about = asdict(settings) | {"manifest": digest_of(folder.manifest.read_bytes())}
+    seconds = folder.seconds()
+    return Checked([judged[name] for name in digests], about, median(seconds) if seconds else None)
 
 
 def _diagnose(
@@ -113,17 +130,22 @@ def _diagnose(
     """Diagnose cases that were not yet, each with what is to be taken out of the catalogue."""
 
     def done(name: str, result: tuple[Said, float]) -> None:
-        folder.keep(name, result[0], without=bool(asked[name]))
+        folder.keep(name, *result, without=bool(asked[name]))
         watch.one_more()
+
+    def arguments(name: str) -> tuple[dict[str, bytes], tuple[str, ...]]:
+        return folder.files_of(name), asked[name]
 
     waiting = [name for name in asked if folder.said(name, without=bool(asked[name])) is None]
     watch.begin(what, len(asked), len(asked) - len(waiting))
-    with cluster(address):
-        lost = spread(diagnose_alone, [(name, (folder.files_of(name), asked[name])) for name in waiting], done)
-    for name in lost:  # somewhere among them is one whose process dies
-        with cluster(address):
-            if spread(diagnose_alone, [(name, (folder.files_of(name), asked[name]))], done):
-                done(name, (Said(error="the process that diagnosed it died"), 0.0))
+    while waiting:
+        with workers(address):
+            waiting = spread(diagnose_alone, waiting, arguments, done)
+        suspects, waiting = waiting[:SUSPECTS], waiting[SUSPECTS:]
+        for name in suspects:
+            with workers(address):
+                if spread(diagnose_alone, [name], arguments, done):
+                    done(name, (Said(error="the process that diagnosed it died"), float("nan")))
 
 
 def _opened(folder: CheckFolder, digests: Mapping[str, str]) -> dict[str, Truth]:

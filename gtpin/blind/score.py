@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -12,21 +12,25 @@ from gtpin.blind.calibration import Tenth, tenths
 from gtpin.blind.figures import figures, of_kind, taken_out
 from gtpin.blind.judged import Judged
 from gtpin.blind.power import power
+from gtpin.blind.promises import kept, off, promises
 from gtpin.blind.rates import mean, rate
 
 SCHEMA = "gtpin-score/1"
 POSES = (60, 120, 240)
 
 
-def score(cases: Sequence[Judged]) -> dict[str, Any]:
-    """The content of ``score.json``; fractions are None where no case tells them."""
-    one, several = of_kind(cases, "one"), of_kind(cases, "two", "three")
+def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The content of ``score.json``; fractions are None where no case tells them.
+
+    Parameters
+    ----------
+    about
+        What the check was, for the record.
+    """
+    one = of_kind(cases, "one")
+    several = [c for c in of_kind(cases, "two", "three", "many") if c.listed]
     none, unlisted = of_kind(cases, "none"), of_kind(cases, "unlisted")
-    told = [
-        (c.said.shrinkage, c.said.interval, c.shrunk.share)
-        for c in cases
-        if c.said and c.shrunk and c.said.shrinkage is not None
-    ]
+    told = promises(cases)
     return {
         "schema": SCHEMA,
         "cases": len(cases),
@@ -38,8 +42,8 @@ def score(cases: Sequence[Judged]) -> dict[str, Any]:
         "unknown_recognised": rate(c.said is not None and c.said.verdict == "unknown" for c in unlisted).value,
         "unknown_misnamed": rate(bool(c.false_names) for c in unlisted).value,
         "set_f1": mean(c.f1 for c in several).value,
-        "shrinkage_error": mean(abs(said - real) for said, _, real in told).value,
-        "interval_coverage": rate(i[0] <= real <= i[1] for _, i, real in told if i).value,
+        "shrinkage_error": off(told).value,
+        "interval_coverage": kept(told).value,
         "failed": rate(c.error is not None for c in cases).value,
         "by_effect": by_effect(cases),
         "kinds": dict(sorted(Counter(c.kind or "broken seal" for c in cases).items())),
@@ -51,6 +55,7 @@ def score(cases: Sequence[Judged]) -> dict[str, Any]:
             "members": [_tenth(t) for t in tenths(cases, members=True)],
         },
         "power": [asdict(found) for found in power(cases, POSES)],
+        "check": dict(about or {}),
         "failures": [c.name for c in cases if c.error is not None],
     }
 

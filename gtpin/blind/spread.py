@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from joblib import Parallel, delayed, parallel_config
-from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky import BrokenProcessPool, get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from gtpin.errors import GtpinError
@@ -24,21 +24,27 @@ def processes() -> int:
 
 
 @contextmanager
-def cluster(address: str | None) -> Iterator[None]:
-    """Where the work goes: processes of their own, started afresh, or the workers of a cluster.
+def workers(cluster: str | None = None) -> Iterator[None]:
+    """Where work goes: processes of this machine, started afresh, or the workers of a cluster by its scheduler's address.
 
     Raises
     ------
     GtpinError
-        If dask is not installed, or no scheduler answers.
+        If dask is not installed, no scheduler answers, or it has no workers.
     """
-    if address is None:
-        try:
-            with parallel_config(backend="loky", n_jobs=processes()):
-                yield
-        finally:  # the next work gets new processes, which know nothing of this one
-            get_reusable_executor().shutdown(wait=True, kill_workers=True)
+    if cluster is not None:
+        with _client(cluster), parallel_config(backend="dask"):
+            yield
         return
+    try:
+        with parallel_config(backend="loky", n_jobs=processes()):
+            yield
+    finally:  # the next work gets new processes, which know nothing of this one
+        get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+@contextmanager
+def _client(address: str) -> Iterator[None]:
     try:
         from distributed import Client
     except ImportError:
@@ -49,30 +55,47 @@ def cluster(address: str | None) -> Iterator[None]:
     except (OSError, ValueError, TimeoutError) as error:
         what = f"no dask scheduler at {address} ({str(error)[:80]})"
         raise GtpinError(what, hint="start one with: dask scheduler") from None
-    with client, parallel_config(backend="dask"):
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise GtpinError(
+                f"the scheduler at {address} has no workers", hint=f"start some with: dask worker {address}"
+            )
         yield
 
 
 def spread(
-    work: Callable[..., Result], tasks: Iterable[tuple[str, tuple[Any, ...]]], done: Callable[[str, Result], None]
+    work: Callable[..., Result],
+    names: Sequence[str],
+    arguments: Callable[[str], tuple[Any, ...]],
+    done: Callable[[str, Result], None],
 ) -> list[str]:
-    """Do ``work(*arguments)`` for (name, arguments) tasks; call ``done(name, result)`` here as each ends.
+    """Do ``work(*arguments(name))`` for every name; call ``done(name, result)`` here as each ends.
 
     Returns
     -------
     lost
-        Names of tasks that were not done because a process died (all that were not done by then).
+        Names of what was not done because a process died: one of them was its end.
+
+    Raises
+    ------
+    GtpinError
+        If the work can't be started in the workers.
     """
-    tasks = list(tasks)
-    waiting = dict.fromkeys(name for name, _ in tasks)
+    waiting = dict.fromkeys(names)
+    tasks = (delayed(_named)(work, name, arguments(name)) for name in names)
     try:
-        for name, result in Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="3*n_jobs")(
-            delayed(_named)(work, name, arguments) for name, arguments in tasks
-        ):
+        for name, result in Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="3*n_jobs")(tasks):
             done(name, result)
             del waiting[name]
     except TerminatedWorkerError:
         return list(waiting)
+    except BrokenProcessPool as error:
+        reason = str(error.__cause__ or error).strip().splitlines()[-1]
+        raise GtpinError(f"the processes can't start the work ({reason})", hint="install gtpin anew") from None
+    except Exception as error:
+        if type(error).__name__ == "KilledWorker":  # dask's; it has tried several times
+            return list(waiting)
+        raise
     return []
 
 

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from gtpin.commands.terminal import AsJson, Output, Seed, tell, write_json
 from gtpin.errors import GtpinError
+from gtpin.output import writing
 from gtpin.plant.digest import digest
 
 CASES = 100
@@ -35,21 +36,26 @@ def blind(
     as_json: AsJson = False,
 ) -> None:
     """Make machines with hidden effects, seal the truth, diagnose the data, open the seals, and score."""
-    from gtpin.blind.run import check, check_given  # much that other commands need not wait for
+    # Much that other commands need not wait for.
+    from gtpin.blind.page import score_page
+    from gtpin.blind.run import check, check_given
     from gtpin.blind.score import score
 
     if source is not None and cases is not None:
         raise GtpinError("--cases and --from", hint="--from takes all cases of its folder: leave --cases out")
     with _watched() as watch:
         if source is not None:
-            judged = check_given(output, source, watch, cluster)
+            checked = check_given(output, source, watch, cluster)
         else:
             typer.echo(f"plant {digest()}", err=True)
-            judged = check(output, cases or CASES, seed, watch, cluster)
-    result = score(judged)
-    write_json(output / "judged.json", [case.model_dump(exclude_none=True) for case in judged])
-    write_json(output / "score.json", result)
-    tell(result, f"{_text(result)}\nWritten: {output / 'score.json'}, {output / 'score.html'}", as_json)
+            checked = check(output, cases or CASES, seed, watch, cluster)
+    result = score(checked.cases, checked.about)
+    with writing(output):
+        write_json(output / "judged.json", [case.model_dump(mode="json", exclude_none=True) for case in checked.cases])
+        write_json(output / "score.json", result)
+        (output / "score.html").write_text(score_page(result, checked.cases), encoding="utf-8")
+    pace = f"{checked.seconds:.1f} s a diagnosis in the median" if checked.seconds else ""
+    tell(result, f"{_text(result)}\n{pace}\nWritten: {output / 'score.json'}\nOpen {output / 'score.html'}", as_json)
 
 
 def _text(result: dict[str, Any]) -> str:

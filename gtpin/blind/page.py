@@ -1,0 +1,170 @@
+"""The page of a score."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+from gtpin.blind.judged import Judged
+from gtpin.blind.plots import plots
+from gtpin.blind.reasons import failure, said_words, truth_words
+from gtpin.report.page import Table, render
+
+CONTENTS = (
+    ("figures", "Figures"),
+    ("effects", "By effect"),
+    ("probabilities", "Probabilities and shrinkage"),
+    ("baselines", "Rivals"),
+    ("failures", "Failures"),
+    ("provenance", "Provenance"),
+)
+PACKAGES = ("gtpin", "pin", "numpy", "scipy")
+
+
+def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
+    """The score as one HTML file that needs nothing else.
+
+    Parameters
+    ----------
+    result
+        The content of ``score.json``.
+    cases
+        As they were judged.
+    """
+    return render(
+        "score.html",
+        title="Blind check",
+        contents=CONTENTS,
+        plots=plots(result, cases),
+        provenance=_provenance(result),
+        result=result,
+        headline=headline(result),
+        numbers=_numbers(result),
+        figures=figure_table(result),
+        effects=effect_table(result),
+        reliability=reliability_table(result),
+        baselines=baseline_table(result),
+        failures=failure_table(cases),
+    )
+
+
+def headline(result: Mapping[str, Any]) -> str:
+    """How many of the figures with a target were reached."""
+    asked = [row["reached"] for row in result["figures"] if row["reached"] is not None]
+    failed = len(result["failures"])
+    end = f"; {failed} cases failed" if failed else ""
+    return f"{sum(asked)} of {len(asked)} figures reached{end}" if asked else f"{result['cases']} cases{end}"
+
+
+def figure_table(result: Mapping[str, Any]) -> Table:
+    """Figures beside their targets."""
+    rows = []
+    for row in result["figures"]:
+        target = "".join(
+            f"{sign} {row[key]:g}" for sign, key in (("≥", "least"), ("≤", "most")) if row[key] is not None
+        )
+        mark = {True: "reached", False: "missed", None: ""}[row["reached"]]
+        rows.append((row["figure"], number(row["value"]), bounds(row), str(row["of"]), target, mark))
+    return Table(("figure", "value", "95 %", "of", "target", ""), rows)
+
+
+def effect_table(result: Mapping[str, Any]) -> Table:
+    """Accuracy by effect."""
+    head = (
+        "effect",
+        "cases",
+        "strict",
+        "95 %",
+        "in class",
+        "class size",
+        "detected",
+        "where",
+        "taken out",
+        "then unknown",
+        "then misnamed",
+    )
+    rows = []
+    for effect, row in result["by_effect"].items():
+        low, high = row["strict_bounds"]
+        rows.append(
+            (
+                effect,
+                str(row["cases"]),
+                number(row["strict"]),
+                f"{low:.2f} .. {high:.2f}",
+                number(row["in_class"]),
+                number(row["class_size"]),
+                number(row["detected"]),
+                number(row["where"]),
+                str(row["taken_out"]),
+                number(row["taken_out_unknown"]),
+                number(row["taken_out_misnamed"]),
+            )
+        )
+    return Table(head, rows)
+
+
+def reliability_table(result: Mapping[str, Any]) -> Table:
+    """Causes by the tenth of their probability."""
+    rows = [
+        (
+            f"{t['start']:.1f} .. {t['start'] + 0.1:.1f}",
+            number(t["said"]),
+            number(t["right"]["value"]),
+            bounds(t["right"]),
+            str(t["right"]["of"]),
+        )
+        for t in result["reliability"]["causes"]
+    ]
+    return Table(("probability", "mean said", "right", "95 %", "causes"), rows)
+
+
+def baseline_table(result: Mapping[str, Any]) -> Table:
+    """The diagnosis and its rivals."""
+    columns = {
+        "strict": "right, D > 63",
+        "set_f1": "F1 of two",
+        "false_alarm": "false alarms",
+        "misnamed": "unlisted misnamed",
+        "shrinkage": "shrinkage",
+    }
+    rows = [(name, *(number(row[key]["value"]) for key in columns)) for name, row in result["baselines"].items()]
+    return Table(("", *columns.values()), rows)
+
+
+def failure_table(cases: Sequence[Judged]) -> Table:
+    """Cases that were not right, with what was true, what was said, and why."""
+    rows = [
+        (c.name, c.kind or "", truth_words(c), said_words(c), why) for c in cases if (why := failure(c)) is not None
+    ]
+    return Table(("case", "sort", "truth", "said", "why"), rows)
+
+
+def number(value: float | None) -> str:
+    """A fraction or mean with three digits; a dash where there is none."""
+    return "–" if value is None else f"{value:.3f}"
+
+
+def bounds(row: Mapping[str, Any]) -> str:
+    """The 95 % bounds of a rate."""
+    return "" if row["low"] is None else f"{row['low']:.3f} .. {row['high']:.3f}"
+
+
+def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    words = {
+        "strict": "named right, alone, of single effects",
+        "in_class": "truth in the class",
+        "false_alarm": "false alarms",
+        "unknown_recognised": "unlisted recognised as unknown",
+        "set_f1": "F1 of several effects",
+        "shrinkage_error": "error of the shrinkage",
+    }
+    return [(number(result[key]), words[key]) for key in words]
+
+
+def _provenance(result: Mapping[str, Any]) -> Table:
+    rows = [(name, version(name)) for name in PACKAGES] + [("Python", platform.python_version())]
+    rows += [(name, str(value)) for name, value in result.get("check", {}).items() if value is not None]
+    return Table(("what", "which"), rows)
