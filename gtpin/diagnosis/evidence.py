@@ -21,47 +21,6 @@ SCALE_SPREAD = 1.3
 """Spread of the scales' logarithm about zero: the prior on how far an effect is from its typical size."""
 
 
-@dataclass(frozen=True)
-class Products:
-    """Inner products of displacements and residual, with the geometry marginalised: X' (I + B B')^-1 Z.
-
-    Parameters
-    ----------
-    gram
-        (M, M) of the displacements of all groups with each other.
-    moment
-        (M,) of the displacements with the residual.
-    power
-        The residual's with itself.
-    groups
-        By name, where a group's columns are.
-    """
-
-    gram: Floats
-    moment: Floats
-    power: float
-    groups: dict[str, slice]
-
-    def extended(self, marginal: Marginal, y: Floats, columns: dict[str, Floats], name: str) -> Products:
-        """The same products with one group's displacements taken anew from ``columns``, or added."""
-        new = columns[name]
-        others = [n for n in self.groups if n != name]
-        keep = self.columns(others)
-        order = np.hstack([columns[n] for n in others]) if others else np.zeros((len(y), 0))
-        across = marginal.product(order, new)
-        gram = np.block([[self.gram[np.ix_(keep, keep)], across], [across.T, marginal.product(new, new)]])
-        moment = np.concatenate([self.moment[keep], marginal.product(new, y[:, None])[:, 0]])
-        ends = np.cumsum([0] + [columns[n].shape[1] for n in (*others, name)])
-        places = {n: slice(int(a), int(b)) for n, a, b in zip((*others, name), ends[:-1], ends[1:], strict=True)}
-        return Products(gram, moment, self.power, places)
-
-    def columns(self, names: Sequence[str]) -> npt.NDArray[np.int_]:
-        """Columns of some groups."""
-        return np.concatenate(
-            [np.arange(self.groups[n].start, self.groups[n].stop) for n in names] or [np.zeros(0, int)]
-        )
-
-
 class Marginal:
     """The geometry, marginalised out of inner products."""
 
@@ -82,17 +41,46 @@ class Marginal:
         """X' (I + B B')^-1 Z."""
         return np.asarray(X.T @ Z - self.half(X).T @ self.half(Z))
 
-    def products(self, y: Floats, groups: dict[str, Floats]) -> Products:
-        """Inner products of a residual (m,) and the displacements (m, c) of groups."""
-        E = np.hstack(list(groups.values())) if groups else np.zeros((len(y), 0))
-        ends = np.cumsum([0] + [g.shape[1] for g in groups.values()])
-        places = {name: slice(int(a), int(b)) for name, a, b in zip(groups, ends[:-1], ends[1:], strict=True)}
-        hE, hy = self.half(E), self.half(y[:, None])[:, 0]
-        return Products(E.T @ E - hE.T @ hE, E.T @ y - hE.T @ hy, float(y @ y - hy @ hy), places)
-
     def deviation(self, residual: Floats) -> Floats:
         """(p,) geometry that explains a residual best, in tolerances."""
         return np.asarray(cho_solve(self._factor, self.B.T @ residual))
+
+
+class Groups:
+    """Groups of displacements by name, and their inner products X' (I + B B')^-1 Z, each computed once."""
+
+    def __init__(self, marginal: Marginal, y: Floats) -> None:
+        """Start without a group, for a whitened residual y (m,)."""
+        self.marginal, self.y = marginal, y
+        self.columns: dict[str, Floats] = {}
+        self._half: dict[str, Floats] = {}
+        self._moment: dict[str, Floats] = {}
+        self._block: dict[tuple[str, str], Floats] = {}
+        self._half_y = marginal.half(y[:, None])[:, 0]
+        self.power = float(y @ y - self._half_y @ self._half_y)
+
+    def set(self, name: str, columns: Floats) -> None:
+        """Add a group of whitened displacements (m, c), or give it others."""
+        self._block = {pair: block for pair, block in self._block.items() if name not in pair}
+        self.columns[name] = columns
+        self._half[name] = self.marginal.half(columns)
+        self._moment[name] = columns.T @ self.y - self._half[name].T @ self._half_y
+
+    def moment(self, name: str) -> Floats:
+        """(c,) of a group with the residual."""
+        return self._moment[name]
+
+    def block(self, a: str, b: str) -> Floats:
+        """(c_a, c_b) of two groups."""
+        if (a, b) not in self._block:
+            found = self.columns[a].T @ self.columns[b] - self._half[a].T @ self._half[b]
+            self._block[a, b], self._block[b, a] = found, found.T
+        return self._block[a, b]
+
+    def across(self, name: str, others: Sequence[str]) -> Floats:
+        """(c, sum of the others') of a group with several."""
+        width = self.columns[name].shape[1]
+        return np.hstack([np.zeros((width, 0)), *(self.block(name, other) for other in others)])
 
 
 @dataclass(frozen=True)
@@ -118,15 +106,18 @@ class Posterior:
     covariance: Floats
 
 
-def fixed(products: Products, names: Sequence[str], scale: Sequence[float]) -> Posterior:
+NOTHING = Posterior((), (), 0.0, np.zeros(0), np.zeros((0, 0)))
+"""The model without a group."""
+
+
+def fixed(groups: Groups, names: Sequence[str], scale: Sequence[float]) -> Posterior:
     """The model of some groups with given scales."""
-    columns = products.columns(names)
-    sizes = np.concatenate(
-        [np.full(products.groups[n].stop - products.groups[n].start, s) for n, s in zip(names, scale, strict=True)]
-        or [np.zeros(0)]
-    )
-    M = products.gram[np.ix_(columns, columns)] * np.outer(sizes, sizes)
-    u = products.moment[columns] * sizes
+    if not names:
+        return NOTHING
+    widths = [groups.columns[n].shape[1] for n in names]
+    sizes = np.repeat(np.asarray(scale, dtype=float), widths)
+    M = np.vstack([groups.across(n, names) for n in names]) * np.outer(sizes, sizes)
+    u = np.concatenate([groups.moment(n) for n in names]) * sizes
     factor = cho_factor(np.eye(len(u)) + M, lower=True)
     w = cho_solve(factor, u)
     prior = -0.5 * sum((np.log(s) / SCALE_SPREAD) ** 2 for s in scale)
@@ -135,32 +126,19 @@ def fixed(products: Products, names: Sequence[str], scale: Sequence[float]) -> P
     return Posterior(tuple(names), tuple(scale), log_evidence, w * sizes, covariance)
 
 
-@dataclass(frozen=True)
-class Conditional:
-    """Inner products with the geometry and a model's groups marginalised: what is new beside the model."""
+def beside(groups: Groups, model: Posterior, name: str) -> tuple[Floats, Floats]:
+    """(c, c) inner products of a group with itself and (c,) with the residual, geometry and a model marginalised."""
+    across = groups.across(name, model.names)
+    gram = groups.block(name, name) - across @ model.covariance @ across.T
+    return gram, groups.moment(name) - across @ model.mean
 
-    products: Products
-    model: Posterior
 
-    @staticmethod
-    def on(products: Products, model: Posterior) -> Conditional:
-        """Condition all groups on a model."""
-        columns = products.columns(model.names)
-        if not columns.size:
-            return Conditional(products, model)
-        across = products.gram[:, columns]
-        gram = products.gram - across @ model.covariance @ across.T
-        moment = products.moment - across @ model.mean
-        power = products.power - float(products.moment[columns] @ model.mean)
-        return Conditional(Products(gram, moment, power, products.groups), model)
-
-    def single(self, name: str) -> tuple[float, float]:
-        """Best gain in log evidence by adding one group, and its scale."""
-        g = self.products.groups[name]
-        values, vectors = np.linalg.eigh(self.products.gram[g, g])
-        u2 = (vectors.T @ self.products.moment[g]) ** 2
-        gain, scale = best_scales(np.maximum(values, 0.0)[None], u2[None])
-        return float(gain[0]), float(scale[0])
+def gain(groups: Groups, model: Posterior, name: str) -> tuple[float, float]:
+    """Largest gain in log evidence by adding a group to a model, and the scale that gives it."""
+    gram, moment = beside(groups, model, name)
+    values, vectors = np.linalg.eigh(gram)
+    gains, scales = best_scales(np.maximum(values, 0.0)[None], ((vectors.T @ moment) ** 2)[None])
+    return float(gains[0]), float(scales[0])
 
 
 def best_scales(eigenvalues: Floats, squares: Floats) -> tuple[Floats, Floats]:
@@ -178,15 +156,19 @@ def best_scales(eigenvalues: Floats, squares: Floats) -> tuple[Floats, Floats]:
     return np.take_along_axis(gain, best[None], axis=0)[0], SCALES[best]
 
 
-def tuned(products: Products, names: Sequence[str], scale: Sequence[float], sweeps: int = 2) -> Posterior:
+def tuned(groups: Groups, names: Sequence[str], scale: Sequence[float], sweeps: int = 2) -> Posterior:
     """The model of some groups with the scales that suit best, by coordinate ascent."""
     scales = list(scale)
-    if len(names) == 1:
-        _, scales[0] = Conditional(products, fixed(products, (), ())).single(names[0])
-        return fixed(products, names, scales)
-    for _ in range(sweeps):
+    for _ in range(sweeps if len(names) > 1 else len(names)):
         for i, name in enumerate(names):
             others = [n for n in names if n != name]
             kept = [s for n, s in zip(names, scales, strict=True) if n != name]
-            _, scales[i] = Conditional.on(products, fixed(products, others, kept)).single(name)
-    return fixed(products, names, scales)
+            _, scales[i] = gain(groups, fixed(groups, others, kept), name)
+    return fixed(groups, names, scales)
+
+
+def without(groups: Groups, model: Posterior, name: str, sweeps: int = 0) -> Posterior:
+    """A model less one of its groups; its scales tuned again where ``sweeps`` is not 0."""
+    kept = [(n, s) for n, s in zip(model.names, model.scale, strict=True) if n != name]
+    names, scale = [n for n, _ in kept], [s for _, s in kept]
+    return tuned(groups, names, scale, sweeps) if sweeps else fixed(groups, names, scale)

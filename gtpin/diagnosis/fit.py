@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured
+from gtpin.diagnosis.candidates import Candidate
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.search import Candidate
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ConvergenceError

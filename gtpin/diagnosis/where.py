@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.pool import Pool
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,7 +38,7 @@ class Where:
 
 
 def where(
-    design: Design, left: Floats, gains: Mapping[tuple[str, str], float], blocks: list[npt.NDArray[np.bool_]]
+    design: Design, left: Floats, pool: Pool, gains: Mapping[str, float], blocks: list[npt.NDArray[np.bool_]]
 ) -> Where:
     """Share the gap out.
 
@@ -46,7 +47,7 @@ def where(
     left
         (N c,) whitened residual after the geometry alone was fitted.
     gains
-        Gain in log evidence of each free motion, by site and coordinates.
+        Gain in log evidence of each explanation by itself.
     blocks
         (N,) masks of the poses of each region.
     """
@@ -60,7 +61,7 @@ def where(
     boxes = tuple(
         (np.stack([T[b].min(axis=0), T[b].max(axis=0)]), regions[str(k)]) for k, b in enumerate(blocks) if b.any()
     )
-    return Where(_rods(design, whitened), _sites(gains), axis, _covariates(gains), boxes)
+    return Where(_rods(design, whitened), _sites(pool, gains), axis, _covariates(pool, gains), boxes)
 
 
 def _rods(design: Design, whitened: Floats) -> dict[str, float]:
@@ -72,18 +73,20 @@ def _rods(design: Design, whitened: Floats) -> dict[str, float]:
     return _shares(dict(zip(at.robot.rod_sites, power, strict=True)))
 
 
-def _sites(gains: Mapping[tuple[str, str], float]) -> dict[str, float]:
+def _sites(pool: Pool, gains: Mapping[str, float]) -> dict[str, float]:
+    """How well the best motion at each site explains the gap, whether it has a name or not."""
     best: dict[str, float] = {}
-    for (site, _), gain in gains.items():
+    for name, gain in gains.items():
+        site = pool.free[name].site if name in pool.free else name.partition("@")[2]
         best[site] = max(best.get(site, 0.0), gain)
     return _shares(best)
 
 
-def _covariates(gains: Mapping[tuple[str, str], float]) -> dict[str, float]:
+def _covariates(pool: Pool, gains: Mapping[str, float]) -> dict[str, float]:
     best: dict[str, float] = {}
-    for (_, coordinates), gain in gains.items():
-        for name in coordinates.split(" ")[0].split(","):
-            best[name] = max(best.get(name, 0.0), gain)
+    for name, free in pool.free.items():
+        for coordinate in free.over:
+            best[coordinate] = max(best.get(coordinate, 0.0), gains[name])
     top = max(best.values(), default=0.0)
     return {name: (gain / top if top > 0.0 else 0.0) for name, gain in best.items()}
 

@@ -1,0 +1,99 @@
+"""What may explain a gap: effects of the catalogue at their sites, and free motions that belong to no effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from gtpin.effects.effect import Effect
+from gtpin.robot.robot import Robot
+
+CLOCK = ("time", "session", "temp_frame", "temp_link")
+"""Coordinates that go by the clock: any of them may pass for another."""
+LOAD = ("load", "payload", "fx", "fy", "fz")
+"""Coordinates that go with forces."""
+
+
+class Explanation(Protocol):
+    """Something that may explain a gap."""
+
+    @property
+    def name(self) -> str:
+        """Of its group."""
+
+    @property
+    def site(self) -> str:
+        """Where it acts."""
+
+    def coordinates(self, robot: Robot) -> frozenset[str]:
+        """What it goes with, in the words of covariates and commands."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at a site, with the setting of what is not linear in it."""
+
+    effect: Effect
+    site: str
+    setting: float | None = None
+
+    @property
+    def name(self) -> str:
+        """``effect@site``."""
+        return f"{self.effect.id}@{self.site}"
+
+    def coordinates(self, robot: Robot) -> frozenset[str]:
+        """What it goes with, in the words of covariates and commands."""
+        return frozenset(self.effect.coordinates(robot, self.site))
+
+
+@dataclass(frozen=True)
+class Free:
+    """A smooth motion at a site over some coordinates, which no effect has to account for.
+
+    Parameters
+    ----------
+    motion
+        Which way it goes: ``along``, ``across``, ``length``, ``twist``.
+    """
+
+    site: str
+    over: tuple[str, ...]
+    motion: str
+
+    @property
+    def name(self) -> str:
+        """Unlike every effect's."""
+        return f"{self.site}|{self.words}|{self.motion}"
+
+    @property
+    def words(self) -> str:
+        """Its coordinates, as reports name them."""
+        return ",".join(self.over)
+
+    def coordinates(self, robot: Robot) -> frozenset[str]:
+        """What it goes with."""
+        return frozenset(self.over)
+
+
+def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
+    """Whether a departure of one from its form could pass for the other: at the same place, or by the same clock or load."""
+    if a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site):
+        return True
+    mine, others = a.coordinates(robot), b.coordinates(robot)
+    return any(mine & set(kind) and others & set(kind) for kind in (CLOCK, LOAD))
+
+
+def same_motion(robot: Robot, free: Free, candidate: Candidate) -> bool:
+    """Whether a free motion only says that a cause bends: at its site, over its own coordinates."""
+    return free.site == candidate.site and set(free.over) <= candidate.coordinates(robot)
+
+
+def _within(robot: Robot, site: str) -> tuple[str, ...]:
+    """Sites that are part of another: a cart's or the arm's links."""
+    if site == "arm":
+        return robot.rod_sites
+    if site in robot.sites:
+        actuator = robot.sites.index(site)
+        return tuple(rod.site for rod in robot.rods if actuator in (rod.carrier, rod.extension))
+    return ()

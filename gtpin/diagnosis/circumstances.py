@@ -1,0 +1,204 @@
+"""Circumstances that a machine can be put in for the next measurements: which way it comes, its load, how warm it is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.situation import Column, References
+
+Floats = npt.NDArray[np.float64]
+
+LATER, INTERVAL = 600.0, 25.0
+"""From the last measurement to the first of the next, and from one to the next, s."""
+NIGHT = 8.0 * 3600.0
+"""After which a machine has cooled down, s."""
+HOURS = 4.0 * 3600.0
+"""Over which poses are visited again where time itself matters, s."""
+HEAVIER = 5.0
+"""Payload that a machine takes, kg, where the data show but one."""
+MOST_PAYLOAD = 4.0
+"""Times HEAVIER that are asked for at most."""
+PUSH = 50.0
+"""Push on the tool that a machine takes, N, where the data show none."""
+FAST = 0.2
+"""Speed that a machine reaches, m/s or rad/s, where the data show none."""
+WARMER = 5.0
+"""By how much a machine warms up in use, K, where the data show less than LEAST_WARMER."""
+LEAST_WARMER = 1.0
+FORCES = ("fx", "fy", "fz")
+OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
+"""What goes with the pose, or with several covariates, and is none itself."""
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """Covariates of the rows that were measured, and of M that could be.
+
+    Parameters
+    ----------
+    known
+        By name, (N,) each: the covariates recorded; of those that were not, values that say nothing.
+    new
+        By name, (M,) each.
+    references
+        Of all rows together.
+    timed
+        Whether the rows are to be spread over hours, at the times given.
+    """
+
+    known: Mapping[str, Column]
+    new: Mapping[str, Column]
+    references: References
+    timed: bool = False
+
+
+def kind(name: str) -> str:
+    """``approach`` of ``approach2``, ``temperature`` of ``temp_link``, ``force`` of ``fx``; other names as they are."""
+    if name in FORCES:
+        return "force"
+    if name.startswith("temp_"):
+        return "temperature"
+    return re.sub(r"^(approach|speed)\d+$", r"\1", name)
+
+
+def draw(
+    recorded: Mapping[str, Column],
+    measured: int,
+    references: References,
+    words: Collection[str],
+    rng: np.random.Generator,
+    *,
+    ways: Floats,
+    effort: float = 1.0,
+) -> Circumstances:
+    """Draw circumstances over what can be set.
+
+    Parameters
+    ----------
+    recorded, measured
+        Covariates by name, (N,) each, and N.
+    references
+        Of the diagnosis.
+    words
+        Covariates to vary, recorded so far or not; ``load`` stands for payload and recorded pushes on the tool. All others
+        are as they are most easily had: from one side, at rest, as usually loaded, in one go after the last measurement.
+    ways
+        (M, k, 3) unit vectors along which pushes on the tool tell most.
+    effort
+        Times the loads that any machine takes; 1 for those that are known.
+    """
+    count = len(ways)
+    asked = {word for word in words if not OF_THE_POSE.fullmatch(word)}
+    if "load" in words:
+        asked |= {"payload"} | {name for name in FORCES if name in recorded}
+    known = {n: recorded[n] if n in recorded else _silent(n, measured, references) for n in sorted({*recorded, *asked})}
+    new = {name: _usual(name, values, known.get("time"), count) for name, values in known.items()}
+    cold = (rng.random(count) < 0.5) & any(kind(name) == "temperature" for name in asked)
+    push = _pushes(known, ways, effort, rng)
+    for name in sorted(asked):
+        new[name] = _varied(name, known[name], references, cold, push, effort, rng)
+    for name in (n for n in new if kind(n) == "speed"):
+        speed, approach = _numbers(new[name]), name.replace("speed", "approach")
+        if approach in new:
+            new[approach] = np.where(speed != 0.0, np.sign(speed), _numbers(new[approach]))
+    fixed = replace(references, covariates=tuple(sorted(known)))
+    if "session" in known:
+        fixed = replace(fixed, sessions=(*sorted({str(s) for s in known["session"]}), str(new["session"][0])))
+    timed = False
+    if "time" in known:
+        idle = not np.ptp(_numbers(known["time"]))
+        timed = idle and "time" in asked
+        start, span = float(_numbers(known["time"]).max()) + LATER, HOURS if timed else INTERVAL * count
+        new["time"] = start + rng.uniform(0.0, span, count) + NIGHT * cold
+        fixed = replace(fixed, time=(start, span)) if idle else fixed
+    return Circumstances(known, new, fixed, timed)
+
+
+def _numbers(values: Column) -> Floats:
+    return np.asarray(values, dtype=float)
+
+
+def _silent(name: str, count: int, references: References) -> Column:
+    """(N,) a covariate that was not recorded."""
+    if name == "session":
+        return np.full(count, "0", dtype=object)
+    return np.full(count, references.temperature if kind(name) == "temperature" else 0.0)
+
+
+def _usual(name: str, known: Column, time: Column | None, count: int) -> Column:
+    """(M,) a covariate as it is most easily had."""
+    if name == "session":
+        return np.full(count, next_session(known), dtype=object)
+    values = _numbers(known)
+    if kind(name) == "approach":
+        return np.ones(count)
+    if kind(name) in ("speed", "force"):
+        return np.zeros(count)
+    if name == "payload":
+        levels, counts = np.unique(values, return_counts=True)
+        return np.full(count, levels[counts.argmax()])
+    if kind(name) == "temperature" and time is not None:
+        return np.full(count, values[_numbers(time).argmax()])
+    return np.full(count, np.median(values))
+
+
+def _varied(
+    name: str,
+    known: Column,
+    references: References,
+    cold: npt.NDArray[np.bool_],
+    push: Floats,
+    effort: float,
+    rng: np.random.Generator,
+) -> Column:
+    """(M,) a covariate over all that can be set of it."""
+    count = len(cold)
+    if name == "session":
+        return np.full(count, next_session(known), dtype=object)
+    values = _numbers(known)
+    if kind(name) == "approach":
+        return rng.choice([-1.0, 1.0], count)
+    if kind(name) == "speed":
+        fastest = float(np.abs(values).max()) or FAST
+        return rng.choice([-1.0, 0.0, 1.0], count, p=[0.4, 0.2, 0.4]) * fastest * rng.uniform(0.3, 1.0, count)
+    if kind(name) == "force":
+        return push[:, FORCES.index(name)]
+    if name == "payload":
+        return rng.choice(payloads(values, min(effort, MOST_PAYLOAD)), count)
+    if kind(name) == "temperature":
+        return np.where(cold, references.temperature, warm(values, references.temperature))
+    return np.asarray(rng.choice(values, count))
+
+
+def next_session(known: Column) -> str:
+    """Name of a session after those known."""
+    names = [str(name) for name in known]
+    return str(max(map(int, names)) + 1) if all(name.isdecimal() for name in names) else "next"
+
+
+def payloads(known: Floats, effort: float = 1.0) -> Floats:
+    """Lightest and heaviest payload, kg: those known (N,), or so many times what any machine takes where that is more."""
+    least, most = float(known.min()), float(known.max())
+    heaviest = least + effort * HEAVIER
+    return np.array([least, most if most > least and (effort == 1.0 or most > heaviest) else heaviest])
+
+
+def warm(known: Floats, reference: float) -> float:
+    """degC of a machine at work, from temperatures known (N,) and the one at which the geometry holds."""
+    farthest = float(known[np.abs(known - reference).argmax()])
+    return farthest if abs(farthest - reference) >= LEAST_WARMER else reference + WARMER
+
+
+def _pushes(known: Mapping[str, Column], ways: Floats, effort: float, rng: np.random.Generator) -> Floats:
+    """(M, 3) forces on the tool, N: none at every other row, else along one of its ways."""
+    count = len(ways)
+    columns = [_numbers(known[name]) for name in FORCES if name in known]
+    largest = float(np.sqrt(sum((column**2 for column in columns), np.zeros(1))).max())
+    size = largest if largest > 0.0 and effort == 1.0 else max(largest, effort * PUSH)
+    way = ways[np.arange(count), rng.integers(0, ways.shape[1], count)]
+    return np.asarray(size * way * (rng.random((count, 1)) < 0.5))

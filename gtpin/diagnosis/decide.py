@@ -1,0 +1,119 @@
+"""From evidence to a verdict: which causes are named, how sure each is, and whether something unknown is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from gtpin.diagnosis.candidates import Free, related, same_motion
+from gtpin.diagnosis.evidence import NOTHING, Posterior, gain, without
+from gtpin.diagnosis.pool import Pool
+from gtpin.diagnosis.result import Member, Verdict
+from gtpin.diagnosis.search import search
+
+CLASS_SHARE = 0.05
+"""Share of the leader's probability from which an effect belongs to its class."""
+SURE = 0.95
+"""Probability from which a cause stands alone."""
+TEMPERATURE, WARMING = 2.0, 0.01
+"""Gains in log evidence are divided by this, and by a share of the evidence at stake, before they become probabilities: forms
+are never exactly the machine's, and that tells the more the better it is seen."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What is believed.
+
+    Parameters
+    ----------
+    verdict
+        As in reports.
+    named
+        The model of the causes that are named.
+    classes
+        Of each cause, by name: itself and what could stand in for it, the likeliest first.
+    strangers
+        Free motions that are needed beside the causes.
+    unknown
+        Probability that something unknown is there.
+    gains
+        Gain in log evidence of every explanation by itself.
+    """
+
+    verdict: Verdict
+    named: Posterior
+    classes: Mapping[str, tuple[Member, ...]]
+    strangers: tuple[Free, ...]
+    unknown: float
+    gains: Mapping[str, float]
+
+
+def decide(pool: Pool) -> Decision:
+    """Search with and without free motions, and weigh what was found."""
+    singles = pool.gains(NOTHING, (*pool.named, *pool.free))
+    named = search(pool, pool.named, singles)
+    mixed = search(pool, (*pool.named, *pool.free), singles)
+    strangers = tuple(pool.free[n] for n in mixed.names if n in pool.free)
+    unknown = 0.0
+    if strangers:
+        ahead = pool.worth(mixed) - pool.worth(named)
+        unknown = float(expit(ahead / _temperature(max(named.log_evidence, 0.0))))
+    if unknown > 0.5:
+        named = pool.only(mixed, _apart(pool, mixed))
+    classes = {name: _class(pool, named, name) for name in named.names}
+    return Decision(_verdict(unknown, classes), named, classes, strangers if unknown > 0.5 else (), unknown, singles)
+
+
+def _temperature(evidence: float) -> float:
+    return TEMPERATURE + WARMING * evidence
+
+
+def _apart(pool: Pool, model: Posterior) -> tuple[str, ...]:
+    """Causes that have nothing to do with the free motions beside them, and are far beyond doubt."""
+    robot = pool.design.situation.robot
+    frees = [pool.free[n] for n in model.names if n in pool.free]
+    costs = pool.costs(model)
+    sure = []
+    for name in model.names:
+        if name in pool.free:
+            continue
+        loss = model.log_evidence - without(pool.groups, model, name).log_evidence
+        if not any(related(robot, pool.explanation(name), free) for free in frees) and loss > 2.0 * costs[name]:
+            sure.append(name)
+    return tuple(sure)
+
+
+def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
+    """Everything that could stand in for a cause, the likeliest first; a free motion only takes probability away."""
+    rest = without(pool.groups, model, name, sweeps=1)
+    robot = pool.design.situation.robot
+    gains = pool.gains(rest, pool.named)
+    own = gains[name]
+    strange = [
+        gain(pool.groups, rest, n)[0] - pool.cost(n) + pool.threshold
+        for n, free in pool.free.items()
+        if not same_motion(robot, free, pool.candidates[name])
+    ]
+    log = {n: value / _temperature(max(own, 0.0)) for n, value in gains.items()}
+    whole = np.logaddexp.reduce([*log.values(), max(strange, default=-np.inf) / _temperature(max(own, 0.0))])
+    probability = {n: float(np.exp(value - whole)) for n, value in log.items()}
+    least = CLASS_SHARE * max(probability.values())
+    members = [Member(*split(n), p) for n, p in probability.items() if p >= least or n == name]
+    return tuple(sorted(members, key=lambda m: -m.probability))
+
+
+def split(name: str) -> tuple[str, str]:
+    """Effect and site of ``effect@site``."""
+    effect, _, site = name.partition("@")
+    return effect, site
+
+
+def _verdict(unknown: float, classes: Mapping[str, tuple[Member, ...]]) -> Verdict:
+    if unknown > 0.5:
+        return "unknown"
+    if any(members[0].probability < SURE for members in classes.values()):
+        return "ambiguous"
+    return "explained" if classes else "none"

@@ -1,0 +1,136 @@
+"""All explanations that a search may choose from, and what each must be worth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtpin.diagnosis.candidates import Candidate, Free, related
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, fixed, gain, without
+from gtpin.diagnosis.scan import Scan
+from gtpin.effects.basis import Basis
+
+STRANGER = 5.0
+"""What a free motion must be worth beyond what an effect must: what is listed is listed because it is common."""
+RELATED, OTHER = 0.05, 0.01
+"""Share of a stronger cause's evidence that a further explanation must be worth, because causes depart from their forms:
+where it could pass for the stronger one's departure, and elsewhere."""
+
+
+@dataclass
+class Pool:
+    """Explanations and the inner products of their displacements; settings are found as the search goes.
+
+    Parameters
+    ----------
+    design
+        The linear problem.
+    candidates
+        By name; those with settings have the last one found.
+    scanned
+        Candidates whose setting must be scanned for.
+    frees
+        Free motions with their displacements.
+    false_alarm
+        Chance of naming a cause where there is none.
+    """
+
+    design: Design
+    candidates: dict[str, Candidate]
+    scanned: tuple[Candidate, ...]
+    frees: Iterable[tuple[Free, Basis]]
+    false_alarm: float
+    latest: dict[str, Candidate] = field(default_factory=dict)
+    free: dict[str, Free] = field(default_factory=dict)
+    scans: dict[str, Scan] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.groups = Groups(Marginal(self.design.B), self.design.y)
+        self._to_scan = {c.name: c for c in self.scanned}
+        for name, candidate in self.candidates.items():
+            self.groups.set(name, self.design.columns(candidate.effect.basis(self.design.situation, candidate.site)))
+        for free, basis in self.frees:
+            self.free[free.name] = free
+            self.groups.set(free.name, self.design.columns(basis))
+        count = len(self.candidates) + len(self.scanned)
+        self.threshold = float(np.log(max(count, 1)) + np.log(1.0 / self.false_alarm))
+
+    def cost(self, name: str) -> float:
+        """Gain in log evidence that an explanation must bring, beside nothing."""
+        return self.threshold + (STRANGER if name in self.free else 0.0)
+
+    def share(self, name: str, stronger: str) -> float:
+        """Share of a stronger explanation's evidence that another must be worth beside it."""
+        a, b = self.explanation(name), self.explanation(stronger)
+        return RELATED if related(self.design.situation.robot, a, b) else OTHER
+
+    def explanation(self, name: str) -> Candidate | Free:
+        """What has a name."""
+        return self.free.get(name) or self.candidates.get(name) or self._to_scan[name]
+
+    def costs(self, model: Posterior) -> dict[str, float]:
+        """What each explanation of a model must be worth in it."""
+        losses = {n: model.log_evidence - without(self.groups, model, n).log_evidence for n in model.names}
+        found = {}
+        for name, loss in losses.items():
+            stronger = [self.share(name, n) * other for n, other in losses.items() if other > loss]
+            found[name] = self.cost(name) + max(stronger, default=0.0)
+        return found
+
+    def worth(self, model: Posterior) -> float:
+        """Log evidence, less what its explanations must be worth."""
+        return model.log_evidence - sum(self.costs(model).values())
+
+    def net_gains(self, model: Posterior, names: Iterable[str]) -> dict[str, float]:
+        """Gain in log evidence by adding each explanation to a model, less what it must be worth there."""
+        losses = {n: model.log_evidence - without(self.groups, model, n).log_evidence for n in model.names}
+        found = {}
+        for name, value in self.gains(model, names).items():
+            beside = max((self.share(name, n) * loss for n, loss in losses.items()), default=0.0)
+            found[name] = value - self.cost(name) - beside
+        return found
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Names of all effects at their sites, scanned ones too."""
+        return (*(n for n in self.candidates if n not in self._to_scan), *self._to_scan)
+
+    def gains(self, model: Posterior, names: Iterable[str]) -> dict[str, float]:
+        """Gain in log evidence by adding each explanation to a model, settings scanned for beside it."""
+        found = {}
+        for name in names:
+            if name in model.names:
+                continue
+            if name not in self._to_scan:
+                found[name] = gain(self.groups, model, name)[0]
+            elif (best := self._scan(self._to_scan[name], model)) is not None:
+                found[name] = best
+        return found
+
+    def _scan(self, candidate: Candidate, model: Posterior) -> float | None:
+        if candidate.name not in self.scans:
+            self.scans[candidate.name] = Scan(self.design, self.groups.marginal, candidate.effect, candidate.site)
+        columns = self.groups.columns
+        together = np.hstack([np.zeros((len(self.design.y), 0)), *(columns[n] for n in model.names)])
+        best = self.scans[candidate.name].best(model, together)
+        if best is None:
+            return None
+        self.latest[candidate.name] = Candidate(candidate.effect, candidate.site, best.setting)
+        return best.gain
+
+    def adopt(self, name: str) -> None:
+        """Use the setting that the last scan found for a candidate."""
+        latest = self.latest.get(name)
+        if latest is not None and self.candidates.get(name) != latest:
+            basis = latest.effect.basis(self.design.situation, latest.site, latest.setting)
+            self.candidates[name] = latest
+            self.groups.set(name, self.design.columns(basis))
+
+    def only(self, model: Posterior, names: Iterable[str]) -> Posterior:
+        """Some of a model's explanations, with their scales."""
+        wanted = set(names)
+        kept = [(n, s) for n, s in zip(model.names, model.scale, strict=True) if n in wanted]
+        return fixed(self.groups, [n for n, _ in kept], [s for _, s in kept]) if kept else NOTHING

@@ -1,0 +1,43 @@
+"""What is left after the causes: how much, whether noise could be it, and what it goes with."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from gtpin.diagnosis.evidence import Posterior, beside
+from gtpin.diagnosis.pool import Pool
+from gtpin.diagnosis.result import Unexplained
+
+CORRELATES = 5
+"""Free motions that are reported at most."""
+SEEN = 1e-3
+"""P-value below which one is."""
+
+
+def unexplained(pool: Pool, model: Posterior) -> Unexplained:
+    """Chi-square of what a model leaves, and the free motions that go with it.
+
+    Parameters
+    ----------
+    model
+        The causes that are named.
+    """
+    groups, design = pool.groups, pool.design
+    moment = np.concatenate([np.zeros(0), *(groups.moment(n) for n in model.names)])
+    power = groups.power - float(moment @ model.mean)
+    gram = np.vstack([np.zeros((0, len(moment))), *(groups.across(n, model.names) for n in model.names)])
+    taken = float(np.einsum("ij,ji->", model.covariance, gram))
+    dof = max(len(design.y) - design.n_geometry - taken, 1.0)
+    excess = groups.power - len(design.y) + design.n_geometry
+    correlates = []
+    for name, free in pool.free.items():
+        own, seen = beside(groups, model, name)
+        values, vectors = np.linalg.eigh(own)
+        kept = values > 1e-6 * max(float(values.max()), 1e-300)
+        statistic = float(((vectors.T @ seen)[kept] ** 2 / values[kept]).sum())
+        correlates.append((free.site, free.words, float(chi2.sf(statistic, int(kept.sum())))))
+    correlates.sort(key=lambda row: row[2])
+    share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
+    kept_rows = tuple(row for row in correlates[:CORRELATES] if row[2] < SEEN)
+    return Unexplained(share, float(chi2.sf(power, dof)), kept_rows)
