@@ -29,14 +29,24 @@ LENGTH, STROKE, HEIGHT = 0.640197, 0.285, 0.565
 
 
 def sketch() -> Sketch:
-    legs = [Rod(f"leg{i + 1}", PLATFORM[i], BASE[i], range=(0.0, STROKE), length=LENGTH, mass=0.5) for i in range(6)]
+    legs = [
+        Rod(f"leg{i + 1}", PLATFORM[i], BASE[i], range=(0.0, STROKE), length=LENGTH, mass=0.5, scale_unknown=True)
+        for i in range(6)
+    ]
     return Sketch(
         "stewart_jugglebot",
         legs,
         home=[0.0] * 6,
         T=(0.0, 0.0, HEIGHT),
         plate_mass=1.5,
-        tolerance={"link_length": 5e-2, "platform_joint": 5e-3, "base_joint": 5e-3, "scale": 5e-2},
+        tolerance={
+            "link_length": 5e-2,
+            "platform_joint": 5e-3,
+            "platform_joint_z": 3e-2,
+            "base_joint": 5e-3,
+            "base_joint_z": 3e-2,
+            "scale": 5e-2,
+        },
         note="Jugglebot's Stewart platform: nominal geometry of github.com/Project-DeepBlue-Juggling/Jugglebot (MIT licence, "
         "Copyright (c) 2022 Jugleer). Masses and tolerances are ours. Written by examples/machines/stewart_jugglebot.py.",
     )

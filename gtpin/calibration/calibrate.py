@@ -22,7 +22,7 @@ from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model import Frame, Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
-from gtpin.robot.parameters import TOLERANCE, Per
+from gtpin.robot.parameters import KINDS, TOLERANCE, Per
 from gtpin.robot.robot import Robot
 
 Mask = npt.NDArray[np.bool_]
@@ -165,7 +165,7 @@ def _robot_of(dataset: Dataset) -> Robot:
 
 def _check_tolerances(dataset: Dataset) -> None:
     for kind in dataset.tolerance:
-        if kind not in TOLERANCE:
+        if kind not in KINDS:
             hint = f"kinds are {', '.join(TOLERANCE)}"
             raise DatasetError("unknown kind of tolerance", file=_toml(dataset), column=f"tolerance.{kind}", hint=hint)
 

@@ -36,6 +36,8 @@ class Actuator:
         Its direction at zero, a unit vector in the base frame.
     origin
         A point of its axis at zero, base frame, m.
+    scale_unknown
+        Whether travel per commanded unit is a parameter of the robot's geometry even where nobody asks for it.
     """
 
     joint: str
@@ -48,6 +50,7 @@ class Actuator:
     revolute: bool
     axis: Floats
     origin: Floats
+    scale_unknown: bool = False
 
 
 class Chain:
@@ -233,6 +236,7 @@ class Chain:
             revolute,
             column[3:].copy() if revolute else column[:3].copy(),
             self.data.oMi[joint_id].translation.copy(),
+            element.scale_unknown,
         )
 
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:

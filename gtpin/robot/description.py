@@ -37,10 +37,11 @@ class Loop:
 
 @dataclass(frozen=True)
 class ActuatorElement:
-    """A driven joint, and the name of the site that it moves."""
+    """A driven joint, the name of the site that it moves, and whether its scale is known but for its tolerance, or unknown."""
 
     joint: str
     site: str
+    scale_unknown: bool = False
 
 
 @dataclass(frozen=True)
@@ -126,10 +127,7 @@ class Description:
             source=source,
             name=root.get("name", "robot"),
             loops=loops,
-            actuators=tuple(
-                ActuatorElement(reader.text(e, "joint"), e.get("site", reader.text(e, "joint")))
-                for e in own.findall("actuator")
-            ),
+            actuators=tuple(reader.actuator(e) for e in own.findall("actuator")),
             platform=None if platform is None else reader.text(platform, "link"),
             tcp=None if platform is None else platform.get("tcp"),
             rods=tuple(
@@ -190,6 +188,14 @@ class _Reader:
             wanted = "finite numbers" if count is None else f"{count} finite numbers"
             raise RobotError(f'<{element.tag} {key}="{text}">', file=self.source, hint=f"give {wanted}")
         return values
+
+    def actuator(self, element: Element) -> ActuatorElement:
+        joint, scale = self.text(element, "joint"), element.get("scale")
+        if scale not in (None, "unknown"):
+            raise RobotError(
+                f'<actuator scale="{scale}">', file=self.source, hint='write scale="unknown", or leave it out'
+            )
+        return ActuatorElement(joint, element.get("site", joint), scale is not None)
 
     def anchor(self, loop: Element, tag: str) -> Anchor:
         element = loop.find(tag)

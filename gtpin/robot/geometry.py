@@ -70,7 +70,8 @@ class Geometry:
         directions
             One direction per actuator, or one per rod as in models 3 to 5 of Dressler et al. 2010.
         scale
-            Whether drive scales are parameters: one per actuator, one per rod, or (None) not at all.
+            Whether drive scales are parameters: one per actuator, one per rod, or (None) only those that the URDF calls
+            unknown.
         arm
             ``reduced``: the rods of a cart share one length and move together, for robots whose rods are parallel.
         tracks

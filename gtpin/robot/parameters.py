@@ -31,6 +31,9 @@ TOLERANCE: Mapping[str, float] = {
     "placement_rotation": 1e-3,
 }
 """1-sigma tolerances (m, rad, m/m) by kind, where neither the URDF nor the dataset gives one."""
+JOINTS = ("platform_joint", "cart_joint", "arm_joint", "base_joint")
+KINDS = (*TOLERANCE, *(f"{kind}_{axis}" for kind in JOINTS for axis in "xyz"))
+"""Kinds of which a tolerance may be given: those of joints for one axis as well, as in ``base_joint_z``."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +88,17 @@ def all_tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, flo
         If a kind is not known.
     """
     for source, given in (("the robot's URDF", robot.tolerance), ("the dataset", override)):
-        unknown = sorted(set(given) - set(TOLERANCE))
+        unknown = sorted(set(given) - set(KINDS))
         if unknown:
             raise ModelError(
                 f"{source} gives a tolerance of unknown kind {unknown[0]!r}", hint=f"kinds are {', '.join(TOLERANCE)}"
             )
-    return {**TOLERANCE, **robot.tolerance, **override}
+    found = {**TOLERANCE, **robot.tolerance, **override}
+    for kind in JOINTS:
+        for axis in (f"{kind}_{axis}" for axis in "xyz"):
+            own = robot.tolerance.get(axis, found[kind]) if kind not in override else override[kind]
+            found[axis] = override.get(axis, own)
+    return found
 
 
 def _carrier_kind(robot: Robot, rod: Rod) -> str:
@@ -102,7 +110,7 @@ def _carrier_kind(robot: Robot, rod: Rod) -> str:
 def rod_parameters(
     robot: Robot, tolerances: Mapping[str, float], directions: Per, scale: Per | None, measured: Sequence[bool]
 ) -> list[Parameter]:
-    """Parameters of a robot with rods: lengths, joints, directions and, if wanted, scales.
+    """Parameters of a robot with rods: lengths, joints, directions and, if wanted or unknown, scales.
 
     Rods whose track was measured have no scale; the path of their cart turns as a whole, about itself too.
     """
@@ -111,10 +119,8 @@ def rod_parameters(
     straight = [(i, carrier) for i, carrier in carriers if not measured[i]]
     found += _directions(robot, tolerances, directions, straight, "ab")
     found += _directions(robot, tolerances, "actuator", [pair for pair in carriers if measured[pair[0]]], "abc")
-    if scale is not None:
-        driven = straight + [(i, rod.extension) for i, rod in enumerate(robot.rods) if rod.extension is not None]
-        found += _scales(robot, tolerances, scale, driven)
-    return found
+    driven = straight + [(i, rod.extension) for i, rod in enumerate(robot.rods) if rod.extension is not None]
+    return found + _scales(robot, tolerances, scale, driven)
 
 
 def cluster_parameters(
@@ -126,9 +132,7 @@ def cluster_parameters(
     straight = [pair for pair in carriers if not measured[pair[0]]]
     found += _directions(robot, tolerances, "actuator", straight, "ab")
     found += _directions(robot, tolerances, "actuator", [pair for pair in carriers if measured[pair[0]]], "abc")
-    if scale is not None:
-        found += _scales(robot, tolerances, "actuator", straight)
-    return found
+    return found + _scales(robot, tolerances, scale and "actuator", straight)
 
 
 def _lengths_and_joints(robot: Robot, tolerances: Mapping[str, float], clusters: bool) -> list[Parameter]:
@@ -149,7 +153,8 @@ def _lengths_and_joints(robot: Robot, tolerances: Mapping[str, float], clusters:
             word = kind if kind == "platform_joint" else _carrier_kind(robot, rod)
             for c, axis in enumerate("xyz"):
                 value = float(getattr(rod, point)[c])
-                found.append(Parameter(f"{word}[{label}].{axis}", kind, owner, c, per, "m", value, tolerances[word]))
+                tolerance = tolerances[f"{word}_{axis}"]
+                found.append(Parameter(f"{word}[{label}].{axis}", kind, owner, c, per, "m", value, tolerance))
     return found
 
 
@@ -165,7 +170,11 @@ def _directions(
     return found
 
 
-def _scales(robot: Robot, tolerances: Mapping[str, float], per: Per, driven: list[tuple[int, int]]) -> list[Parameter]:
+def _scales(
+    robot: Robot, tolerances: Mapping[str, float], per: Per | None, driven: list[tuple[int, int]]
+) -> list[Parameter]:
+    if per is None:  # nobody asks for them: those that the robot itself does not know
+        per, driven = "actuator", [(i, a) for i, a in driven if robot.actuators[a].scale_unknown]
     return [
         Parameter(f"scale[{label}]", "scale", owner, 0, per, "m/m", 1.0, tolerances["scale"])
         for owner, label, _ in _owners(robot, per, driven)

@@ -67,6 +67,8 @@ class Rod:
         For a leg of variable length, its lowest and highest command, m: it is as long as at zero plus its command.
     length
         With all commands zero, m; left out, what closes the machine at home.
+    scale_unknown
+        Whether travel per commanded unit of a leg is known so badly that every calibration shall identify it.
     mass
         kg. A rod's is at its middle; half of a leg's slides.
     """
@@ -77,6 +79,7 @@ class Rod:
     carrier: str | None = None
     range: tuple[float, float] | None = None
     length: float | None = None
+    scale_unknown: bool = False
     mass: float = 1.0
 
 
@@ -215,8 +218,11 @@ class _Writer:
 
     def _gtpin(self) -> None:
         own = SubElement(self.root, "gtpin")
+        unknown = {rod.site for rod in self.sketch.rods if rod.scale_unknown}
         for site in self.sites:
-            SubElement(own, "actuator", joint=f"{site}_drive", site=site)
+            element = SubElement(own, "actuator", joint=f"{site}_drive", site=site)
+            if site in unknown:
+                element.set("scale", "unknown")
         SubElement(own, "platform", link="platform")
         for rod in self.sketch.rods:
             SubElement(own, "rod", link=rod.site, loop=f"{rod.site}_ball", site=rod.site)
