@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.candidates import Candidate
 from gtpin.diagnosis.circumstances import kind
-from gtpin.diagnosis.evidence import Marginal, best_scales
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal
+from gtpin.diagnosis.evidence import gain as best_gain
 from gtpin.diagnosis.experiment import Experiment, listed, settings
 from gtpin.diagnosis.odds import Prediction, Rivalry, expected_gain, most_telling
 from gtpin.diagnosis.trials import Known, Trials, possible
@@ -96,10 +97,9 @@ def _prediction(trials: Trials, others: Floats, candidate: Candidate) -> Predict
     """What a candidate beside other causes expects, as large as what was measured has it."""
     design, old = trials.design, trials.old
     X = design.columns(candidate.effect.basis(design.situation, candidate.site, candidate.setting))
-    marginal = Marginal(np.hstack([design.B, others])[old])
-    values, vectors = np.linalg.eigh(marginal.product(X[old], X[old]))
-    moment = vectors.T @ marginal.product(X[old], design.y[old, None])[:, 0]
-    scale = best_scales(np.maximum(values, 0.0)[None], moment[None] ** 2)[1][0]
+    groups = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
+    groups.set(candidate.name, X[old])
+    scale = best_gain(groups, NOTHING, candidate.name)[1]
     return Prediction.of(trials, np.hstack([others, X * scale]))
 
 

@@ -1,0 +1,317 @@
+"""What is proposed to be measured next can be measured, and tells more than as many random poses."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+import gtpin
+from gtpin.calibration.calibrate import measured_poses
+from gtpin.data import Commands, Dataset
+from gtpin.diagnosis.candidates import Candidate
+from gtpin.diagnosis.fit import Observed
+from gtpin.diagnosis.next_experiment import Experiment, Standing, plan
+from gtpin.diagnosis.odds import Prediction, Rivalry, expected_gain, most_telling
+from gtpin.diagnosis.result import Considered
+from gtpin.diagnosis.trials import Known, possible
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.linearity import Linearity
+from gtpin.plant import Case, make_case, measure_at
+
+PAIRS = [
+    ("linearity@cart2", "straightness@cart2"),
+    ("backlash@cart1", "servo_lag@cart1"),
+    ("link_compliance@link2a", "joint_runout@link2a"),
+    ("cross_coupling@cart2", "linearity@cart2"),
+]
+SCALES = np.geomspace(0.1, 20.0, 16)
+
+
+def candidate(name: str) -> Candidate:
+    effect, _, site = name.partition("@")
+    return Candidate(catalogue()[effect], site)
+
+
+@cache
+def known_of(name: str, seed: int, without: tuple[str, ...] = ()) -> tuple[Case, Known]:
+    """A machine with a weak effect, and what is known once its geometry is calibrated."""
+    effect, _, site = name.partition("@")
+    case = make_case(seed, effects=[(effect, site)], energy=80.0, poses=100, without=without)
+    return case, known(case.dataset, gtpin.calibrate(case.dataset))
+
+
+def known(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
+    observed = Observed(
+        measured_poses(dataset),
+        dataset.covariates,
+        baseline.noise,
+        np.ones(len(dataset)),
+        dataset.conditions.reference_temperature,
+        dataset.instrument.frame == "free",
+    )
+    return Known(observed, baseline.model, observed.situation(baseline.model).references)
+
+
+def class_of(*names: str) -> Standing:
+    members = tuple((candidate(name), 1.0 / len(names)) for name in names)
+    return Standing(members[0][0], 1.0, members)
+
+
+def proposed(
+    known: Known, *standings: Standing, untestable: tuple[str, ...] = (), seed: int = 0
+) -> tuple[Experiment, ...]:
+    rows = [Considered(*name.split("@"), 0.0, 0.0, False, "it can't be seen") for name in untestable]
+    rng = np.random.default_rng(seed)
+    return plan(
+        known.observed,
+        known.model,
+        known.references,
+        standings=standings,
+        untestable=rows,
+        unknown=None,
+        rng=rng,
+    )
+
+
+def measured(case: Case, q: np.ndarray, covariates: Mapping[str, np.ndarray], seed: int) -> Dataset:
+    ids = np.array([f"new{i}" for i in range(len(q))], dtype=object)
+    return measure_at(case, Commands(ids, q, dict(covariates)), seed)
+
+
+def together(case: Case, later: Dataset, absent: Mapping[str, float] | None = None) -> Dataset:
+    """Both datasets in one; covariates that the first lacks are as given."""
+    first = {**case.dataset.covariates, **{n: np.full(len(case.dataset), v) for n, v in (absent or {}).items()}}
+    return replace(
+        case.dataset,
+        pose=np.concatenate([case.dataset.pose, later.pose]),
+        q=np.vstack([case.dataset.q, later.q]),
+        position=np.vstack([case.dataset.position, later.position]),
+        orientation=np.vstack([case.dataset.orientation, later.orientation]),
+        covariates={name: np.concatenate([first[name], later.covariates[name]]) for name in first},
+        row=np.arange(2, 2 + len(case.dataset) + len(later)),
+    )
+
+
+def log_evidence(known: Known, dataset: Dataset, name: str, unseen: int = 0) -> float:
+    """Of an effect over none, by its best scale; the first rows may be ones whose covariate was not recorded."""
+    observed = replace(known.observed, measured=measured_poses(dataset), covariates=dataset.covariates)
+    design = replace(observed, weight=np.ones(len(dataset))).design(known.model)
+    which = candidate(name)
+    X = design.columns(which.effect.basis(design.situation, which.site))
+    X[: unseen * design.components] = 0.0
+    J = np.hstack([design.B, X])
+    gram, moment = J.T @ J, J.T @ design.y
+    p = design.B.shape[1]
+    widths = [np.repeat([1.0, s], [p, X.shape[1]]) for s in SCALES]
+    return max(_log_density(gram, moment, w) for w in widths) - _log_density(gram[:p, :p], moment[:p], np.ones(p))
+
+
+def _log_density(gram: np.ndarray, moment: np.ndarray, width: np.ndarray) -> float:
+    """Of y under N(0, I + J D^2 J'), D the widths, by Woodbury's identity, but for what does not depend on J."""
+    A = np.eye(len(width)) + gram * np.outer(width, width)
+    u = moment * width
+    return float(0.5 * (u @ np.linalg.solve(A, u) - np.linalg.slogdet(A)[1]))
+
+
+def test_planned_poses_part_causes_from_their_rivals_better_than_as_many_random_ones() -> None:
+    planned, random, expected = [], [], []
+    for truth, rival in PAIRS:
+        words = {word for name in (truth, rival) for word in _words(name)}
+        for seed in range(2):
+            case, known = known_of(truth, seed)
+            (experiment,) = [e for e in proposed(known, class_of(truth, rival)) if truth in e.separates]
+            poses, set_too = experiment.poses, experiment.covariates
+            if not len(poses):  # nothing is expected of any poses: none are measured, nothing is won
+                continue
+            expected.append(experiment.expected_gain)
+            planned.append(_gain(case, known, truth, rival, measured(case, poses, set_too, seed)))
+            trials = possible(known, words, len(poses), np.random.default_rng(100 + seed))
+            new = {name: trials.circumstances.new[name] for name in set_too}
+            random.append(_gain(case, known, truth, rival, measured(case, trials.q, new, seed)))
+    assert len(planned) >= 5
+    assert np.mean(planned) > 1.5 * np.mean(random)
+    assert np.mean(np.array(planned) > np.array(random)) > 0.6
+    assert 0.4 < np.mean(planned) / np.mean(expected) < 2.5
+
+
+def _words(name: str) -> tuple[str, ...]:
+    which = candidate(name)
+    robot = gtpin.load_robot("gantry_tau")
+    return (*which.effect.covariates(robot, which.site), *which.effect.coordinates(robot, which.site))
+
+
+def _gain(case: Case, known: Known, truth: str, rival: str, later: Dataset) -> float:
+    """What further measurements add to the log Bayes factor for the truth."""
+    before, after = case.dataset, together(case, later)
+    factors = [log_evidence(known, data, truth) - log_evidence(known, data, rival) for data in (before, after)]
+    return factors[1] - factors[0]
+
+
+def test_recording_what_was_missing_reveals_the_effect_that_lacked_it_better_than_random_poses() -> None:
+    name, planned, random = "backlash@cart1", [], []
+    for seed in range(3):
+        case, known = known_of(name, seed, without=("approach",))
+        (experiment,) = proposed(known, untestable=(name,))
+        assert {-1.0, 1.0} == set(experiment.covariates["approach1"])
+        trials = possible(known, ("approach1",), len(experiment.poses), np.random.default_rng(100 + seed))
+        for found, q, new in (
+            (planned, experiment.poses, experiment.covariates),
+            (random, trials.q, {"approach1": trials.circumstances.new["approach1"]}),
+        ):
+            data = together(case, measured(case, q, new, seed), {"approach1": 1.0})
+            found.append(log_evidence(known, data, name, unseen=len(case.dataset)))
+    assert np.mean(planned) > max(3.0, np.mean(random))
+
+
+def test_pushes_that_are_proposed_turn_the_forces_of_the_links() -> None:
+    case, known = known_of("linearity@cart2", 0)
+    names = tuple(f"joint_clearance@{site}" for site in known.robot.rod_sites)
+    assert all(candidate(n).effect.untestable(known.situation, candidate(n).site) for n in names)
+    experiments = proposed(known, untestable=names)
+    assert {name for e in experiments for name in e.separates} == set(names)
+    (pushed,) = [e for e in experiments if len(e.poses)]
+    later = measured(case, pushed.poses, pushed.covariates, 0)
+    force = {name: 0.0 for name in ("fx", "fy", "fz") if name not in case.dataset.covariates}
+    data = together(case, later, force)
+    observed = replace(known.observed, measured=measured_poses(data), covariates=data.covariates)
+    at = observed.situation(known.model)
+    assert len(pushed.separates) >= 3
+    assert not any(candidate(n).effect.untestable(at, candidate(n).site) for n in pushed.separates)
+
+
+def test_expected_gain_is_the_mean_log_density_ratio_of_data_drawn_from_the_true_hypothesis() -> None:
+    rng = np.random.default_rng(0)
+    predictions = [Prediction(rng.standard_normal((5, 2)), 0.7 * rng.standard_normal((5, 2, 3))) for _ in range(2)]
+    rows = np.array([3, 1])
+    densities = []
+    for p in predictions:
+        L = p.spread[rows].reshape(4, 3)
+        densities.append(multivariate_normal(p.mean[rows].ravel(), np.eye(4) + L @ L.T))
+    drawn = densities[0].rvs(200_000, random_state=1)
+    ratio = densities[0].logpdf(drawn) - densities[1].logpdf(drawn)
+    expected = expected_gain(predictions, [Rivalry(0, 1, 3.0)], rows)
+    assert expected == pytest.approx(ratio.mean(), abs=5.0 * ratio.std() / np.sqrt(len(drawn)))
+
+
+def test_the_first_row_chosen_is_the_best_single_one_and_the_second_the_best_beside_it() -> None:
+    rng = np.random.default_rng(2)
+    predictions = [Prediction(rng.standard_normal((30, 3)), rng.standard_normal((30, 3, 4))) for _ in range(2)]
+    rivalries = [Rivalry(0, 1, 1.0)]
+    first, second = most_telling(predictions, rivalries, 2)
+    alone = [expected_gain(predictions, rivalries, np.array([i])) for i in range(30)]
+    assert first == np.argmax(alone)
+    pairs = [expected_gain(predictions, rivalries, np.array([first, i])) if i != first else -1.0 for i in range(30)]
+    assert second == np.argmax(pairs)
+
+
+def test_a_plan_is_worth_more_than_every_random_choice_out_of_the_same_rows() -> None:
+    rng = np.random.default_rng(3)
+    predictions = [Prediction(rng.standard_normal((80, 6)), rng.standard_normal((80, 6, 10))) for _ in range(3)]
+    rivalries = [Rivalry(0, 1, 0.6), Rivalry(1, 0, 0.6), Rivalry(0, 2, 0.3), Rivalry(2, 0, 0.3)]
+    plan = expected_gain(predictions, rivalries, most_telling(predictions, rivalries, 10))
+    drawn = [expected_gain(predictions, rivalries, rng.choice(80, 10, replace=False)) for _ in range(200)]
+    assert plan > max(drawn)
+
+
+def test_same_stream_same_plan() -> None:
+    _, known = known_of("linearity@cart2", 0)
+    first, same, other = (
+        [e.to_json() for e in proposed(known, class_of(*PAIRS[1]), untestable=("zero_shift@cart1",), seed=seed)]
+        for seed in (0, 0, 1)
+    )
+    assert first == same
+    assert first != other
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("thermal_links@arm", "tracker_drift@frame"), ("zero_shift@cart2", "frame_shift@frame"), PAIRS[1]],
+    ids=" ".join,
+)
+def test_a_plan_can_be_measured(names: tuple[str, str]) -> None:
+    case, known = known_of("linearity@cart2", 0)
+    for experiment in proposed(
+        known, class_of(*names), untestable=("joint_clearance@link2a", "target_offset@platform")
+    ):
+        json.dumps(experiment.to_json(), allow_nan=False)
+        assert "\n" not in experiment.measure
+        assert ((experiment.poses >= known.robot.lower) & (experiment.poses <= known.robot.upper)).all()
+        for name, values in experiment.covariates.items():
+            assert len(values) == len(experiment.poses), name
+        moving = [n for n in experiment.covariates if n.startswith("speed")]
+        for name in moving:
+            speed, side = experiment.covariates[name], experiment.covariates.get(name.replace("speed", "approach"))
+            assert side is None or (speed * side >= 0.0).all()
+        if len(experiment.poses):
+            assert experiment.expected_gain > experiment.random_gain
+            free = {n: v for n, v in experiment.covariates.items() if n not in ("temp_link", "temp_frame")}
+            assert len(measured(case, experiment.poses, free, 0)) == len(experiment.poses)
+
+
+def test_both_states_of_a_machine_are_asked_for_where_its_warmth_is_in_question() -> None:
+    _, known = known_of("thermal_links@arm", 0)
+    experiment = proposed(known, class_of("thermal_links@arm", "tracker_drift@frame"))[0]
+    cold = experiment.covariates["temp_link"] == known.observed.temperature
+    assert 3 <= cold.sum() <= len(cold) - 3
+
+
+def test_what_geometry_absorbs_is_not_promised_to_any_poses() -> None:
+    _, known = known_of("linearity@cart2", 0)
+    (experiment,) = proposed(known, untestable=("target_offset@platform",))
+    assert experiment.poses.shape == (0, 3)
+    assert experiment.measure.startswith("No poses")
+
+
+class Twin(Linearity):
+    """Displaces what linearity displaces, by another name."""
+
+    id = "twin"
+
+
+def test_twins_are_not_promised_to_be_told_apart_by_poses() -> None:
+    _, known = known_of("linearity@cart2", 0)
+    members = ((candidate("linearity@cart2"), 0.5), (Candidate(Twin(), "cart2"), 0.5))
+    (experiment,) = proposed(known, Standing(members[0][0], 1.0, members))
+    assert experiment.poses.shape == (0, 3)
+    assert experiment.expected_gain == pytest.approx(0.0, abs=1e-6)
+    assert "watch cart2" in experiment.measure
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "moves"), [("q2", {1}), ("q1,q3", {0, 2}), ("approach1", {0, 1, 2}), ("direction", {0, 1, 2})]
+)
+def test_an_unknown_is_traced_along_its_coordinates_and_nothing_else_moves(coordinates: str, moves: set[int]) -> None:
+    case, known = known_of("linearity@cart2", 0)
+    experiments = plan(
+        known.observed,
+        known.model,
+        known.references,
+        standings=(),
+        untestable=(),
+        unknown=("cart1", coordinates),
+        rng=np.random.default_rng(0),
+    )
+    (experiment,) = experiments
+    assert experiment.separates == ("unknown",)
+    assert set(np.flatnonzero(np.ptp(experiment.poses, axis=0) > 0.1)) == moves
+    assert set(np.flatnonzero(np.ptp(experiment.poses, axis=0) > 0.0)) == moves
+    assert len(measured(case, experiment.poses, experiment.covariates, 0)) == len(experiment.poses) >= 16
+    if coordinates == "approach1":
+        ways = {}
+        for q, way in zip(experiment.poses, experiment.covariates["approach1"], strict=True):
+            ways.setdefault(tuple(q), set()).add(way)
+        assert all(both == {-1.0, 1.0} for both in ways.values())
+
+
+def test_data_without_any_covariate_get_a_plan_too() -> None:
+    bare = ("time", "session", "temp", "payload", "approach", "speed", "f")
+    _, known = known_of("linearity@cart2", 1, without=bare)
+    names = ("servo_lag@cart1", "tracker_drift@frame", "thermal_links@arm", "frame_shift@frame")
+    experiments = proposed(known, class_of("linearity@cart2", "straightness@cart2"), untestable=names)
+    recorded = {name for e in experiments for name in e.covariates}
+    assert {"speed1", "time", "temp_link", "session"} <= recorded
+    assert all(len(e.poses) for e in experiments)
