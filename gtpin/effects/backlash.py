@@ -25,6 +25,7 @@ class Backlash(Effect):
     id = "backlash"
     title = "deviation that follows the direction of approach"
     coefficient = ("half_width", "m")
+    form = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

@@ -78,14 +78,3 @@ def of_lengths(at: Situation, rods: list[int], columns: Floats, sigma: Floats) -
     length = np.zeros((len(at), len(at.robot.rods), columns.shape[2]))
     length[:, rods] = columns
     return Basis(sigma, length=length)
-
-
-def approach_of(at: Situation, rods: list[int]) -> Floats:
-    """(N, len(rods)) direction from which each rod's actuator came to rest; zero, its mean, where that is not told."""
-    columns = np.zeros((len(at), len(rods)))
-    for column, i in enumerate(rods):
-        rod = at.robot.rods[i]
-        driver = rod.carrier if rod.carrier is not None else rod.extension
-        if driver is not None and f"approach{driver + 1}" in at.covariates:
-            columns[:, column] = at.covariate(f"approach{driver + 1}")
-    return columns

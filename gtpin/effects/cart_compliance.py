@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, approach_of, rods_of
+from gtpin.effects.basis import Basis, rods_of
 from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
@@ -36,6 +36,7 @@ class CartCompliance(Effect):
     id = "cart_compliance"
     title = "the cart gives way and tips under the forces of its links"
     coefficient = ("along", "m/N")
+    form = (0, 1, 2, 15, 16, 17)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator that slides a carrier along a track."""
@@ -59,9 +60,8 @@ class CartCompliance(Effect):
         usual = max(float(np.linalg.norm(mean[rods] @ towards[rods])), 1e-9)
         harder = np.linalg.norm(force, axis=1) / usual - 1.0
         waves = [np.cos(np.pi / 2.0 * k * (at.travel[:, j] + 1.0)) for k in (1, 2)]
-        came = approach_of(at, rods[:1])[:, 0]
         columns, sizes = [], []
-        for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (waves[0], 0.1), (waves[1], 0.05), (came, 0.05)]:
+        for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (waves[0], 0.1), (waves[1], 0.05)]:
             for axis, size in zip(axes, GIVE, strict=True):
                 given = (factor * (force @ axis))[:, None] * axis
                 columns.append(np.broadcast_to(given[:, None, :], lever.shape))
@@ -80,5 +80,5 @@ class CartCompliance(Effect):
         """Compliances along, across and in turning."""
         names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
-        tips = coefficients[15:18]
+        tips = coefficients[12:15]
         return found | {n: (float(c), "rad/(N m)") for n, c in zip(("roll", "tip_a", "tip_b"), tips, strict=False)}

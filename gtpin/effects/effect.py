@@ -29,6 +29,9 @@ class Effect(ABC):
     """What it is, in a few words."""
     coefficient: ClassVar[tuple[str, str]]
     """Name and unit of what the first coefficient means."""
+    form: ClassVar[tuple[int, ...]] = ()
+    """Which of its columns are its textbook form, where the others only bend it: bends are believed no larger than the form's
+    own coefficients allow. Left out, all are."""
 
     @abstractmethod
     def sites(self, robot: Robot) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ class EncoderScale(Effect):
     id = "encoder_scale"
     title = "travel per count is off by a constant factor"
     coefficient = ("scale", "m/m")
+    form = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

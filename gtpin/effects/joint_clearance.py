@@ -28,6 +28,7 @@ class JointClearance(Effect):
     id = "joint_clearance"
     title = "play in a spherical joint, taken up by the sign of the force"
     coefficient = ("half_play", "m")
+    form = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Each link."""

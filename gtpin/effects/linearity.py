@@ -8,8 +8,8 @@ from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
 from gtpin.robot.robot import Robot
 
-ORDERS, DECAY = 30, 1.2
-"""Cosines along the track, and how fast their sizes decay: enough of them for a rough patch of some centimetres."""
+ORDERS, DECAY = 14, 1.2
+"""Cosines along the track, and how fast their sizes decay; shorter ones would imitate ``rack_periodic``."""
 
 
 class Linearity(Effect):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, approach_of, of_lengths, rods_of
+from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.effect import Effect, Floats, arm_and_links, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
@@ -27,6 +27,7 @@ class LinkCompliance(Effect):
     id = "link_compliance"
     title = "links stretch under load"
     coefficient = ("compliance", "m/N")
+    form = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """All links together, and each."""
@@ -44,9 +45,6 @@ class LinkCompliance(Effect):
         usual = np.maximum(np.abs(mean[rods]) + spread[rods], 1e-9)
         columns = [force, force * (np.abs(force) / usual - 1.0), np.abs(force) / 2.0]
         sizes = [1.0, 0.2, 0.2]
-        # Friction in the joints holds some of the stretch back, by the side from which their carriers came.
-        columns.append(force * approach_of(at, rods))
-        sizes.append(0.05)
         if len(rods) > 1:
             columns += [force * (np.arange(len(rods)) == i) for i in range(len(rods))]
             sizes += [0.2] * len(rods)
@@ -55,7 +53,7 @@ class LinkCompliance(Effect):
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
         """Compliance, how it goes with the load, and how links differ."""
         whole, stiffening, pulled = (float(c) for c in coefficients[:3])
-        own = coefficients[4:]
+        own = coefficients[3:]
         mean = float(own.mean()) if own.size else 0.0
         found = {
             "compliance": (whole + mean, "m/N"),

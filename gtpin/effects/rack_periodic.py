@@ -28,6 +28,7 @@ class RackPeriodic(Effect):
     id = "rack_periodic"
     title = "periodic deviation along the track"
     coefficient = ("cosine", "m")
+    form = (0, 1)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

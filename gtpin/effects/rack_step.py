@@ -25,6 +25,7 @@ class RackStep(Effect):
     id = "rack_step"
     title = "step where two rack segments meet"
     coefficient = ("step", "m")
+    form = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

@@ -24,6 +24,7 @@ class ServoLag(Effect):
     id = "servo_lag"
     title = "deviation that grows with speed"
     coefficient = ("lag", "s")
+    form = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

@@ -11,7 +11,7 @@ from gtpin.effects.smooth import cosines, extent
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
-ORDERS, DECAY = 20, 1.2
+ORDERS, DECAY = 14, 1.2
 """Cosines along the track in each direction, and how fast their sizes decay."""
 
 

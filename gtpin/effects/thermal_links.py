@@ -26,6 +26,7 @@ class ThermalLinks(Effect):
     id = "thermal_links"
     title = "links grow with their temperature"
     coefficient = ("expansion", "1/K")
+    form = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """All links together, and each."""

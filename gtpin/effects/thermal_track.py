@@ -25,6 +25,7 @@ class ThermalTrack(Effect):
     id = "thermal_track"
     title = "the guideway grows with the frame's temperature"
     coefficient = ("expansion", "1/K")
+    form = (0, 1)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

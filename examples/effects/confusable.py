@@ -1,0 +1,96 @@
+"""Which effects can stand in for which on the Gantry-Tau, once the geometry has taken what it can.
+
+Draws every effect at its typical size, scales it to the same whitened energy past geometry, and asks how much log evidence
+every other effect gains on it, as a share of its own. Writes `confusable.csv` and prints the three best imitators of each.
+
+    python examples/effects/confusable.py
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.linalg import cho_factor, cho_solve
+
+import gtpin
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.situation import Situation
+from gtpin.plant import make_case
+from gtpin.plant.conditions import Conditions
+
+SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
+"""The tracker's, m and rad."""
+ENERGY = 1000.0
+SCALES = np.exp(np.linspace(np.log(0.1), np.log(30.0), 12))
+SETTINGS = {"rack_periodic": (0.04, 0.1), "rack_step": (-0.2, 0.05, 0.25)}
+DRAWS = 3
+
+
+def past_geometry(at: Situation, geometry: gtpin.Geometry):
+    """X' (I + B B')^-1 Z with B the whitened derivative by the geometry in tolerances."""
+    B = (at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance / SIGMA[:, None]).reshape(len(at) * 6, -1)
+    factor = cho_factor(np.eye(B.shape[1]) + B.T @ B)
+    return lambda X, Z: X.T @ Z - (X.T @ B) @ cho_solve(factor, B.T @ Z)
+
+
+def columns(at: Situation, name: str, site: str, setting: float | None) -> np.ndarray:
+    """Whitened displacements for coefficients of typical size."""
+    basis = catalogue()[name].basis(at, site, setting)
+    return (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(len(at) * 6, -1)
+
+
+def main() -> None:
+    conditions = Conditions(sessions=3, push=100.0, warming=1.5, rest=0.5)
+    data = make_case(1, effects=[], poses=160, conditions=conditions).dataset
+    geometry = gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))
+    kinematics = gtpin.Model(geometry).kinematics
+    at = Situation(kinematics, data.q, kinematics.forward(data.q), data.covariates)
+    product = past_geometry(at, geometry)
+    places = {
+        (name, site): [columns(at, name, site, s) for s in SETTINGS.get(name, (None,))]
+        for name, effect in catalogue().items()
+        for site in effect.sites(at.robot)
+        if not effect.untestable(at, site)
+    }
+    grams = {place: [product(X, X) for X in parts] for place, parts in places.items()}
+    rng, rows = np.random.default_rng(0), []
+    for (name, site), parts in places.items():
+        for draw in range(DRAWS):
+            X = parts[draw % len(parts)]
+            d = X @ rng.standard_normal(X.shape[1])
+            energy = float(product(d[:, None], d[:, None])[0, 0])
+            if energy < 1.0:
+                continue  # geometry takes it
+            d *= np.sqrt(ENERGY / energy)
+            own = gain(product(X, X), product(X, d[:, None])[:, 0])
+            for other, others in places.items():
+                if other == (name, site):
+                    continue
+                found = max(gain(G, product(Y, d[:, None])[:, 0]) for G, Y in zip(grams[other], others, strict=True))
+                rows.append((name, site, *other, max(found, 0.0) / own))
+    table = pd.DataFrame(rows, columns=["effect", "site", "imitator", "at", "share"])
+    table = table.groupby(["effect", "site", "imitator", "at"], as_index=False)["share"].median()
+    table.round(3).to_csv(Path("confusable.csv"), index=False)
+    # The best place of each imitator, and the median over the effect's own sites.
+    best = table.groupby(["effect", "site", "imitator"])["share"].max().groupby(["effect", "imitator"]).median()
+    for name in catalogue():
+        if name in best.index.get_level_values(0):
+            top = best[name].drop(name, errors="ignore").nlargest(3)
+            elsewhere = best[name].get(name)
+            others = ", ".join(f"{imitator} {share:.0%}" for imitator, share in top.items())
+            print(f"{name:16s} {others}" + ("" if elsewhere is None else f"; at another site {elsewhere:.0%}"))
+
+
+def gain(gram: np.ndarray, moment: np.ndarray) -> float:
+    """Log evidence by a group over none, with the scale of its coefficients that suits best."""
+    values, vectors = np.linalg.eigh(gram)
+    values, squares = np.maximum(values, 0.0), (vectors.T @ moment) ** 2
+    s2 = (SCALES**2)[:, None]
+    gains = 0.5 * (s2 * squares / (1.0 + s2 * values) - np.log1p(s2 * values)).sum(axis=1)
+    return float((gains - 0.5 * (np.log(SCALES) / 1.3) ** 2).max())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""Every effect has a page that tells its parameters as the code has them."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from effect_places import EFFECTS, FIT, ROBOT, SETTINGS, some
+
+ROOT = Path(__file__).parents[2]
+PAGES = ROOT / "docs" / "effects"
+LARGEST = 60_000
+
+
+def told(name: str) -> dict[str, str]:
+    """Units of all parameters at all sites."""
+    return {
+        re.sub(r"\[\d+\]", "[k]", parameter): unit
+        for site in EFFECTS[name].sites(ROBOT)
+        for parameter, (_, unit) in EFFECTS[name].parameters(some(name, site, FIT), SETTINGS.get(name)).items()
+    }
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_page_has_the_effects_title_parameters_and_units(name: str) -> None:
+    page = (PAGES / f"{name}.md").read_text(encoding="utf-8")
+    title = page.splitlines()[0]
+    assert title == f"# `{name}`: {EFFECTS[name].title.split(' (')[0]}"
+    assert dict(re.findall(r"^\| `([^`]+)` \| ([^|]+) \|", page, re.MULTILINE)) == told(name)
+    for part in ("Equation", "What happens", "Sites", "Typical size", "Mistaken for", "Told apart by"):
+        assert f"**{part}.**" in page
+
+
+def test_the_index_lists_every_effect_with_its_covariate() -> None:
+    index = (PAGES / "index.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| \[`(\w+)`\]\(\w+\.md\) (\|.*)$", index, re.MULTILINE))
+    assert list(rows) == list(EFFECTS)
+    for name, effect in EFFECTS.items():
+        site = effect.sites(ROBOT)[0]
+        assert f"`{site}`" in rows[name]
+        for covariate in effect.covariates(ROBOT, site):
+            assert f"`{covariate}`" in rows[name]
+
+
+def test_every_page_has_its_picture() -> None:
+    for name in EFFECTS:
+        assert f"({name}.svg)" in (PAGES / f"{name}.md").read_text(encoding="utf-8")
+        assert 1_000 < (PAGES / f"{name}.svg").stat().st_size < LARGEST
+
+
+def test_the_script_draws_all_pictures_anew(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    script = ROOT / "examples" / "effects" / "pictures.py"
+    subprocess.run(
+        [sys.executable, str(script), str(tmp_path)],
+        check=True,
+        capture_output=True,
+        env={**os.environ, "MPLBACKEND": "agg"},
+    )
+    drawn = {path.stem: path.stat().st_size for path in tmp_path.glob("*.svg")}
+    assert set(drawn) == set(EFFECTS)
+    assert max(drawn.values()) < LARGEST
