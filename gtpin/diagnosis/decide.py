@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import expit
 
 from gtpin.diagnosis.candidates import Free, related, same_motion
-from gtpin.diagnosis.evidence import NOTHING, Posterior, gain, without
+from gtpin.diagnosis.evidence import NOTHING, Posterior, without
 from gtpin.diagnosis.pool import Pool
 from gtpin.diagnosis.result import Member, Verdict
 from gtpin.diagnosis.search import search
@@ -18,7 +18,7 @@ CLASS_SHARE = 0.05
 """Share of the leader's probability from which an effect belongs to its class."""
 SURE = 0.95
 """Probability from which a cause stands alone."""
-TEMPERATURE, WARMING = 2.0, 0.01
+TEMPERATURE, WARMING, WARMEST = 2.0, 0.004, 6.0
 """Gains in log evidence are divided by this, and by a share of the evidence at stake, before they become probabilities: forms
 are never exactly the machine's, and that tells the more the better it is seen."""
 
@@ -68,7 +68,7 @@ def decide(pool: Pool) -> Decision:
 
 
 def _temperature(evidence: float) -> float:
-    return TEMPERATURE + WARMING * evidence
+    return min(TEMPERATURE + WARMING * evidence, WARMEST)
 
 
 def _apart(pool: Pool, model: Posterior) -> tuple[str, ...]:
@@ -92,11 +92,8 @@ def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
     robot = pool.design.situation.robot
     gains = pool.gains(rest, pool.named)
     own = gains[name]
-    strange = [
-        gain(pool.groups, rest, n)[0] - pool.cost(n) + pool.threshold
-        for n, free in pool.free.items()
-        if not same_motion(robot, free, pool.candidates[name])
-    ]
+    other = [n for n, free in pool.free.items() if not same_motion(robot, free, pool.candidates[name])]
+    strange = [value - pool.cost(n) + pool.threshold for n, value in pool.gains(rest, other).items()]
     log = {n: value / _temperature(max(own, 0.0)) for n, value in gains.items()}
     whole = np.logaddexp.reduce([*log.values(), max(strange, default=-np.inf) / _temperature(max(own, 0.0))])
     probability = {n: float(np.exp(value - whole)) for n, value in log.items()}

@@ -6,7 +6,8 @@ tolerances, E_g the whitened displacements of a group for coefficients of typica
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,9 @@ SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Scales that are tried, over the typical size."""
 SCALE_SPREAD = 1.3
 """Spread of the scales' logarithm about zero: the prior on how far an effect is from its typical size."""
+
+LEAST_FORM = 0.5
+"""Root mean square of the form's coefficients over the scale, below which a scale does not suit a group."""
 
 
 class Marginal:
@@ -53,14 +57,16 @@ class Groups:
         """Start without a group, for a whitened residual y (m,)."""
         self.marginal, self.y = marginal, y
         self.columns: dict[str, Floats] = {}
+        self.form: dict[str, tuple[int, ...]] = {}
         self._half: dict[str, Floats] = {}
         self._moment: dict[str, Floats] = {}
         self._block: dict[tuple[str, str], Floats] = {}
         self._half_y = marginal.half(y[:, None])[:, 0]
         self.power = float(y @ y - self._half_y @ self._half_y)
 
-    def set(self, name: str, columns: Floats) -> None:
-        """Add a group of whitened displacements (m, c), or give it others."""
+    def set(self, name: str, columns: Floats, form: tuple[int, ...] = ()) -> None:
+        """Add a group of whitened displacements (m, c), or give it others; ``form`` as in :func:`best_scales`."""
+        self.form[name] = form
         self._block = {pair: block for pair, block in self._block.items() if name not in pair}
         self.columns[name] = columns
         self._half[name] = self.marginal.half(columns)
@@ -135,23 +141,55 @@ def beside(groups: Groups, model: Posterior, name: str) -> tuple[Floats, Floats]
 
 def gain(groups: Groups, model: Posterior, name: str) -> tuple[float, float]:
     """Largest gain in log evidence by adding a group to a model, and the scale that gives it."""
-    gram, moment = beside(groups, model, name)
-    values, vectors = np.linalg.eigh(gram)
-    gains, scales = best_scales(np.maximum(values, 0.0)[None], ((vectors.T @ moment) ** 2)[None])
-    return float(gains[0]), float(scales[0])
+    return all_gains(groups, model, (name,))[name]
 
 
-def best_scales(eigenvalues: Floats, squares: Floats) -> tuple[Floats, Floats]:
+def all_gains(groups: Groups, model: Posterior, names: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """The same for each of several groups."""
+    alike: dict[tuple[int, tuple[int, ...]], list[str]] = defaultdict(list)
+    for name in names:
+        width = groups.columns[name].shape[1]
+        alike[1 << (width - 1).bit_length(), groups.form[name]].append(name)
+    found: dict[str, tuple[float, float]] = {}
+    for (width, form), members in alike.items():
+        # Columns of zeros, which bring nothing, make groups of much the same width alike.
+        grams, moments = np.zeros((len(members), width, width)), np.zeros((len(members), width))
+        for i, name in enumerate(members):
+            gram, moment = beside(groups, model, name)
+            grams[i, : len(moment), : len(moment)], moments[i, : len(moment)] = gram, moment
+        best = zip(*best_scales(grams, moments, form), strict=True)
+        found |= {name: (float(g), float(s)) for name, (g, s) in zip(members, best, strict=True)}
+    return found
+
+
+def best_scales(grams: Floats, moments: Floats, form: Sequence[int] = ()) -> tuple[Floats, Floats]:
     """(S,) largest log evidence over the scales, and the scales, of S groups of c columns.
+
+    A scale must suit the group's form: where the coefficients of its form are far smaller than the scale, the scale only
+    serves what bends it, and there is no form left to bend.
 
     Parameters
     ----------
-    eigenvalues, squares
-        (S, c) of the groups' Gram matrices, and squared moments along their eigenvectors.
+    grams, moments
+        (S, c, c) and (S, c) of the groups, whatever else is in the model marginalised.
+    form
+        Columns that are the form; none where all are.
     """
+    values, vectors = np.linalg.eigh(grams)
+    values = np.maximum(values, 0.0)
+    along = (vectors.swapaxes(1, 2) @ moments[..., None])[..., 0]
     s2 = (SCALES**2)[:, None, None]
-    gain = 0.5 * (s2 * squares / (1.0 + s2 * eigenvalues) - np.log1p(s2 * eigenvalues)).sum(axis=2)
+    shrunk = s2 / (1.0 + s2 * values)
+    gain = 0.5 * (shrunk * along**2 - np.log1p(s2 * values)).sum(axis=2)
     gain -= 0.5 * (np.log(SCALES)[:, None] / SCALE_SPREAD) ** 2
+    own = [i for i in form if i < values.shape[1]]
+    if own:
+        part = vectors[:, own]
+        mean = np.einsum("sfj,ksj->ksf", part, shrunk * along, optimize=True)
+        variance = np.einsum("sfj,ksj->ksf", part**2, shrunk, optimize=True)
+        unsuited = ((mean**2 + variance) / s2).mean(axis=2) < LEAST_FORM**2
+        unsuited[0] = False
+        gain = np.where(unsuited, -np.inf, gain)
     best = np.argmax(gain, axis=0)
     return np.take_along_axis(gain, best[None], axis=0)[0], SCALES[best]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gtpin.diagnosis.candidates import Candidate, Free, related
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, fixed, gain, without
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed, without
 from gtpin.diagnosis.scan import Scan
 from gtpin.effects.basis import Basis
 
@@ -18,6 +18,9 @@ STRANGER = 5.0
 RELATED, OTHER = 0.05, 0.01
 """Share of a stronger cause's evidence that a further explanation must be worth, because causes depart from their forms:
 where it could pass for the stronger one's departure, and elsewhere."""
+
+Gain = tuple[float, Candidate | Free]
+"""Gain in log evidence, and what brings it: with its setting."""
 
 
 @dataclass
@@ -43,15 +46,17 @@ class Pool:
     scanned: tuple[Candidate, ...]
     frees: Iterable[tuple[Free, Basis]]
     false_alarm: float
-    latest: dict[str, Candidate] = field(default_factory=dict)
+    latest: dict[str, Candidate | Free] = field(default_factory=dict)
     free: dict[str, Free] = field(default_factory=dict)
     scans: dict[str, Scan] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.groups = Groups(Marginal(self.design.B), self.design.y)
         self._to_scan = {c.name: c for c in self.scanned}
+        self._known: dict[object, dict[str, Gain]] = {}
         for name, candidate in self.candidates.items():
-            self.groups.set(name, self.design.columns(candidate.effect.basis(self.design.situation, candidate.site)))
+            basis = candidate.effect.basis(self.design.situation, candidate.site)
+            self.groups.set(name, self.design.columns(basis), candidate.effect.form)
         for free, basis in self.frees:
             self.free[free.name] = free
             self.groups.set(free.name, self.design.columns(basis))
@@ -100,34 +105,33 @@ class Pool:
 
     def gains(self, model: Posterior, names: Iterable[str]) -> dict[str, float]:
         """Gain in log evidence by adding each explanation to a model, settings scanned for beside it."""
-        found = {}
-        for name in names:
-            if name in model.names:
-                continue
-            if name not in self._to_scan:
-                found[name] = gain(self.groups, model, name)[0]
-            elif (best := self._scan(self._to_scan[name], model)) is not None:
-                found[name] = best
-        return found
+        settings = tuple(self.candidates[n].setting if n in self.candidates else None for n in model.names)
+        known = self._known.setdefault((model.names, model.scale, settings), {})
+        wanted = [n for n in names if n not in model.names]
+        new = [n for n in wanted if n not in known]
+        plain = all_gains(self.groups, model, (n for n in new if n not in self._to_scan))
+        known |= {n: (value, self.explanation(n)) for n, (value, _) in plain.items()}
+        known |= {n: self._scanned(n, model) for n in new if n in self._to_scan}
+        found = {n: known[n] for n in wanted}
+        self.latest |= {n: what for n, (_, what) in found.items()}
+        return {n: value for n, (value, _) in found.items()}
 
-    def _scan(self, candidate: Candidate, model: Posterior) -> float | None:
-        if candidate.name not in self.scans:
-            self.scans[candidate.name] = Scan(self.design, self.groups.marginal, candidate.effect, candidate.site)
+    def _scanned(self, name: str, model: Posterior) -> Gain:
+        candidate = self._to_scan[name]
+        if name not in self.scans:
+            self.scans[name] = Scan(self.design, self.groups.marginal, candidate.effect, candidate.site)
         columns = self.groups.columns
         together = np.hstack([np.zeros((len(self.design.y), 0)), *(columns[n] for n in model.names)])
-        best = self.scans[candidate.name].best(model, together)
-        if best is None:
-            return None
-        self.latest[candidate.name] = Candidate(candidate.effect, candidate.site, best.setting)
-        return best.gain
+        best = self.scans[name].best(model, together)
+        return best.gain, replace(candidate, setting=best.setting)
 
     def adopt(self, name: str) -> None:
         """Use the setting that the last scan found for a candidate."""
         latest = self.latest.get(name)
-        if latest is not None and self.candidates.get(name) != latest:
+        if isinstance(latest, Candidate) and self.candidates.get(name) != latest:
             basis = latest.effect.basis(self.design.situation, latest.site, latest.setting)
             self.candidates[name] = latest
-            self.groups.set(name, self.design.columns(basis))
+            self.groups.set(name, self.design.columns(basis), latest.effect.form)
 
     def only(self, model: Posterior, names: Iterable[str]) -> Posterior:
         """Some of a model's explanations, with their scales."""

@@ -100,16 +100,14 @@ class Scan:
         moments = displacements.across(self.design.y[:, None]) - half.T @ self._half_y
         return halves, grams, moments.reshape(count, width)
 
-    def best(self, model: Posterior, columns: Floats) -> Found | None:
-        """Best setting beside a model; None where there is none to try.
+    def best(self, model: Posterior, columns: Floats) -> Found:
+        """Best setting beside a model.
 
         Parameters
         ----------
         model, columns
             Groups that are in already, and their (m, k) whitened displacements for coefficients of typical size.
         """
-        if not self.settings.size:
-            return None
         half = self.marginal.half(columns)
         results = []
         for batch, (kept, *products) in zip(self._batches(), self._prepared, strict=True):
@@ -147,6 +145,4 @@ class Scan:
             moments = moments - (across @ model.mean).reshape(count, width)
             by_setting = across.reshape(count, width, -1)
             grams = grams - by_setting @ model.covariance @ by_setting.transpose(0, 2, 1)
-        values, vectors = np.linalg.eigh(grams)
-        squares = np.einsum("sij,si->sj", vectors, moments) ** 2
-        return best_scales(np.maximum(values, 0.0), squares)
+        return best_scales(grams, moments, self.effect.form)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gtpin.diagnosis.evidence import NOTHING, Posterior, gain, tuned, without
+from gtpin.diagnosis.evidence import NOTHING, Posterior, all_gains, tuned, without
 from gtpin.diagnosis.pool import Pool
 
 BEAM = 3
@@ -58,11 +58,8 @@ def _swapped(pool: Pool, model: Posterior, names: Sequence[str]) -> Posterior:
         before = model
         for name in model.names:
             rest = without(pool.groups, model, name, sweeps=1)
-            gains = {
-                n: gain(pool.groups, rest, n)[0] - pool.cost(n)
-                for n in names
-                if n in pool.groups.columns and n not in rest.names
-            }
+            others = [n for n in names if n in pool.groups.columns and n not in rest.names]
+            gains = {n: value - pool.cost(n) for n, (value, _) in all_gains(pool.groups, rest, others).items()}
             other = max(gains, key=lambda n: gains[n])
             if other != name and gains[other] > gains[name] + 0.5:
                 trial = tuned(pool.groups, (*rest.names, other), (*rest.scale, 1.0))
