@@ -31,11 +31,12 @@ class Explanation(Protocol):
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect at a site, with the setting of what is not linear in it."""
+    """An effect at a site, with the setting of what is not linear in it, and the setting's sigma."""
 
     effect: Effect
     site: str
     setting: float | None = None
+    setting_sigma: float = 0.0
 
     @property
     def name(self) -> str:

@@ -51,6 +51,12 @@ class Decision:
     gains: Mapping[str, float]
 
 
+def rough_guess(pool: Pool) -> Posterior:
+    """The model of everything that is no noise, as far as one search finds it."""
+    names = (*pool.named, *pool.free)
+    return search(pool, names, pool.gains(NOTHING, names), beginnings=1)
+
+
 def decide(pool: Pool) -> Decision:
     """Search with and without free motions, and weigh what was found."""
     singles = pool.gains(NOTHING, (*pool.named, *pool.free))

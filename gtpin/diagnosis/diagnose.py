@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import calibrate, measured_poses
+from gtpin.calibration.noise import Noise
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
-from gtpin.data import Dataset, by_region
+from gtpin.data import Dataset, Instrument, by_region
 from gtpin.diagnosis.candidates import Candidate
-from gtpin.diagnosis.decide import Decision, decide, split
+from gtpin.diagnosis.decide import Decision, decide, rough_guess, split
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Marginal
 from gtpin.diagnosis.fit import Observed, fit_together
 from gtpin.diagnosis.free_motions import free_motions
+from gtpin.diagnosis.noise import asked_again
 from gtpin.diagnosis.pool import Pool
 from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Member
-from gtpin.diagnosis.shrinkage import gap
+from gtpin.diagnosis.shrinkage import Gap, gap
 from gtpin.diagnosis.unexplained import unexplained
 from gtpin.diagnosis.where import where
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import Effect
 from gtpin.errors import ModelError
+from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Model
 from gtpin.robot.robot import Robot
 
@@ -33,7 +37,12 @@ Floats = npt.NDArray[np.float64]
 
 FALSE_ALARM = 0.01
 """Chance of naming a cause where there is none."""
-BLOCKS = 12
+REGIONS = 12
+"""Boxes that the workspace is cut into."""
+TOGETHER = 4
+"""Neighbouring poses that are left out together."""
+MOST_POSES = 3000
+"""Poses that a search is made on; more make it slower, and hardly surer. The causes are then fitted to all."""
 
 
 def diagnose(
@@ -65,40 +74,38 @@ def diagnose(
     GtpinError
         If the dataset can't be read as one of this robot, or an excluded effect is not known.
     """
+    excluded = _checked(exclude)
     nominal = robot.geometry.robot if isinstance(robot, Model) else robot
     baseline = calibrate(dataset, nominal, progress=progress)
+    if not isinstance(baseline.model.kinematics, RodKinematics):
+        raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
     kept = dataset.take(~np.isin(dataset.pose.astype(str), baseline.rejected))
-    observed = _observed(kept, baseline)
-    design = observed.design(baseline.model)
-    pool, untestable = make_pool(design, exclude, false_alarm)
+    rng = np.random.default_rng(seed)
+    rows = np.sort(rng.permutation(len(kept))[:MOST_POSES])
     if progress is not None:
         progress("searching for causes", 0, float(np.sqrt(baseline.chi2_per_dof)))
-    found = decide(pool)
+    everything = _observed(kept, baseline)
+    evidence = _searched(everything.take(rows), baseline.model, dataset.instrument, excluded, false_alarm)
+    found, design, pool = evidence.found, evidence.design, evidence.pool
     names = found.named.names
     candidates = [pool.candidates[name] for name in names]
-    model = fit_together(observed, baseline.model, candidates, found.named.scale, design.situation.references)
-    rng = np.random.default_rng(seed)
-    blocks = by_region(kept, max(2, min(BLOCKS, int(kept.visits.max()) + 1)))
-    floor = np.trace(
-        observed.noise.covariance(design.situation.command_jacobian, design.components)[:, :3, :3], axis1=1, axis2=2
-    )
+    everything = replace(everything, noise=evidence.noise)
+    if len(rows) == len(kept):
+        everything = evidence.observed
+    model = fit_together(everything, baseline.model, candidates, found.named.scale, design.situation.references)
     columns = {n: pool.groups.columns[n] * s for n, s in zip(names, found.named.scale, strict=True)}
-    together = np.hstack([*columns.values(), np.zeros((len(design.y), 0))])
-    whole = gap(design, together, floor, blocks, rng)
-    shares = {}
-    for cause in columns:
-        others = np.hstack([*(v for n, v in columns.items() if n != cause), np.zeros((len(design.y), 0))])
-        shares[cause] = gap(design, others, floor, blocks, rng)
+    whole, shares = _gaps(kept.take(rows), evidence, columns, rng)
     causes = [
-        _cause(model, i, name, found.classes[name], (whole.shrinkage or 0.0) - (shares[name].shrinkage or 0.0))
-        for i, name in enumerate(names)
+        _cause(model, candidate, found.classes[name], (whole.shrinkage or 0.0) - (shares[name].shrinkage or 0.0))
+        for name, candidate in zip(names, candidates, strict=True)
     ]
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
+    regions = by_region(kept.take(rows), max(2, min(REGIONS, int(kept.take(rows).visits.max()) + 1)))
     return Diagnosis(
         verdict=found.verdict,
         causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
-        candidates=tuple(_considered(pool, found)) + tuple(untestable),
-        where=where(design, left, pool, found.gains, blocks),
+        candidates=tuple(_considered(pool, found)) + evidence.untestable,
+        where=where(design, left, pool, found.gains, regions),
         gap=whole,
         unexplained=unexplained(pool, found.named),
         baseline=baseline,
@@ -106,12 +113,67 @@ def diagnose(
     )
 
 
+@dataclass(frozen=True)
+class _Evidence:
+    """A search's result, with what it was found on."""
+
+    observed: Observed
+    design: Design
+    pool: Pool
+    found: Decision
+    untestable: tuple[Considered, ...]
+
+    @property
+    def noise(self) -> Noise:
+        return self.observed.noise
+
+
+def _searched(
+    observed: Observed, model: Model, instrument: Instrument, exclude: Collection[str], false_alarm: float
+) -> _Evidence:
+    """Search, with the noise asked again once a first look has told what is none."""
+    declared = (instrument.position_sigma is not None, instrument.orientation_sigma is not None)
+    design = observed.design(model)
+    pool, untestable = make_pool(design, exclude, false_alarm)
+    asked, matters = asked_again(observed, pool, rough_guess(pool), declared)
+    if matters:
+        observed, design = asked, asked.design(model)
+        pool, untestable = make_pool(design, exclude, false_alarm)
+    return _Evidence(observed, design, pool, decide(pool), tuple(untestable))
+
+
+def _gaps(
+    dataset: Dataset, evidence: _Evidence, columns: dict[str, Floats], rng: np.random.Generator
+) -> tuple[Gap, dict[str, Gap]]:
+    """How far the gap shrinks with all causes, and with all but each."""
+    design, noise = evidence.design, evidence.observed.noise
+    poses = int(dataset.visits.max()) + 1
+    blocks = by_region(dataset, max(2, poses // TOGETHER))
+    covariance = noise.covariance(design.situation.command_jacobian, design.components)
+    floor = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
+    none = np.zeros((len(design.y), 0))
+    whole = gap(design, np.hstack([none, *columns.values()]), floor, blocks, rng)
+    if len(columns) == 1:
+        return whole, {name: gap(design, none, floor, blocks, rng) for name in columns}
+    less = {name: np.hstack([none, *(v for n, v in columns.items() if n != name)]) for name in columns}
+    return whole, {name: gap(design, others, floor, blocks, rng) for name, others in less.items()}
+
+
+def _checked(exclude: Collection[str]) -> Collection[str]:
+    known = catalogue()
+    for word in exclude:
+        named, at, place = word.partition("@")
+        if named not in known or (at and not place):
+            raise ModelError(f"no effect is called {word!r}", hint=f"effects are {', '.join(known)}")
+    return exclude
+
+
 def _observed(dataset: Dataset, baseline: Calibration) -> Observed:
     measured = measured_poses(dataset)
     return Observed(
         measured=measured,
         covariates=dataset.covariates,
-        noise=baseline.noise,
+        noise=replace(baseline.noise, repeatability=0.0),  # told by visits that causes may have set apart
         weight=np.ones(len(dataset)),
         temperature=dataset.conditions.reference_temperature,
         free_frame=dataset.instrument.frame == "free",
@@ -124,8 +186,8 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
     known = catalogue()
     for word in exclude:
         named, _, place = word.partition("@")
-        if named not in known or (place and place not in known[named].sites(at.robot)):
-            raise ModelError(f"no effect is called {word!r}", hint=f"effects are {', '.join(known)}")
+        if place and place not in known[named].sites(at.robot):
+            raise ModelError(f"{named} has no site {place!r}", hint=f"use {', '.join(known[named].sites(at.robot))}")
     plain, scanned, untestable = {}, [], []
     for effect in known.values():
         for site in effect.sites(at.robot):
@@ -152,24 +214,27 @@ def _absorbed(design: Design, effect: Effect, site: str) -> str:
     return "" if left > 15.8 else "geometric calibration absorbs it"
 
 
-def _cause(model: Model, place: int, name: str, members: tuple[Member, ...], shrinkage: float) -> Cause:
-    effect, site = split(name)
-    own = next((m for m in members if (m.effect, m.site) == (effect, site)), members[0])
-    return Cause(effect, site, own.probability, members, _parameters(model.effects[place]), shrinkage)
+def _cause(model: Model, candidate: Candidate, members: tuple[Member, ...], shrinkage: float) -> Cause:
+    active = next(e for e in model.effects if e.name == candidate.name)
+    own = next(m for m in members if f"{m.effect}@{m.site}" == candidate.name)
+    parameters = _parameters(active, candidate.setting_sigma)
+    return Cause(candidate.effect.id, candidate.site, own.probability, members, parameters, shrinkage)
 
 
-def _parameters(active: ActiveEffect) -> dict[str, tuple[float, float, str]]:
-    """Named parameters with sigmas, propagated from the coefficients' covariance by differences."""
-    values = active.effect.parameters(active.coefficients, active.setting)
-    found = {}
+def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[float, float, str]]:
+    """Named parameters with sigmas, propagated from the coefficients' covariance and the setting's sigma by differences."""
+    said, c, setting = active.effect.parameters, active.coefficients, active.setting
     size = np.sqrt(np.diag(active.covariance))
-    for name, (value, unit) in values.items():
+    found = {}
+    for name, (value, unit) in said(c, setting).items():
         slope = np.zeros(len(size))
         for i, step in enumerate(size * 1e-3):
             if step > 0.0:
-                moved = active.coefficients + step * np.eye(len(size))[i]
-                slope[i] = (active.effect.parameters(moved, active.setting)[name][0] - value) / step
-        found[name] = (value, float(max(float(slope @ active.covariance @ slope), 0.0) ** 0.5), unit)
+                slope[i] = (said(c + step * np.eye(len(size))[i], setting)[name][0] - value) / step
+        variance = max(float(slope @ active.covariance @ slope), 0.0)
+        if setting is not None and setting_sigma > 0.0:
+            variance += (said(c, setting + 1e-3 * setting_sigma)[name][0] - value) ** 2 * 1e6
+        found[name] = (value, float(variance**0.5), unit)
     return found
 
 

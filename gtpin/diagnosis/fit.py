@@ -113,11 +113,14 @@ def fit_together(
         now = np.concatenate([x, np.zeros(design.B.shape[1] - p), c])
         A = J.T @ J + np.diag(prior)
         step = np.linalg.solve(A, J.T @ left - prior * now)
-        covariance = np.linalg.inv(A)[design.B.shape[1] :, design.B.shape[1] :]
+        joint = np.linalg.inv(A)
+        covariance = joint[design.B.shape[1] :, design.B.shape[1] :]
+        tolerance = model.geometry.tolerance
         c = c + step[design.B.shape[1] :]
         geometry = model.geometry.with_values(model.geometry.values + model.geometry.tolerance * step[:p])
         frame = _moved(model.frame, step[p : design.B.shape[1]], model.seen(design.situation.poses).T)
-        model = Model(geometry, frame, _active(candidates, sizes, widths, c, covariance, references))
+        active = _active(candidates, sizes, widths, c, covariance, references)
+        model = Model(geometry, frame, active, joint[:p, :p] * np.outer(tolerance, tolerance))
         if np.abs(step).max(initial=0.0) <= SETTLED:
             return model
     raise ConvergenceError("geometry and causes have not settled together", hint="exclude the causes one by one")

@@ -123,7 +123,7 @@ class Pool:
         columns = self.groups.columns
         together = np.hstack([np.zeros((len(self.design.y), 0)), *(columns[n] for n in model.names)])
         best = self.scans[name].best(model, together)
-        return best.gain, replace(candidate, setting=best.setting)
+        return best.gain, replace(candidate, setting=best.setting, setting_sigma=best.sigma)
 
     def adopt(self, name: str) -> None:
         """Use the setting that the last scan found for a candidate."""

@@ -19,15 +19,16 @@ BATCH = 64
 """Settings whose displacements are held in memory at once."""
 KEPT = 6_000_000
 """Numbers up to which all settings' displacements are kept between scans."""
-REFINED = 21
-"""Settings tried around the best of the scan."""
+REFINED, REFINEMENTS = 13, 4
+"""Settings tried around the best of the scan, and how often, each time nearer."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """The best setting of an effect at a site: its gain in log evidence, the trials paid for, and its scale."""
+    """The best setting of an effect at a site, its sigma, its gain in log evidence, the trials paid for, and its scale."""
 
     setting: float
+    sigma: float
     gain: float
     scale: float
 
@@ -120,14 +121,20 @@ class Scan:
         together = float(np.logaddexp.reduce(gains)) - trials
         near = self.settings[[max(top - 1, 0), min(top + 1, len(self.settings) - 1)]]
         if gains[top] < trials or near[0] == near[1]:
-            return Found(float(self.settings[top]), together, float(scales[top]))
-        finer = np.linspace(near.min(), near.max(), REFINED)
-        displacements = self._displacements(finer)
-        fine, fine_scales = self._gains(displacements, self._products(displacements), model, columns, half)
-        best = int(np.argmax(fine))
-        if fine[best] < gains[top]:
-            return Found(float(self.settings[top]), together, float(scales[top]))
-        return Found(float(finer[best]), max(together, float(fine[best]) - trials), float(fine_scales[best]))
+            return Found(float(self.settings[top]), float(np.ptp(near)), together, float(scales[top]))
+        for _ in range(REFINEMENTS):
+            finer = np.linspace(near.min(), near.max(), REFINED)
+            displacements = self._displacements(finer)
+            fine, fine_scales = self._gains(displacements, self._products(displacements), model, columns, half)
+            best = int(np.argmax(fine))
+            likely = np.exp(fine - fine[best])
+            sigma = float(np.sqrt((likely * (finer - finer[best]) ** 2).sum() / likely.sum()))
+            step = float(finer[1] - finer[0])
+            if sigma > step:
+                break
+            near = finer[[max(best - 2, 0), min(best + 2, REFINED - 1)]]
+        gain = max(together, float(fine[best]) - trials)
+        return Found(float(finer[best]), max(sigma, step / np.sqrt(12.0)), gain, float(fine_scales[best]))
 
     def _gains(
         self,

@@ -13,7 +13,7 @@ MOST = 5
 """Explanations that a model has at most."""
 
 
-def search(pool: Pool, names: Sequence[str], singles: dict[str, float]) -> Posterior:
+def search(pool: Pool, names: Sequence[str], singles: dict[str, float], beginnings: int = BEAM) -> Posterior:
     """The model that was found to be worth most, out of some explanations.
 
     Parameters
@@ -22,10 +22,12 @@ def search(pool: Pool, names: Sequence[str], singles: dict[str, float]) -> Poste
         Of the explanations that it may have.
     singles
         Gain in log evidence of each by itself.
+    beginnings
+        How many are grown side by side.
     """
     order = sorted(names, key=lambda n: -(singles.get(n, 0.0) - pool.cost(n)))
     best = NOTHING
-    for name in order[:BEAM]:
+    for name in order[:beginnings]:
         if singles.get(name, 0.0) < pool.cost(name):
             break
         if name in best.names:
