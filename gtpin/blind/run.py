@@ -138,12 +138,12 @@ def _diagnose(
 
     waiting = [name for name in asked if folder.said(name, without=bool(asked[name])) is None]
     watch.begin(what, len(asked), len(asked) - len(waiting))
-    while waiting:
-        with workers(address):
-            waiting = spread(diagnose_alone, waiting, arguments, done)
-        suspects, waiting = waiting[:SUSPECTS], waiting[SUSPECTS:]
-        for name in suspects:
-            with workers(address):
+    if not waiting:
+        return
+    with workers(address):
+        while waiting := spread(diagnose_alone, waiting, arguments, done):
+            suspects, waiting = waiting[:SUSPECTS], waiting[SUSPECTS:]
+            for name in suspects:
                 if spread(diagnose_alone, [name], arguments, done):
                     done(name, (Said(error="the process that diagnosed it died"), float("nan")))
 

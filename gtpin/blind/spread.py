@@ -19,8 +19,9 @@ CONNECT = 15
 
 
 def processes() -> int:
-    """How many processes this machine has room for."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """How many processes this machine has room for; at least two, as joblib would do the work of a single one here."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(cores, 2)
 
 
 @contextmanager

@@ -1,0 +1,28 @@
+"""Pieces of work that tell about the process they run in; they import nothing of gtpin themselves."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+
+def plant_imported() -> tuple[int, bool]:
+    """Import the plant; give the process, and whether it had been there."""
+    before = any(name.startswith("gtpin.plant") for name in sys.modules)
+    import gtpin.plant.case  # noqa: F401
+
+    return os.getpid(), before
+
+
+def known_modules() -> tuple[int, list[str]]:
+    """The process, and the modules of gtpin that it knows."""
+    return os.getpid(), sorted(name for name in sys.modules if name.startswith("gtpin"))
+
+
+def dying(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[object, float]:
+    """Ends its process at a fatal case."""
+    if "fatal" in files:
+        os._exit(1)
+    from gtpin.blind.worker import Said
+
+    return Said(error="alive"), 0.0

@@ -1,0 +1,105 @@
+"""E and D against the definition, and the rivals on a machine whose effect is known."""
+
+import numpy as np
+import pytest
+
+from gtpin.blind.difficulty import SCALES, Yardstick
+from gtpin.blind.oracle import knowing
+from gtpin.blind.smooth import smoothed
+from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.result import Calibration
+from gtpin.effects.catalogue import catalogue
+from gtpin.plant.case import Case, make_case
+from gtpin.plant.conditions import Conditions
+
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # poses set aside
+
+SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
+
+
+def made(effect: str, site: str) -> Case:
+    conditions = Conditions(payloads=(0.0, 10.0, 20.0))
+    return make_case(
+        3, effects=[(effect, site)], energy=1000.0, poses=80, held_out=40, conditions=conditions, background=False
+    )
+
+
+@pytest.fixture(scope="module")
+def linearity() -> tuple[Case, Calibration]:
+    case = made("linearity", "cart2")
+    return case, calibrate(case.dataset)
+
+
+@pytest.fixture(scope="module")
+def yardstick(linearity: tuple[Case, Calibration]) -> Yardstick:
+    case, baseline = linearity
+    return Yardstick.of(case.dataset, SIGMA, baseline.model.geometry)
+
+
+def test_energy_is_the_plants(linearity: tuple[Case, Calibration], yardstick: Yardstick) -> None:
+    (effect,) = linearity[0].effects
+    assert yardstick.energy(effect.displacement) == pytest.approx(effect.energy, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["backlash@cart1", "link_compliance@arm", "straightness@cart2"])
+def test_what_an_effect_leaves_is_by_the_definition(
+    linearity: tuple[Case, Calibration], yardstick: Yardstick, name: str
+) -> None:
+    (true,) = linearity[0].effects
+    at, geometry = yardstick.situation, linearity[1].model.geometry
+    effect, _, site = name.partition("@")
+    basis = catalogue()[effect].basis(at, site)
+    B = (at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance / SIGMA[:, None]).reshape(6 * len(at), -1)
+    X = (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(6 * len(at), -1)
+    d = (true.displacement / SIGMA).ravel()
+    best = max(
+        ((s, np.eye(len(d)) + B @ B.T + s**2 * X @ X.T) for s in SCALES),
+        key=lambda trial: -0.5 * d @ np.linalg.solve(trial[1], d) - 0.5 * np.linalg.slogdet(trial[1])[1],
+    )
+    found = yardstick.left(true.displacement)[name]
+    assert found.scale == best[0]
+    assert found.left == pytest.approx(d @ np.linalg.solve(best[1], d), rel=1e-6)
+
+
+def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(yardstick: Yardstick) -> None:
+    at = yardstick.situation
+    for effect, site, setting in (("backlash", "cart1", None), ("rack_periodic", "cart3", 0.08)):
+        form = catalogue()[effect].basis(at, site, setting)
+        displacement = 5.0 * (form.displacement(at) * form.sigma)[:, :, 0]
+        found = yardstick.left(displacement)[f"{effect}@{site}"]
+        assert found.left < 0.01 * yardstick.energy(displacement)
+        assert setting is None or found.setting == pytest.approx(setting, rel=0.05)
+
+
+def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration], yardstick: Yardstick) -> None:
+    (effect,) = linearity[0].effects
+    whole = yardstick.energy(effect.displacement)
+    assert all(
+        -1e-6 * whole <= best.left <= whole * (1 + 1e-9) for best in yardstick.left(effect.displacement).values()
+    )
+
+
+def test_parameters_are_those_of_the_form(yardstick: Yardstick) -> None:
+    at = yardstick.situation
+    scale = catalogue()["encoder_scale"].basis(at, "cart1")
+    displacement = scale.displacement(at)[:, :, 0] * 1e-4
+    best = yardstick.left(displacement)["encoder_scale@cart1"]
+    values = yardstick.parameters(best, displacement)
+    assert next(iter(values.values())) == pytest.approx(1e-4, rel=0.01)
+
+
+def test_who_knows_the_cause_is_nearer_to_the_truth_than_the_geometry_and_who_smooths(
+    linearity: tuple[Case, Calibration], yardstick: Yardstick
+) -> None:
+    case, baseline = linearity
+    best = yardstick.left(case.effects[0].displacement)["linearity@cart2"]
+    model = knowing(case.dataset, baseline, [best])
+
+    def off(T: np.ndarray) -> float:
+        return float(np.sqrt(((T - case.truth.T) ** 2).sum(axis=1).mean()))
+
+    geometry = off(baseline.model.predict(case.commands.q).T)
+    known = off(model.predict(case.commands.q, case.commands.covariates).T)
+    smooth = off(smoothed(case.dataset, baseline.model, case.commands))
+    assert known < 0.7 * geometry
+    assert known < smooth < geometry

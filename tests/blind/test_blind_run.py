@@ -1,0 +1,150 @@
+"""Checks of cases made by hand: seals, failures, and going on after a stop."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+from handmade import Quiet, canned, cause, diagnosis, write_case
+
+import gtpin.blind.run
+from gtpin.blind.run import check_given
+from gtpin.blind.score import score
+from gtpin.errors import GtpinError
+from gtpin.plant.case import Case
+
+
+@pytest.mark.usefixtures("here")
+def test_a_folder_of_cases_is_scored_by_hand(cases: Path, tmp_path: Path) -> None:
+    checked = check_given(tmp_path / "out", cases, Quiet())
+    assert [c.name for c in checked.cases] == list("abcdefg")
+    assert [c.kind for c in checked.cases] == ["one", "one", "none", "none", "unlisted", "two", "one"]
+    told = score(checked.cases, checked.about)
+    assert told["cases"] == 7
+    assert told["strict"] == 1 / 3  # a; b is called backlash, g failed
+    assert told["in_class"] == 2 / 3
+    assert told["class_size"] == 1.5
+    assert told["site"] == 1 / 3
+    assert told["false_alarm"] == 0.5
+    assert told["unknown_recognised"] == 1.0
+    assert told["unknown_misnamed"] == 0.0
+    assert told["set_f1"] == 0.5  # linearity of linearity and zero_shift, and a false rack_step
+    assert told["shrinkage_error"] == pytest.approx(0.05)  # said 0.7; 4 um become 2 um, three quarters of the power
+    assert told["interval_coverage"] == 1.0
+    assert told["failed"] == 1 / 7
+    assert told["by_effect"]["linearity"]["cases"] == 1
+    assert told["by_effect"]["servo_lag"]["in_class"] == 1.0
+    assert (
+        told["check"]["manifest"]
+        == hashlib.sha256((tmp_path / "out" / "cases" / "manifest.json").read_bytes()).hexdigest()
+    )
+
+
+@pytest.mark.usefixtures("here")
+def test_truths_are_sealed_and_out_of_sight_while_cases_are_diagnosed(
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output, seen = tmp_path / "out", []
+
+    def watched(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> object:
+        digests = json.loads((output / "cases" / "manifest.json").read_text())["truths"]
+        assert files["truth.sha256"].decode().strip() in digests.values()
+        seen.append(sorted(files))
+        assert not [f for f in (output / "cases").rglob("*") if "truth" in f.name and f.name != "truth.sha256"]
+        return canned(files, exclude)
+
+    monkeypatch.setattr(gtpin.blind.run, "diagnose_alone", watched)
+    monkeypatch.setattr(gtpin.blind.run, "_taken_out", lambda truths: {})  # what follows the opening
+    check_given(output, cases, Quiet())
+    own = ["canned.json", "commands.csv", "dataset.toml", "poses.csv", "truth.sha256"]
+    assert seen == [own] * 7
+    digests = json.loads((output / "cases" / "manifest.json").read_text())["truths"]
+    for name, digest in digests.items():
+        sealed = (output / "sealed" / f"{name}.json").read_bytes()
+        assert hashlib.sha256(sealed).hexdigest() == digest
+        published = json.loads((output / "cases" / f"{name}.truth.json").read_text())["effects"]
+        assert [(e["effect"], e["site"]) for e in published] == [
+            (e["effect"], e["site"]) for e in json.loads(sealed)["effects"]
+        ]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_tampered_truth_is_a_failed_case(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    output = tmp_path / "out"
+
+    def tampering(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> object:
+        sealed = output / "sealed" / "c.json"
+        sealed.write_text(sealed.read_text().replace("none", "many"))
+        return canned(files, exclude)
+
+    monkeypatch.setattr(gtpin.blind.run, "diagnose_alone", tampering)
+    checked = check_given(output, cases, Quiet())
+    broken = checked.cases[2]
+    assert "seal is broken" in str(broken.error)
+    assert broken.kind is None
+    assert score(checked.cases)["failures"] == ["c", "g"]
+    assert score(checked.cases)["false_alarm"] == 1.0  # of d alone
+    assert not (output / "cases" / "c.truth.json").exists()
+
+
+@pytest.mark.usefixtures("here")
+def test_every_other_case_of_an_effect_is_diagnosed_without_it(
+    tmp_path: Path, small: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, asked = tmp_path / "given", []
+    folder.mkdir()
+    told = {"said": diagnosis("explained", cause("backlash@cart1")), "without": diagnosis("unknown")}
+    for name in "abc":
+        write_case(folder, name, small, [("backlash", "cart1")], told)
+
+    def noted(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> object:
+        asked.append(exclude)
+        return canned(files, exclude)
+
+    monkeypatch.setattr(gtpin.blind.run, "diagnose_alone", noted)
+    checked = check_given(tmp_path / "out", folder, Quiet())
+    assert asked == [()] * 3 + [("backlash",)] * 2
+    assert [c.without and c.without.verdict for c in checked.cases] == ["unknown", None, "unknown"]
+    assert [c.said and c.said.verdict for c in checked.cases] == ["explained"] * 3
+
+
+@pytest.mark.usefixtures("here")
+def test_a_stopped_check_goes_on_where_it_was(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = score(check_given(tmp_path / "whole", cases, Quiet()).cases)
+    count = 0
+
+    def stopping(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> object:
+        nonlocal count
+        count += 1
+        if count == 4:
+            raise KeyboardInterrupt
+        return canned(files, exclude)
+
+    monkeypatch.setattr(gtpin.blind.run, "diagnose_alone", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        check_given(tmp_path / "out", cases, Quiet())
+    assert len(list((tmp_path / "out" / "diagnoses").iterdir())) == 3
+    watch = Quiet()
+    again = check_given(tmp_path / "out", cases, watch)
+    assert watch.begun[0] == ("diagnosing", 7, 3)
+    assert score(again.cases) == whole
+
+
+@pytest.mark.usefixtures("here")
+def test_a_folder_is_that_of_one_check(cases: Path, tmp_path: Path) -> None:
+    check_given(tmp_path / "out", cases, Quiet())
+    (cases / "c.truth.json").write_text('{"effects": [{"effect": "backlash", "site": "cart1"}]}')
+    with pytest.raises(GtpinError, match="another check: other cases"):
+        check_given(tmp_path / "out", cases, Quiet())
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("x")
+    with pytest.raises(GtpinError, match="not the folder of a check"):
+        check_given(tmp_path / "full", cases, Quiet())
+    assert [f.name for f in (tmp_path / "full").iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.usefixtures("here")
+def test_opened_cases_can_be_scored_again(cases: Path, tmp_path: Path) -> None:
+    first = check_given(tmp_path / "out", cases, Quiet())
+    second = check_given(tmp_path / "again", tmp_path / "out" / "cases", Quiet())
+    assert score(second.cases) == score(first.cases)
