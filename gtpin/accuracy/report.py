@@ -6,6 +6,7 @@ import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +57,12 @@ class Accuracy:
     uncertainty: Uncertainty
     uncertain: str
     expected: ExpectedError
+
+    @cached_property
+    def space(self) -> Workspace:
+        """The box that the poses span, asked for where the robot can go."""
+        T = self.model.kinematics.forward(self.q).T
+        return workspace(self.model, T.min(axis=0), T.max(axis=0), COUNTS)
 
     def to_json(self) -> dict[str, Any]:
         """What accuracy.json holds, SI units.
@@ -165,9 +172,7 @@ def write_sensitivity(
 
 def all_figures(found: Accuracy) -> dict[str, Figure]:
     """The figures of an analysis, by name: bars of the sensitivity, and maps over the box of the poses."""
-    model = found.model
-    T = model.kinematics.forward(found.q).T
-    space = workspace(model, T.min(axis=0), T.max(axis=0), COUNTS)
+    model, space = found.model, found.space
     made = {"sensitivity": figures.sensitivity_bars(found.sensitivity)}
     for name, (values, unit, title) in _maps(found, space).items():
         if name == "orientation" and model.geometry.reduced:

@@ -13,6 +13,7 @@ from gtpin.commands.terminal import AsJson, DatasetFolder, Output, progress_of, 
 from gtpin.data import Dataset
 from gtpin.model_folder import write_model
 from gtpin.output import results_folder
+from gtpin.report.calibration_page import calibration_page
 from gtpin.report.calibration_text import calibration_text
 
 
@@ -32,12 +33,13 @@ def calibrate(
 ) -> None:
     """Identify the robot's geometry from measured poses."""
     with results_folder(output) as folder:
+        read = Dataset.read(dataset)
         with progress_of("calibrating") as progress:
-            calibration = run_calibration(
-                Dataset.read(dataset), model=model, orientations=orientations, progress=progress
-            )
+            calibration = run_calibration(read, model=model, orientations=orientations, progress=progress)
         result = write_calibration(calibration, folder, model)
-    written = f"\n\nWritten: {output / 'calibration.json'}, {output / 'report.txt'}, {output / 'model'}"
+        (folder / "report.html").write_text(calibration_page(calibration, read), encoding="utf-8")
+    names = ("calibration.json", "report.html", "report.txt", "model")
+    written = f"\n\nWritten: {', '.join(str(output / name) for name in names)}"
     tell(result, calibration_text(calibration).rstrip() + written, as_json)
 
 

@@ -12,6 +12,8 @@ from gtpin.calibration.figures import write_comparison
 from gtpin.commands.terminal import AsJson, DatasetFolder, Output, Seed, progress_of, tell
 from gtpin.data import Dataset
 from gtpin.output import results_folder
+from gtpin.report.comparison_page import comparison_page
+from gtpin.robot.library import load_robot
 
 
 def compare(
@@ -43,9 +45,11 @@ def compare(
                 progress=progress,
             )
         write_comparison(comparison, folder, carts=read.carts)
+        page = comparison_page(comparison, read, load_robot(read.robot_reference))
+        (folder / "report.html").write_text(page, encoding="utf-8")
     tell(
         comparison.to_json(),
-        f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}",
+        f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}, {output / 'report.html'}",
         as_json,
     )
 

@@ -14,6 +14,9 @@ from gtpin.data import Commands
 from gtpin.model_folder import read_model
 from gtpin.output import results_folder
 from gtpin.predict import predict
+from gtpin.report.sensitivity_page import sensitivity_page
+
+WRITTEN = ("sensitivity.csv", "accuracy.json", "report.html")
 
 
 def sensitivity(
@@ -35,9 +38,10 @@ def sensitivity(
         q = asked.q
     with results_folder(output) as folder:
         accuracy = write_sensitivity(found, q, folder, seed=seed)
+        (folder / "report.html").write_text(sensitivity_page(accuracy, seed=seed), encoding="utf-8")
     tell(
         accuracy.to_json(),
-        f"{_text(accuracy)}\nWritten: {output / 'sensitivity.csv'}, {output / 'accuracy.json'}",
+        f"{_text(accuracy)}\nWritten: {', '.join(str(output / name) for name in WRITTEN)}",
         as_json,
     )
 

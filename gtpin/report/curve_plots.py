@@ -130,7 +130,7 @@ def _layout(curve: Curve, factor: float, unit: str) -> dict[str, Any]:
     inner = np.quantile(points, (0.01, 0.99)) if len(points) else np.zeros(2)
     low, high = min(inner[0], float(ends.min())), max(inner[1], float(ends.max()))
     room = 0.06 * max(high - low, 1e-12)
-    kind = {"type": "category"} if curve.categories else {}
+    kind = {"type": "category", "automargin": "height"} if curve.categories else {}
     return {
         "title": {
             "text": f"{escaped(curve.name)} ({unit})",

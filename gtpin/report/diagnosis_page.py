@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from gtpin.report.maps import maps
 from gtpin.report.page import Plot, Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import quality
-from gtpin.report.residual_plots import LAYERS, against_covariates, commanded, components, leading, over_two
+from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_covariates, commanded, components, leading, over_two
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
@@ -79,7 +78,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         where=_where_bars(diagnosis.where),
         regions=_regions(diagnosis.where),
         component=component,
-        layers=LAYERS if named else replace(LAYERS, options=LAYERS.options[:1]),
+        layers=LAYERS if named else ONE_LAYER,
         views=views,
         bars=bars,
         others=others,

@@ -32,7 +32,7 @@ class Maps:
 def maps(residuals: Residuals) -> Maps:
     """Map what is left before and after the causes (columns ``before`` and ``after``)."""
     rows = shown(len(residuals))
-    T = residuals.situation.poses.T[rows]
+    T = residuals.poses.T[rows]
     R = residuals.model.frame.R  # residuals are the instrument's, the map the base frame's
     before, after = (values[rows, :3] @ R for values in (residuals.before, residuals.after))
     lengths = np.linalg.norm(np.stack([before, after]), axis=2)

@@ -22,6 +22,8 @@ FEW = 8
 GROUPS = 18
 """Groups of neighbouring poses whose means are drawn."""
 LAYERS = Choice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
+ONE_LAYER = Choice("layer", "Left by", LAYERS.options[:1])
+"""Where there are no causes."""
 
 
 def shown(count: int) -> npt.NDArray[np.intp]:
@@ -146,7 +148,7 @@ def _boxes(residuals: Residuals, name: str, causes: bool) -> Plot:
     traces = [told | {"y": "#{layer} {component}", "marker": {"color": "@data"}}]
     if causes:
         traces.append(told | {"y": "#{layer} fit {component}", "marker": {"color": "@fit"}})
-    return _plot(residuals, name, traces, {"type": "category", "categoryorder": "category ascending"})
+    return _plot(residuals, name, traces, {"type": "category", "categoryorder": "category ascending", "automargin": "height"})
 
 
 def _plot(residuals: Residuals, name: str, traces: list[dict[str, Any]], axis: dict[str, Any]) -> Plot:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from gtpin.calibration.problem import in_frame
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.effects.situation import Column, References, Situation
+from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Model
 
@@ -55,7 +56,7 @@ class Residuals:
             With the causes; the baseline's own where there are none.
         """
         kept = dataset.take(~np.isin(dataset.pose.astype(str), baseline.rejected))
-        measured = measured_poses(kept)
+        measured = measured_poses(kept if baseline.residual.shape[1] == 6 else replace(kept, orientation=None))
         before = measured.minus(baseline.model.predict(kept.q))
         after = before if model is None else measured.minus(model.predict(kept.q, kept.covariates))
         noise = baseline.noise
@@ -71,12 +72,17 @@ class Residuals:
         return int(self.before.shape[1])
 
     @cached_property
-    def situation(self) -> Situation:
-        """The poses at the model's geometry, base frame."""
-        return self.at(self.dataset.q, self.dataset.covariates)
+    def poses(self) -> Poses:
+        """(N) the poses of the model's geometry, base frame."""
+        return self.model.kinematics.forward(self.dataset.q)
+
+    @cached_property
+    def by_command(self) -> Floats:
+        """(N, 6, n) motion of the TCP, base frame, by the commands."""
+        return self.model.kinematics.command_jacobian(self.dataset.q, self.poses)
 
     def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
-        """Other commands and circumstances at the model's geometry."""
+        """Commands and circumstances at the model's geometry, of a robot with rods."""
         kinematics = self.model.kinematics
         assert isinstance(kinematics, RodKinematics)
         temperature = self.dataset.conditions.reference_temperature
@@ -93,7 +99,7 @@ class Residuals:
         if name in AXES:
             return np.asarray(residual[:, AXES.index(name)])
         actuator = self.model.robot.sites.index(name)
-        return self.along(residual, self.situation.command_jacobian[:, :, actuator])
+        return self.along(residual, self.by_command[:, :, actuator])
 
     @property
     def component_names(self) -> tuple[str, ...]:

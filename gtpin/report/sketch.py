@@ -183,7 +183,9 @@ def _ring(x: float, y: float, radius: float) -> str:
 
 
 def _instrument(share: Mapping[str, float], causes: Collection[str]) -> str:
-    """The measuring instrument, as a tripod in the corner: where it stands does not matter here."""
+    """The measuring instrument, as a tripod in the corner: where it stands does not matter here. None without shares."""
+    if not share:
+        return ""
     x, y, part = WIDTH - 34.0, HEIGHT - 34.0, share.get("frame", 0.0)
     legs = "".join(_line(np.array([x, y - 8.0]), np.array([x + dx, y + 14.0]), part, 2.5) for dx in (-10.0, 0.0, 10.0))
     head = f'<circle cx="{x}" cy="{y - 12.0}" r="6.5" style="fill:{color(part)}"/>'
@@ -200,7 +202,8 @@ def _labels(
         placed.append((x, y - (24.0 if site in causes else 13.0), site))
     tcp = at(machine.joints).max(axis=0)
     placed.append((float(at(machine.tcp[None])[0, 0]), float(tcp[1]) + 20.0, "platform"))
-    placed.append((WIDTH - 34.0, HEIGHT - 3.0, "frame"))
+    if share:
+        placed.append((WIDTH - 34.0, HEIGHT - 3.0, "frame"))
     drawn = []
     for x, y, site in placed:
         part = share.get(site, 0.0)

@@ -24,7 +24,7 @@
       return Object.fromEntries(Object.entries(value).map(([key, one]) => [key, colored(one, css)]));
     return value;
   };
-  const axis = { gridcolor: "@line", zerolinecolor: "@zero", linecolor: "@line", automargin: true, title: { standoff: 8 } };
+  const axis = { gridcolor: "@line", zerolinecolor: "@zero", linecolor: "@line", title: { standoff: 8 } };
   const look = {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", colorway: ["@accent", "@fit", "@good", "@mystery", "@warn", "@bad"],
     font: { family: "system-ui, sans-serif", size: 12, color: "@ink" }, xaxis: axis, yaxis: axis,
@@ -32,22 +32,38 @@
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
   };
   const config = { responsive: true, displaylogo: false, displayModeBar: "hover", scrollZoom: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
-  const draw = () => {
+  const draw = (block) => {
     const css = style(), narrow = window.innerWidth < 736;
-    for (const block of blocks) {
-      const plot = colored(JSON.parse(block.textContent), css);
-      plot.layout.template = { layout: colored(look, css) };
-      plot.layout.margin = Object.assign({ l: narrow ? 44 : 56, r: 12, t: 36, b: 44 }, plot.layout.margin);
-      Plotly.react(document.getElementById("plot-" + block.dataset.plot), plot.data, plot.layout, config);
-    }
+    const plot = colored(JSON.parse(block.textContent), css);
+    plot.layout.template = { layout: colored(look, css) };
+    plot.layout.margin = Object.assign({ l: narrow ? 48 : 58, r: 12, t: 36, b: 46 }, plot.layout.margin);
+    return Plotly.react(document.getElementById("plot-" + block.dataset.plot), plot.data, plot.layout, config);
   };
-  draw();
+  // One plot at a time, so that the page can be read and scrolled meanwhile; `data-drawn` tells when all are there.
+  let round = 0;
+  const drawAll = async () => {
+    const mine = ++round;
+    document.documentElement.removeAttribute("data-drawn");
+    for (const block of blocks) {
+      await new Promise((next) => setTimeout(next));
+      if (mine !== round) return;
+      await draw(block);
+    }
+    document.documentElement.dataset.drawn = round;
+  };
+  // Paper does not wait.
+  const drawNow = () => {
+    round++;
+    blocks.forEach(draw);
+    document.documentElement.dataset.drawn = round;
+  };
+  drawAll();
   // Selects of one name show one choice, wherever they stand.
   for (const choice of choices)
     choice.addEventListener("change", () => {
       for (const other of choices) if (other.dataset.choice === choice.dataset.choice) other.value = choice.value;
-      draw();
+      drawAll();
     });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-  matchMedia("print").addEventListener("change", draw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  matchMedia("print").addEventListener("change", drawNow);
 })();

@@ -1,0 +1,131 @@
+"""The page of a calibration: how well it fits, what it learned, what the data can't see."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
+from gtpin.report.evidence import Bar
+from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.maps import maps
+from gtpin.report.page import Table, render
+from gtpin.report.provenance import provenance
+from gtpin.report.quality import quality
+from gtpin.report.residual_plots import ONE_LAYER, against_covariates, components
+from gtpin.report.residuals import Residuals
+from gtpin.report.skeleton import skeleton
+from gtpin.report.sketch import sketch
+from gtpin.report.words import counted, length, percent, quantity
+
+CONTENTS = (
+    ("maps", "Over the workspace"),
+    ("covariates", "Against what was recorded"),
+    ("parameters", "Parameters"),
+    ("unseen", "What the data can't see"),
+    ("data", "Data"),
+    ("provenance", "Provenance"),
+)
+SHOWN = 8
+"""Correlations and unobservable directions that are listed."""
+
+
+def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
+    """The whole report of a calibration as one HTML file that needs nothing else."""
+    robot = calibration.model.robot
+    residuals = Residuals.of(dataset, calibration)
+    values, component = components(residuals, residuals.component_names[0])
+    covariates, against = against_covariates(residuals, {}, causes=False)
+    views = maps(residuals)
+    machine = skeleton(calibration.model)
+    moved, parameters = geometry_tables(calibration)
+    tone, badge, headline, advice = _verdict(calibration)
+    return render(
+        "calibration.html",
+        title=f"Calibration of {robot.name}",
+        contents=CONTENTS,
+        plots={"against": against, "maps": views.plots},
+        columns=values | covariates | views.columns,
+        provenance=provenance(dataset, robot),
+        robot=robot.name,
+        count=len(calibration.names),
+        poses=calibration.poses,
+        tone=tone,
+        badge=badge,
+        headline=headline,
+        advice=advice,
+        numbers=_numbers(calibration),
+        sketch=sketch(machine, robot.rod_sites, {}, {}) if machine else None,
+        views=views,
+        component=component,
+        layers=ONE_LAYER,
+        moved=moved,
+        parameters=parameters,
+        learned=_learned(calibration),
+        unseen=_unobservable(calibration),
+        correlations=_correlations(calibration),
+        quality=quality(dataset, calibration),
+    )
+
+
+def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
+    """Colour, badge, headline and advice."""
+    told = c.to_json()
+    before, after = length(told["position_rms_before"]), length(told["position_rms_after"])
+    headline = f"Calibration brings the position error from {before} to {after}, RMS, on the poses it was fitted to."
+    if c.enlarged > 1.0:
+        advice = [
+            f"The residuals are {c.enlarged:.2f} times the noise: geometry alone does not explain these data.",
+            "gtpin diagnose tells where the rest comes from. The sigmas below are enlarged to admit it.",
+        ]
+        return "warn", "something is left", headline, advice
+    if c.noise.source == "residuals":
+        advice = [
+            "The noise was not declared and taken from the residuals, so they can't judge the fit: declare the sigmas."
+        ]
+        return "accent", "fit not judged", headline, advice
+    return "good", "fits", headline, ["What is left is what instrument and repeatability alone would leave."]
+
+
+def _numbers(c: Calibration) -> list[tuple[str, str]]:
+    told = c.to_json()
+    numbers = [
+        (length(told["position_rms_before"]), "position error, nominal"),
+        (length(told["position_rms_after"]), "calibrated"),
+    ]
+    if told["orientation_rms_after"] is not None:
+        numbers.append((quantity(told["orientation_rms_before"], "rad"), "orientation error, nominal"))
+        numbers.append((quantity(told["orientation_rms_after"], "rad"), "calibrated"))
+    numbers.append(
+        (f"{c.chi2_per_dof:.2f}", f"chi-square per degree of freedom, 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits")
+    )
+    return numbers
+
+
+def _learned(c: Calibration) -> list[Bar]:
+    """How much was learned of each kind of parameter, in the mean."""
+    kinds: dict[str, list[float]] = {}
+    for name, learned in zip(c.names, c.learned, strict=True):
+        kinds.setdefault(name.partition("[")[0].replace("_", " "), []).append(float(learned))
+    return [
+        Bar(
+            f"{kind} ({counted(len(values), 'parameter')})",
+            float(np.clip(np.mean(values), 0.0, 1.0)),
+            percent(float(np.mean(values))),
+        )
+        for kind, values in kinds.items()
+    ]
+
+
+def _unobservable(c: Calibration) -> Table:
+    rows = []
+    for direction in c.unobservable[:SHOWN]:
+        terms = [f"{weight:+.2f} {name}" for name, weight in list(direction.weights.items())[:4]]
+        rows.append([" ".join(terms) + (" …" if len(direction.weights) > 4 else ""), percent(direction.learned)])
+    return Table(("direction, weights in tolerances", "learned"), rows)
+
+
+def _correlations(c: Calibration) -> Table:
+    return Table(
+        ("parameter", "parameter", "correlation"), [[a, b, f"{rho:+.3f}"] for a, b, rho in c.correlated()[:SHOWN]]
+    )

@@ -1,0 +1,115 @@
+"""An effect's own curve with its band, and what of the measurements belongs to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import catalogue
+from gtpin.report.curve_plots import curve_notes, reach
+from gtpin.report.effect_curves import WIDE, curves
+from gtpin.report.residuals import Residuals
+
+PERIOD, AMPLITUDE, SIGMA = 0.1, 3e-5, 2e-6
+
+
+@pytest.fixture(scope="module")
+def residuals(single) -> Residuals:
+    return Residuals.of(single.dataset, single.diagnosis.baseline, single.diagnosis.model)
+
+
+def active(
+    residuals: Residuals, effect: str, site: str, setting: float | None = None, first: float = 1.0
+) -> ActiveEffect:
+    """An effect whose first coefficient alone is known, and not zero."""
+    known = catalogue()[effect]
+    at = residuals.at(residuals.dataset.q, residuals.dataset.covariates)
+    size = len(known.basis(at, site, setting))
+    coefficients, covariance = np.zeros(size), np.zeros((size, size))
+    coefficients[0], covariance[0, 0] = first, SIGMA**2
+    return ActiveEffect(known, site, setting, coefficients, covariance, at.references)
+
+
+def test_the_curve_of_a_periodic_rack_is_the_cosine_that_its_coefficient_says(residuals):
+    (curve,) = curves(active(residuals, "rack_periodic", "cart2", PERIOD, AMPLITUDE), residuals)
+    (line,) = curve.lines
+    assert (curve.name, curve.unit, curve.x_title) == ("travel of cart2", "m", "q2 (m)")
+    wave = np.cos(2.0 * np.pi * line.x / PERIOD)
+    wave -= wave.mean()
+    np.testing.assert_allclose(line.y, AMPLITUDE * wave, atol=1e-12)
+    np.testing.assert_allclose(line.sigma, SIGMA * np.abs(wave), atol=1e-12)
+    assert curve.seen
+    assert "travel of cart2" in reach((curve,))
+
+
+def test_points_of_a_curve_are_the_curve_and_what_is_left_along_it(residuals):
+    (curve,) = curves(active(residuals, "rack_periodic", "cart2", PERIOD, AMPLITUDE), residuals)
+    (line,) = curve.lines
+    left = residuals.component("cart2", residuals.after)
+    np.testing.assert_array_equal(line.points_x, residuals.dataset.q[:, 1])
+    np.testing.assert_allclose(line.points_y - np.interp(line.points_x, line.x, line.y), left, atol=1e-15)
+
+
+def test_backlash_has_a_curve_for_each_direction_of_approach(residuals):
+    (curve,) = curves(active(residuals, "backlash", "cart1", first=1e-5), residuals)
+    down, up = curve.lines
+    assert (up.y > 0.0).all()
+    np.testing.assert_allclose(up.y, -down.y, atol=1e-15)
+    assert len(up.points_x) + len(down.points_x) == len(residuals)
+    approach = residuals.dataset.covariates["approach1"]
+    np.testing.assert_array_equal(np.sort(up.points_x), np.sort(residuals.dataset.q[approach > 0.0, 0]))
+
+
+def test_a_straight_line_across_the_track_is_geometrys_and_not_in_the_curve(residuals):
+    found = curves(active(residuals, "straightness", "cart3", first=1e-4), residuals)
+    for curve in found:
+        line = curve.lines[0]
+        assert curve.straightened
+        slope, level = np.polyfit(line.x, line.y, 1)
+        assert abs(slope) < 1e-12
+        assert abs(level) < 1e-12
+
+
+def test_a_curve_within_its_band_is_not_said_to_be_seen(residuals):
+    faint = active(residuals, "rack_periodic", "cart2", PERIOD, 0.5 * WIDE * SIGMA)
+    found = curves(faint, residuals)
+    assert not found[0].seen
+    assert reach(found) == ""
+    assert any("not seen" in note for note in curve_notes(found))
+
+
+@pytest.mark.parametrize("effect", sorted(catalogue()))
+def test_every_effect_that_can_be_tested_has_curves_of_finite_numbers(residuals, effect):
+    known = catalogue()[effect]
+    at = residuals.at(residuals.dataset.q, residuals.dataset.covariates)
+    site = next((s for s in known.sites(residuals.model.robot) if not known.untestable(at, s)), None)
+    if site is None:
+        pytest.skip("these data can't test it")
+    settings = known.settings(at, site)
+    found = curves(active(residuals, effect, site, settings[0] if settings else None), residuals)
+    assert found
+    for curve in found:
+        for line in curve.lines:
+            assert np.isfinite(line.y).all()
+            assert np.isfinite(line.sigma).all()
+            assert np.isfinite(line.points_y).all()
+            assert len(line.x) == len(line.y) == len(line.sigma)
+
+
+def test_residuals_along_a_cart_are_how_far_it_would_have_to_move(residuals):
+    moved = 2e-5
+    q = residuals.dataset.q.copy()
+    q[:, 0] += moved
+    kinematics = residuals.baseline.kinematics
+    there, here = kinematics.forward(q), kinematics.forward(residuals.dataset.q)
+    shifted = replace(residuals, model=residuals.baseline)
+    # To first order: second-order terms of 20 um over metres are below a nanometre.
+    np.testing.assert_allclose(shifted.component("cart1", there.minus(here)), moved, rtol=1e-4)
+
+
+def test_residuals_before_are_those_of_the_calibration(single, residuals):
+    np.testing.assert_allclose(residuals.before, single.diagnosis.baseline.residual, atol=1e-12)
+    assert np.linalg.norm(residuals.after) < np.linalg.norm(residuals.before)

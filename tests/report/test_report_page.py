@@ -1,0 +1,138 @@
+"""Pages as text: whole, escaped, honest about what they lack, the same each time."""
+
+from __future__ import annotations
+
+import hashlib
+import html
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.data import Dataset
+from gtpin.report import page
+from gtpin.report.calibration_page import calibration_page
+from gtpin.report.diagnosis_page import diagnosis_page
+from gtpin.report.page import Plot, render
+
+KINDS = ["none", "explained", "ambiguous", "unknown"]
+
+
+def of(found) -> str:
+    return diagnosis_page(found.diagnosis, found.dataset)
+
+
+def text(whole: str) -> str:
+    """What a reader reads: no scripts, styles and tags."""
+    seen = re.sub(r"<(script|style)\b.*?</\1>", " ", whole, flags=re.S)
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", seen)).replace("\u00a0", " ").split())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_page_names_everything_that_a_diagnosis_says(findings, kind):
+    found = findings[kind]
+    told = text(of(found))
+    for cause in found.diagnosis.causes:
+        assert cause.effect in told
+        for member in cause.members:
+            assert member.effect in told
+        for name in cause.parameters:
+            assert name.replace("_", " ") in told
+    for candidate in found.diagnosis.candidates:
+        assert candidate.effect in told
+        assert candidate.reason in told
+    for pose in found.diagnosis.baseline.rejected:
+        assert pose in told
+    for name in found.diagnosis.baseline.names:
+        assert name in told
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_page_is_below_six_megabytes_and_fetches_nothing(findings, kind):
+    whole = of(findings[kind])
+    assert len(whole.encode()) < 6e6
+    tags = re.sub(r"<script\b.*?</script>", "", whole, flags=re.S)
+    assert not re.search(r"""(src|href)=["'](?!#|data:)""", tags)
+    assert "@import" not in tags
+    assert "url(" not in tags
+
+
+def test_text_of_others_is_escaped_everywhere(findings):
+    whole = of(findings["explained"])
+    assert "<script>alert(1)" not in whole
+    assert "<b>#@$" not in whole
+    blocks = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', whole, flags=re.S)
+    assert len(blocks) > 5
+    for block in blocks:
+        json.loads(block)
+
+
+def test_the_same_diagnosis_makes_the_same_page(findings):
+    assert of(findings["explained"]) == of(findings["explained"])
+
+
+def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_to_get_plots(findings, monkeypatch):
+    monkeypatch.setattr(page, "plotly_js", lambda: None)
+    whole = of(findings["explained"])
+    assert len(whole) < 2e5
+    assert "pip install 'gtpin[plots]'" in text(whole)
+    assert '<svg class="drawing"' in whole
+    assert "rack_periodic" in text(whole)
+    assert "<script" not in whole
+
+
+def test_a_robots_name_is_text(findings, monkeypatch):
+    found = findings["none"]
+    monkeypatch.setattr(found.diagnosis.baseline.model.robot, "name", "<img src=x onerror=alert(1)>")
+    assert "<img" not in of(found)
+
+
+def test_digests_are_those_of_the_files_that_were_read(single, tmp_path):
+    single.dataset.write(tmp_path / "data")
+    read = Dataset.read(tmp_path / "data")
+    told = text(diagnosis_page(single.diagnosis, read, seed=42))
+    for name in ("dataset.toml", "poses.csv"):
+        assert f"{name} sha256 {hashlib.sha256((tmp_path / 'data' / name).read_bytes()).hexdigest()}" in told
+    assert "seed 42" in told
+    assert str(tmp_path) not in told
+
+
+def test_a_next_experiment_is_told_with_its_commands(findings, monkeypatch):
+    found = findings["ambiguous"]
+    step = {"measure": "Weigh <20 kg> on it", "separates": ["rack_periodic", "linearity"], "poses": [[0.1, 0.2, 0.3]]}
+    told = type(found.diagnosis).to_json
+    monkeypatch.setattr(type(found.diagnosis), "to_json", lambda self: told(self) | {"next_experiment": [step]})
+    seen = text(of(found))
+    assert "Weigh <20 kg> on it" in seen
+    assert "rack_periodic from linearity" in seen
+    assert "0.1000 0.2000 0.3000" in seen
+
+
+def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
+    dataset = single.dataset.take(np.arange(90))
+    position = dataset.position.copy()
+    position[10, 2] += 3e-3
+    bad = replace(dataset, position=position)
+    with pytest.warns(gtpin.GtpinWarning, match="gross errors"):
+        calibration = gtpin.calibrate(bad)
+    told = text(calibration_page(calibration, bad))
+    assert re.search(rf"{re.escape(str(dataset.pose[10]))} {dataset.row[10]} (2\.9|3\.0)\d? mm", told)
+
+
+def test_many_poses_are_thinned_so_that_the_page_stays_small(single):
+    many = single.dataset.take(np.tile(np.arange(len(single.dataset)), 12))
+    assert len(diagnosis_page(single.diagnosis, many).encode()) < 6e6
+
+
+def test_numbers_that_are_none_are_gaps_and_no_text_ends_a_script():
+    plot = Plot("a", "a", [{"y": np.array([1.0, np.nan, np.inf])}], {"title": {"text": "</script><!--"}})
+    assert "</script" not in str(plot.json)
+    assert json.loads(str(plot.json))["data"][0]["y"] == [1.0, None, None]
+
+
+def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
+    with pytest.raises(Exception, match="undefined"):
+        render("diagnosis.html", title="nothing")

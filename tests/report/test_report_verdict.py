@@ -1,0 +1,80 @@
+"""The verdict in a sentence, honest in every case."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from gtpin.report.verdict import verdict
+
+
+def words(found) -> str:
+    said = verdict(found.diagnosis)
+    return " ".join([said.headline, *said.advice]).replace("\u00a0", " ")
+
+
+def test_without_a_cause_nothing_is_to_be_compensated(findings):
+    said = words(findings["none"])
+    assert said.startswith("Nothing but noise is left")
+    assert "nothing calls for a compensation" in said
+
+
+def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
+    found = findings["explained"]
+    said = verdict(found.diagnosis)
+    cause = found.diagnosis.causes[0]
+    assert (cause.effect, cause.site) == ("rack_periodic", "cart2")
+    assert said.headline.startswith("cart2 departs periodically")
+    assert "poses that it was not fitted to" in words(found)
+
+
+def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
+    said = verdict(findings["ambiguous"].diagnosis).headline.replace("\u00a0", " ")
+    assert "(60 %) or" in said
+    assert "(40 %)" in said
+    assert "can't tell" in said
+
+
+def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
+    said = verdict(findings["unknown"].diagnosis).headline
+    assert said == (
+        "Something that the catalogue does not know moves cart1 with q1 and q3: don't compensate it by name."
+    )
+
+
+def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
+    found = findings["unknown"].diagnosis
+    lost = replace(found, unexplained=replace(found.unexplained, correlates=()))
+    assert "cart1" not in verdict(lost).headline
+    assert "don't compensate it by name" in verdict(lost).headline
+
+
+def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
+    found = replace(findings["unknown"].diagnosis, causes=findings["explained"].diagnosis.causes)
+    assert any("Sure beside it: cart2 departs periodically" in line for line in verdict(found).advice)
+
+
+def test_two_causes_are_both_named(findings):
+    found = findings["explained"].diagnosis
+    two = replace(found, causes=(*found.causes, replace(found.causes[0], effect="backlash", site="cart1")))
+    headline = verdict(two).headline
+    assert headline.startswith("Two causes: cart2 departs periodically")
+    assert "cart1 has backlash" in headline
+
+
+def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
+    found = findings["explained"].diagnosis
+    said = words(
+        type(findings["explained"])(replace(found, gap=replace(found.gap, floor=2.0 * found.gap.before)), None)
+    )
+    assert "can't be told well" in said
+    assert "of its power beyond noise" not in said
+
+
+@pytest.mark.parametrize("kind", ["none", "explained", "ambiguous", "unknown"])
+def test_every_verdict_has_a_badge_and_advice(findings, kind):
+    said = verdict(findings[kind].diagnosis)
+    assert said.badge
+    assert said.advice
+    assert said.headline.endswith(".")

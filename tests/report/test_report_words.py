@@ -1,0 +1,72 @@
+"""Numbers, sites and effects in words."""
+
+from __future__ import annotations
+
+import pytest
+
+from gtpin import load_robot
+from gtpin.effects.catalogue import catalogue
+from gtpin.report.phrases import phrase, sentence
+from gtpin.report.words import chance, coordinate_words, joined, percent, quantity
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "sigma", "told"),
+    [
+        (2.5e-5, "m", 9.0e-7, "25.00 ± 0.90 µm"),
+        (1.2e-3, "m", None, "1.20 mm"),
+        (-8.0e-5, "m", 1.3e-4, "−80 ± 130 µm"),
+        (3.64e-5, "1/K", 3.6e-6, "(36.4 ± 3.6)·10⁻⁶/K"),
+        (5.6e-8, "m/N", 1.1e-8, "56 ± 11 nm/N"),
+        (1.0e-4, "m/m", 2.0e-6, "100.0 ± 2.0 µm/m"),
+        (12.0, "K", 0.1, "12.00 ± 0.10 K"),
+        (0.0, "m", None, "0 m"),
+        (float("nan"), "m", None, "not known"),
+    ],
+)
+def test_a_quantity_shows_the_digits_that_its_sigma_allows(value, unit, sigma, told):
+    assert quantity(value, unit, sigma).replace("\u00a0", " ") == told
+
+
+def test_a_quantity_is_never_parted_by_a_line_break():
+    assert " " not in quantity(2.5e-5, "m", 9e-7)
+
+
+@pytest.mark.parametrize("share", [1e-9, 0.004, 0.996, 1.0 - 1e-12])
+def test_a_share_is_not_rounded_to_nothing_or_all(share):
+    assert percent(share).replace("\u00a0", " ") in ("< 1 %", "> 99 %")
+
+
+def test_a_probability_is_never_told_as_certain():
+    assert "100" not in chance(1.0)
+    assert chance(0.0) != percent(0.0)
+
+
+def test_coordinates_are_told_in_words():
+    assert coordinate_words("q1,q3") == "q1 and q3"
+    assert coordinate_words("time across") == "time, across the track"
+    assert joined(["a", "b", "c"], "or") == "a, b or c"
+
+
+@pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
+def test_every_effect_of_the_catalogue_has_a_clause_and_an_action_at_each_of_its_sites(robot):
+    machine = load_robot(robot)
+    for effect in catalogue().values():
+        for site in effect.sites(machine):
+            said = phrase(effect.id, site)
+            assert "{" not in said.clause
+            assert said.clause
+            assert said.action.endswith(".")
+            if effect.id in ("backlash", "link_compliance") and site != "arm":
+                assert site in said.clause
+
+
+def test_an_effect_of_a_users_own_is_told_by_its_name_and_site():
+    said = phrase("hose_drag", "leg3")
+    assert "hose drag" in said.clause
+    assert "leg3" in said.clause
+
+
+def test_a_sentence_begins_with_a_capital_but_keeps_a_machines_own_names():
+    assert sentence("the track of cart3 is not straight") == "The track of cart3 is not straight."
+    assert sentence("cart2 has backlash") == "cart2 has backlash."
