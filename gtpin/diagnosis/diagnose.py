@@ -13,24 +13,23 @@ from gtpin.calibration.noise import Noise
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
-from gtpin.diagnosis.candidates import Candidate
+from gtpin.diagnosis.causes import cause
 from gtpin.diagnosis.decide import Decision, decide, rough_guess, split
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import Marginal
 from gtpin.diagnosis.fit import Observed, fit_together
-from gtpin.diagnosis.free_motions import free_motions
+from gtpin.diagnosis.next_experiment import plan
 from gtpin.diagnosis.noise import asked_again
 from gtpin.diagnosis.pool import Pool
-from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Member
+from gtpin.diagnosis.result import Cause, Considered, Diagnosis
 from gtpin.diagnosis.shrinkage import Gap, gap
+from gtpin.diagnosis.splitting import Standing
+from gtpin.diagnosis.testable import check_excluded, make_pool
 from gtpin.diagnosis.unexplained import unexplained
 from gtpin.diagnosis.where import where
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
-from gtpin.effects.effect import Effect
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Model
+from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
@@ -74,8 +73,8 @@ def diagnose(
     GtpinError
         If the dataset can't be read as one of this robot, or an excluded effect is not known.
     """
-    excluded = _checked(exclude)
-    nominal = robot.geometry.robot if isinstance(robot, Model) else robot
+    nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
+    excluded = check_excluded(exclude, nominal)
     baseline = calibrate(dataset, nominal, progress=progress)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
@@ -95,22 +94,46 @@ def diagnose(
     model = fit_together(everything, baseline.model, candidates, found.named.scale, design.situation.references)
     columns = {n: pool.groups.columns[n] * s for n, s in zip(names, found.named.scale, strict=True)}
     whole, shares = _gaps(kept.take(rows), evidence, columns, rng)
-    causes = [
-        _cause(model, candidate, found.classes[name], (whole.shrinkage or 0.0) - (shares[name].shrinkage or 0.0))
+    found_causes = [
+        cause(model, candidate, found.classes[name], (whole.shrinkage or 0.0) - (shares[name].shrinkage or 0.0))
         for name, candidate in zip(names, candidates, strict=True)
     ]
+    causes = sorted(found_causes, key=lambda c: -c.shrinkage)
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
     regions = by_region(kept.take(rows), max(2, min(REGIONS, int(kept.take(rows).visits.max()) + 1)))
     return Diagnosis(
         verdict=found.verdict,
-        causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
+        causes=tuple(causes),
         candidates=tuple(_considered(pool, found)) + evidence.untestable,
         where=where(design, left, pool, found.gains, regions),
         gap=whole,
         unexplained=unexplained(pool, found.named),
         baseline=baseline,
         model=model,
+        next_experiment=plan(
+            evidence.observed,
+            baseline.model,
+            design.situation.references,
+            standings=_standings(pool, found, causes),
+            untestable=evidence.untestable,
+            unknown=next(((free.site, free.words) for free in found.strangers), None),
+            rng=rng,
+        ),
     )
+
+
+def _standings(pool: Pool, found: Decision, causes: list[Cause]) -> list[Standing]:
+    """Causes with their classes, the largest first, as the planning of experiments takes them."""
+    scale = dict(zip(found.named.names, found.named.scale, strict=True))
+    names = [f"{c.effect}@{c.site}" for c in causes]
+    return [
+        Standing(
+            pool.candidates[name],
+            scale[name],
+            tuple((pool.settled(f"{m.effect}@{m.site}"), m.probability) for m in found.classes[name]),
+        )
+        for name in names
+    ]
 
 
 @dataclass(frozen=True)
@@ -139,7 +162,7 @@ def _searched(
     if matters:
         observed, design = asked, asked.design(model)
         pool, untestable = make_pool(design, exclude, false_alarm)
-    return _Evidence(observed, design, pool, decide(pool), tuple(untestable))
+    return _Evidence(observed, design, pool, decide(pool), untestable)
 
 
 def _gaps(
@@ -159,15 +182,6 @@ def _gaps(
     return whole, {name: gap(design, others, floor, blocks, rng) for name, others in less.items()}
 
 
-def _checked(exclude: Collection[str]) -> Collection[str]:
-    known = catalogue()
-    for word in exclude:
-        named, at, place = word.partition("@")
-        if named not in known or (at and not place):
-            raise ModelError(f"no effect is called {word!r}", hint=f"effects are {', '.join(known)}")
-    return exclude
-
-
 def _observed(dataset: Dataset, baseline: Calibration) -> Observed:
     measured = measured_poses(dataset)
     return Observed(
@@ -178,64 +192,6 @@ def _observed(dataset: Dataset, baseline: Calibration) -> Observed:
         temperature=dataset.conditions.reference_temperature,
         free_frame=dataset.instrument.frame == "free",
     )
-
-
-def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> tuple[Pool, list[Considered]]:
-    """Testable candidates, and what is said of the others."""
-    at = design.situation
-    known = catalogue()
-    for word in exclude:
-        named, _, place = word.partition("@")
-        if place and place not in known[named].sites(at.robot):
-            raise ModelError(f"{named} has no site {place!r}", hint=f"use {', '.join(known[named].sites(at.robot))}")
-    plain, scanned, untestable = {}, [], []
-    for effect in known.values():
-        for site in effect.sites(at.robot):
-            if effect.id in exclude or f"{effect.id}@{site}" in exclude:
-                continue
-            reason = effect.untestable(at, site) or _absorbed(design, effect, site)
-            if reason:
-                untestable.append(Considered(effect.id, site, 0.0, 0.0, False, reason))
-            elif effect.settings(at, site):
-                scanned.append(Candidate(effect, site))
-            else:
-                plain[f"{effect.id}@{site}"] = Candidate(effect, site)
-    return Pool(design, plain, tuple(scanned), tuple(free_motions(at)), false_alarm), untestable
-
-
-def _absorbed(design: Design, effect: Effect, site: str) -> str:
-    """Whether geometry takes nearly all of an effect of ten times its usual size."""
-    at = design.situation
-    if effect.settings(at, site):
-        return ""
-    basis = effect.basis(at, site)
-    X = design.columns(basis) * 10.0
-    left = float(np.trace(Marginal(design.B).product(X, X)))
-    return "" if left > 15.8 else "geometric calibration absorbs it"
-
-
-def _cause(model: Model, candidate: Candidate, members: tuple[Member, ...], shrinkage: float) -> Cause:
-    active = next(e for e in model.effects if e.name == candidate.name)
-    own = next(m for m in members if f"{m.effect}@{m.site}" == candidate.name)
-    parameters = _parameters(active, candidate.setting_sigma)
-    return Cause(candidate.effect.id, candidate.site, own.probability, members, parameters, shrinkage)
-
-
-def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[float, float, str]]:
-    """Named parameters with sigmas, propagated from the coefficients' covariance and the setting's sigma by differences."""
-    said, c, setting = active.effect.parameters, active.coefficients, active.setting
-    size = np.sqrt(np.diag(active.covariance))
-    found = {}
-    for name, (value, unit) in said(c, setting).items():
-        slope = np.zeros(len(size))
-        for i, step in enumerate(size * 1e-3):
-            if step > 0.0:
-                slope[i] = (said(c + step * np.eye(len(size))[i], setting)[name][0] - value) / step
-        variance = max(float(slope @ active.covariance @ slope), 0.0)
-        if setting is not None and setting_sigma > 0.0:
-            variance += (said(c, setting + 1e-3 * setting_sigma)[name][0] - value) ** 2 * 1e6
-        found[name] = (value, float(variance**0.5), unit)
-    return found
 
 
 def _considered(pool: Pool, found: Decision) -> list[Considered]:

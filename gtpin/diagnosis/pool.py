@@ -125,6 +125,12 @@ class Pool:
         best = self.scans[name].best(model, together)
         return best.gain, replace(candidate, setting=best.setting, setting_sigma=best.sigma)
 
+    def settled(self, name: str) -> Candidate:
+        """A candidate, with the setting that was found for it last."""
+        found = self.candidates.get(name) or self.latest[name]
+        assert isinstance(found, Candidate)
+        return found
+
     def adopt(self, name: str) -> None:
         """Use the setting that the last scan found for a candidate."""
         latest = self.latest.get(name)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gtpin.calibration.result import Calibration
+from gtpin.diagnosis.experiment import Experiment
 from gtpin.diagnosis.shrinkage import Gap
 from gtpin.diagnosis.where import Where
 from gtpin.model import Model
@@ -87,6 +88,8 @@ class Diagnosis:
     ----------
     model
         Predicts with the causes in; ``baseline.model`` without.
+    next_experiment
+        What to measure to tell more.
     """
 
     verdict: Verdict
@@ -97,6 +100,7 @@ class Diagnosis:
     unexplained: Unexplained
     baseline: Calibration
     model: Model
+    next_experiment: tuple[Experiment, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
@@ -139,7 +143,7 @@ class Diagnosis:
                 "noise_floor": self.gap.floor,
                 "shrinkage": None if none else self.gap.shrinkage,
                 "interval": None if none or self.gap.interval is None else list(self.gap.interval),
-                "method": "blocks of neighbouring poses left out in turn; interval by resampling blocks",
+                "method": "four neighbouring poses left out in turn; interval by the uncertainty of what was fitted, on 120 other poses",
             },
             "unexplained": {
                 "share": self.unexplained.share,
@@ -149,5 +153,5 @@ class Diagnosis:
                     for site, coordinates, p in self.unexplained.correlates
                 ],
             },
-            "next_experiment": [],
+            "next_experiment": [e.to_json() for e in self.next_experiment],
         }
