@@ -10,7 +10,7 @@ from scipy.special import expit
 
 from gtpin.diagnosis.candidates import Free, related, same_motion
 from gtpin.diagnosis.evidence import NOTHING, Posterior, without
-from gtpin.diagnosis.pool import Pool
+from gtpin.diagnosis.pool import STRANGER, Pool
 from gtpin.diagnosis.result import Member, Verdict
 from gtpin.diagnosis.search import search
 
@@ -21,6 +21,8 @@ SURE = 0.95
 TEMPERATURE, WARMING, WARMEST = 2.0, 0.004, 6.0
 """Gains in log evidence are divided by this, and by a share of the evidence at stake, before they become probabilities: forms
 are never exactly the machine's, and that tells the more the better it is seen."""
+DEPARTURE = 0.05
+"""Share of what free motions explain, by which they must be ahead of named causes, which depart from their forms by as much."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,9 @@ def decide(pool: Pool) -> Decision:
     strangers = tuple(pool.free[n] for n in mixed.names if n in pool.free)
     unknown = 0.0
     if strangers:
-        ahead = pool.worth(mixed) - pool.worth(named)
+        known = pool.only(mixed, (n for n in mixed.names if n not in pool.free))
+        doubt = DEPARTURE * (mixed.log_evidence - known.log_evidence)
+        ahead = pool.worth(mixed) - pool.worth(named) - doubt
         unknown = float(expit(ahead / _temperature(max(named.log_evidence, 0.0))))
     if unknown > 0.5:
         named = pool.only(mixed, _apart(pool, mixed))
@@ -81,7 +85,7 @@ def _apart(pool: Pool, model: Posterior) -> tuple[str, ...]:
     """Causes that have nothing to do with the free motions beside them, and are far beyond doubt."""
     robot = pool.design.situation.robot
     frees = [pool.free[n] for n in model.names if n in pool.free]
-    costs = pool.costs(model)
+    costs = pool.costs(model.names)
     sure = []
     for name in model.names:
         if name in pool.free:
@@ -99,7 +103,8 @@ def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
     gains = pool.gains(rest, pool.named)
     own = gains[name]
     other = [n for n, free in pool.free.items() if not same_motion(robot, free, pool.candidates[name])]
-    strange = [value - pool.cost(n) + pool.threshold for n, value in pool.gains(rest, other).items()]
+    dear = STRANGER + DEPARTURE * max(own, 0.0)
+    strange = [value - dear for value in pool.gains(rest, other).values()]
     log = {n: value / _temperature(max(own, 0.0)) for n, value in gains.items()}
     whole = np.logaddexp.reduce([*log.values(), max(strange, default=-np.inf) / _temperature(max(own, 0.0))])
     probability = {n: float(np.exp(value - whole)) for n, value in log.items()}

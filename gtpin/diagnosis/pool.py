@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gtpin.diagnosis.candidates import Candidate, Free, related
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed, without
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed
 from gtpin.diagnosis.scan import Scan
 from gtpin.effects.basis import Basis
 
 STRANGER = 5.0
 """What a free motion must be worth beyond what an effect must: what is listed is listed because it is common."""
-RELATED, OTHER = 0.05, 0.01
+SAME, RELATED, OTHER = 0.08, 0.05, 0.01
 """Share of a stronger cause's evidence that a further explanation must be worth, because causes depart from their forms:
-where it could pass for the stronger one's departure, and elsewhere."""
+at the same site over the same coordinates, where it could pass for the stronger one's departure, and elsewhere."""
 
 Gain = tuple[float, Candidate | Free]
 """Gain in log evidence, and what brings it: with its setting."""
@@ -69,34 +69,35 @@ class Pool:
 
     def share(self, name: str, stronger: str) -> float:
         """Share of a stronger explanation's evidence that another must be worth beside it."""
-        a, b = self.explanation(name), self.explanation(stronger)
-        return RELATED if related(self.design.situation.robot, a, b) else OTHER
+        robot, a, b = self.design.situation.robot, self.explanation(name), self.explanation(stronger)
+        if a.site == b.site and a.coordinates(robot) & b.coordinates(robot):
+            return SAME
+        return RELATED if related(robot, a, b) else OTHER
 
     def explanation(self, name: str) -> Candidate | Free:
         """What has a name."""
         return self.free.get(name) or self.candidates.get(name) or self._to_scan[name]
 
-    def costs(self, model: Posterior) -> dict[str, float]:
+    def costs(self, names: Sequence[str]) -> dict[str, float]:
         """What each explanation of a model must be worth in it."""
-        losses = {n: model.log_evidence - without(self.groups, model, n).log_evidence for n in model.names}
+        strength = self.gains(NOTHING, names)
         found = {}
-        for name, loss in losses.items():
-            stronger = [self.share(name, n) * other for n, other in losses.items() if other > loss]
+        for name in names:
+            stronger = [self.share(name, n) * strength[n] for n in names if strength[n] > strength[name]]
             found[name] = self.cost(name) + max(stronger, default=0.0)
         return found
 
     def worth(self, model: Posterior) -> float:
         """Log evidence, less what its explanations must be worth."""
-        return model.log_evidence - sum(self.costs(model).values())
+        return model.log_evidence - sum(self.costs(model.names).values())
 
     def net_gains(self, model: Posterior, names: Iterable[str]) -> dict[str, float]:
-        """Gain in log evidence by adding each explanation to a model, less what it must be worth there."""
-        losses = {n: model.log_evidence - without(self.groups, model, n).log_evidence for n in model.names}
-        found = {}
-        for name, value in self.gains(model, names).items():
-            beside = max((self.share(name, n) * loss for n, loss in losses.items()), default=0.0)
-            found[name] = value - self.cost(name) - beside
-        return found
+        """Gain in worth by adding each explanation to a model, to first order."""
+        before = sum(self.costs(model.names).values())
+        return {
+            name: value - sum(self.costs((*model.names, name)).values()) + before
+            for name, value in self.gains(model, names).items()
+        }
 
     @property
     def named(self) -> tuple[str, ...]:

@@ -143,7 +143,8 @@ class Diagnosis:
                 "noise_floor": self.gap.floor,
                 "shrinkage": None if none else self.gap.shrinkage,
                 "interval": None if none or self.gap.interval is None else list(self.gap.interval),
-                "method": "four neighbouring poses left out in turn; interval by the uncertainty of what was fitted, on 120 other poses",
+                "method": "four neighbouring poses left out in turn; "
+                "interval: what 120 other poses may show, by the uncertainty of what was fitted",
             },
             "unexplained": {
                 "share": self.unexplained.share,
