@@ -1,0 +1,145 @@
+# ruff: noqa: E501 (a page of prose)
+"""Makes docs/blind.md from a check's results, and adds a full run to the log of all of them.
+
+python examples/blind/page.py docs                   # the page without a run
+python examples/blind/page.py docs DIR               # with the check in DIR
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from gtpin.blind.judged import Judged
+from gtpin.blind.page import (
+    baseline_table,
+    effect_table,
+    failure_table,
+    figure_table,
+    headline,
+    reliability_table,
+)
+from gtpin.report.page import Table
+
+FULL = 1000
+"""Cases from which a run is a full one."""
+LOG = "blind_runs.md"
+LOG_HEAD = """# All full runs of the blind check
+
+Every run of at least 1,000 cases, the bad ones too, the latest last. [The page](blind.md) shows the latest.
+
+| date | command | plant | diagnosis | manifest | reached | strict, D > 63 | class, E > 63 | false alarms | failed |
+|---|---|---|---|---|---|---|---|---|---|
+"""
+
+
+def page(folder: Path | None) -> str:
+    """The page, with the results of a check where there is one."""
+    text = (Path(__file__).parent / "introduction.md").read_text(encoding="utf-8")
+    if folder is None:
+        return text + "\n## The latest full run\n\nNone has been made yet.\n"
+    result, cases = _read(folder)
+    about = result["check"]
+    full = "The latest full run" if result["cases"] >= FULL else f"A run of {result['cases']} cases (not a full one)"
+    parts = [
+        text,
+        f"## {full}\n",
+        f"`{_command(about)}`: {headline(result)}.\n",
+        f"Plant `{about['plant']}`, sources of the diagnosis `{about['diagnosis']}`, manifest of the sealed truths `{about['manifest']}`."
+        f" All full runs: [{LOG}]({LOG}).\n",
+        _markdown(figure_table(result)),
+        "### By effect\n",
+        _markdown(effect_table(result)),
+        "### What single effects were called\n",
+        _confusion(result["confusion"]),
+        "### Probabilities\n",
+        _markdown(reliability_table(result)),
+        "### Power\n",
+        "Share detected by energy and number of poses, beside a matched filter that knows form and sign.\n",
+        _power(result["power"]),
+        "### Rivals\n",
+        _markdown(baseline_table(result)),
+        "### Failures, one by one\n",
+        _markdown(failure_table(cases)),
+    ]
+    return "\n".join(parts)
+
+
+def logged(log: Path, folder: Path, day: datetime.date) -> None:
+    """Add a full run to the log, unless it is there."""
+    result, _ = _read(folder)
+    about = result["check"]
+    text = log.read_text(encoding="utf-8") if log.exists() else LOG_HEAD
+    manifest, diagnosis = about["manifest"][:12], about["diagnosis"][:12]
+    if result["cases"] < FULL or (manifest in text and diagnosis in text):
+        return
+    found = {row["figure"]: row["value"] for row in result["figures"]}
+    numbers = [
+        found["cause and site right, nothing else named, D > 63"],
+        found["class holds the truth, E > 63"],
+        result["false_alarm"],
+        result["failed"],
+    ]
+    cells = [f"{day:%Y-%m-%d}", f"`{_command(about)}`", str(about["plant"])[:12], diagnosis, manifest, headline(result)]
+    cells += ["–" if value is None else f"{value:.3f}" for value in numbers]
+    log.write_text(text + "| " + " | ".join(cells) + " |\n", encoding="utf-8")
+
+
+def _read(folder: Path) -> tuple[dict[str, Any], list[Judged]]:
+    result = json.loads((folder / "score.json").read_text(encoding="utf-8"))
+    cases = json.loads((folder / "judged.json").read_text(encoding="utf-8"))
+    return result, [Judged.model_validate(case) for case in cases]
+
+
+def _command(about: dict[str, Any]) -> str:
+    if about["seed"] is None:
+        return "gtpin blind -o DIR --from FOLDER"
+    return f"gtpin blind -o DIR --cases {about['cases']} --seed {about['seed']}"
+
+
+def _markdown(table: Table) -> str:
+    return _rows(table.head, table.rows)
+
+
+def _rows(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    if not rows:
+        return "None.\n"
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
+
+
+def _confusion(told: dict[str, dict[str, int]]) -> str:
+    rows = []
+    for true, said in told.items():
+        words = [f"{word} {count}" for word, count in sorted(said.items(), key=lambda item: -item[1]) if word != true]
+        rows.append((true, str(sum(said.values())), str(said.get(true, 0)), ", ".join(words)))
+    return _rows(("effect", "cases", "named", "called instead"), rows)
+
+
+def _power(told: list[dict[str, Any]]) -> str:
+    rows = []
+    for row in told:
+        found = row["found"]
+        rows.append(
+            (
+                str(row["poses"]),
+                f"{row['start']:g} to {row['end']:g}",
+                str(found["of"]),
+                f"{found['value']:.2f} ({found['low']:.2f} .. {found['high']:.2f})",
+                f"{row['limit']:.2f}",
+            )
+        )
+    return _rows(("poses", "E", "cases", "detected (95 %)", "matched filter"), rows)
+
+
+if __name__ == "__main__":
+    docs, run = Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None
+    (docs / "blind.md").write_text(page(run), encoding="utf-8")
+    if run is not None:
+        logged(docs / LOG, run, datetime.datetime.now(datetime.UTC).date())
+    elif not (docs / LOG).exists():
+        (docs / LOG).write_text(LOG_HEAD, encoding="utf-8")
