@@ -1,0 +1,76 @@
+"""Small linear problems whose answers are computed densely, by nothing but numpy and scipy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from scipy.stats import multivariate_normal
+
+import gtpin
+from gtpin.calibration.calibrate import measured_poses
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import SCALE_SPREAD, Groups, Marginal
+from gtpin.diagnosis.fit import Observed
+from gtpin.plant import make_case
+
+Floats = np.ndarray
+
+
+@dataclass(frozen=True)
+class Dense:
+    """y ~ N(0, I + B B' + sum_g s_g^2 E_g E_g') with everything written out."""
+
+    y: Floats
+    B: Floats
+    E: Mapping[str, Floats]
+
+    @staticmethod
+    def draw(seed: int, widths: Mapping[str, int], m: int = 40, p: int = 5) -> Dense:
+        rng = np.random.default_rng(seed)
+        E = {name: rng.standard_normal((m, width)) for name, width in widths.items()}
+        y = rng.standard_normal(m) + sum(e @ rng.standard_normal(e.shape[1]) for e in E.values())
+        return Dense(y, 3.0 * rng.standard_normal((m, p)), E)
+
+    @property
+    def groups(self) -> Groups:
+        groups = Groups(Marginal(self.B), self.y)
+        for name, columns in self.E.items():
+            groups.set(name, columns)
+        return groups
+
+    def covariance(self, scales: Mapping[str, float]) -> Floats:
+        return np.eye(len(self.y)) + self.B @ self.B.T + sum(s**2 * self.E[n] @ self.E[n].T for n, s in scales.items())
+
+    def log_evidence(self, scales: Mapping[str, float]) -> float:
+        """Log of the density over that of no group, with the scales' log-normal priors."""
+        nothing = np.zeros(len(self.y))
+        both = [multivariate_normal(nothing, self.covariance(s)).logpdf(self.y) for s in (scales, {})]
+        return float(both[0] - both[1] - 0.5 * sum((np.log(s) / SCALE_SPREAD) ** 2 for s in scales.values()))
+
+
+def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Design:
+    """A linear problem that belongs to no machine."""
+    model: Any = SimpleNamespace(geometry=SimpleNamespace(parameters=range(n_geometry)))
+    situation: Any = None
+    return Design(situation, whitening, model, y, B)
+
+
+@cache
+def calibrated(poses: int = 60, seed: int = 1) -> tuple[Observed, gtpin.Calibration]:
+    """A machine without a fault that was measured and calibrated: commands and covariates as they come in practice."""
+    case = make_case(seed, effects=[], poses=poses)
+    baseline = gtpin.calibrate(case.dataset)
+    observed = Observed(
+        measured_poses(case.dataset),
+        case.dataset.covariates,
+        replace(baseline.noise, repeatability=0.0),
+        np.ones(len(case.dataset)),
+        20.0,
+        False,
+    )
+    return observed, baseline

@@ -1,0 +1,157 @@
+"""Evidence, posteriors and gains equal those of dense multivariate normal densities."""
+
+import numpy as np
+import pytest
+from linear_problems import Dense
+from numpy.testing import assert_allclose
+
+from gtpin.diagnosis.evidence import (
+    NOTHING,
+    SCALES,
+    Groups,
+    Marginal,
+    all_gains,
+    beside,
+    best_scales,
+    fixed,
+    gain,
+    tuned,
+    without,
+)
+
+WIDTHS = {"a": 1, "b": 3, "c": 4, "d": 6, "e": 7, "f": 12}
+SOME = [{"b": 0.7}, {"a": 2.0, "d": 0.3}, {"f": 1.0, "c": 5.0, "b": 0.1}]
+
+
+@pytest.fixture(scope="module", params=(1, 2))
+def dense(request: pytest.FixtureRequest) -> Dense:
+    return Dense.draw(request.param, WIDTHS)
+
+
+@pytest.mark.parametrize("scales", SOME)
+def test_evidence_of_a_model_is_the_density_with_the_geometry_marginalised(dense, scales):
+    found = fixed(dense.groups, tuple(scales), tuple(scales.values()))
+    assert_allclose(found.log_evidence, dense.log_evidence(scales), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("scales", SOME)
+def test_coefficients_of_a_model_are_the_conditional_mean_and_covariance(dense, scales):
+    found = fixed(dense.groups, tuple(scales), tuple(scales.values()))
+    E = np.hstack([s * dense.E[n] for n, s in scales.items()])
+    sizes = np.repeat(list(scales.values()), [dense.E[n].shape[1] for n in scales])
+    # Of jointly normal coefficients (unit) and y: mean E' S^-1 y and covariance I - E' S^-1 E.
+    S = dense.covariance(scales)
+    assert_allclose(found.mean, sizes * (E.T @ np.linalg.solve(S, dense.y)), atol=1e-9)
+    covariance = np.eye(E.shape[1]) - E.T @ np.linalg.solve(S, E)
+    assert_allclose(found.covariance, np.outer(sizes, sizes) * covariance, atol=1e-9)
+
+
+@pytest.mark.parametrize("others", [{}, *SOME[:2]])
+def test_gain_is_the_largest_density_over_the_scales_beside_a_model(dense, others):
+    groups = dense.groups
+    model = fixed(groups, tuple(others), tuple(others.values()))
+    for name in set(WIDTHS) - set(others):
+        trials = [dense.log_evidence({**others, name: s}) - dense.log_evidence(others) for s in SCALES]
+        value, scale = gain(groups, model, name)
+        assert_allclose(value, max(trials), rtol=1e-9, atol=1e-8)
+        assert scale == SCALES[int(np.argmax(trials))]
+
+
+def test_gains_of_groups_of_unequal_width_in_one_batch_are_those_one_by_one(dense):
+    groups = dense.groups
+    groups.set("bent", dense.E["d"], form=(0, 2))
+    model = fixed(groups, ("b",), (0.7,))
+    names = [n for n in groups.columns if n != "b"]
+    together = all_gains(groups, model, names)
+    assert set(together) == set(names)
+    for name in names:
+        gram, moment = beside(groups, model, name)
+        value, scale = best_scales(gram[None], moment[None], groups.form[name])
+        assert_allclose(together[name], (value[0], scale[0]), rtol=1e-9, atol=1e-9)
+
+
+def test_the_geometry_that_explains_a_residual_best_is_its_conditional_mean(dense):
+    S = dense.covariance({})
+    assert_allclose(Marginal(dense.B).deviation(dense.y), dense.B.T @ np.linalg.solve(S, dense.y), atol=1e-9)
+    assert_allclose(
+        Marginal(dense.B).product(dense.E["c"], dense.E["d"]),
+        dense.E["c"].T @ np.linalg.solve(S, dense.E["d"]),
+        atol=1e-9,
+    )
+
+
+def test_power_without_a_group_is_chi_square_with_the_geometry_marginalised(dense):
+    assert_allclose(dense.groups.power, dense.y @ np.linalg.solve(dense.covariance({}), dense.y), rtol=1e-9)
+
+
+def test_inner_products_of_two_groups_do_not_depend_on_their_order(dense):
+    groups = dense.groups
+    for a in WIDTHS:
+        for b in WIDTHS:
+            assert_allclose(groups.block(a, b), groups.block(b, a).T, atol=1e-12)
+            assert_allclose(groups.block(a, b), groups.marginal.product(dense.E[a], dense.E[b]), atol=1e-9)
+
+
+def test_a_group_that_is_given_other_displacements_forgets_its_old_ones(dense):
+    groups = dense.groups
+    model = fixed(groups, ("a", "b"), (1.0, 1.0))
+    for a in WIDTHS:
+        for b in WIDTHS:
+            groups.block(a, b)
+    changed = Dense(dense.y, dense.B, {**dense.E, "b": dense.E["f"][:, :5] * 2.0})
+    groups.set("b", changed.E["b"])
+    fresh = changed.groups
+    assert_allclose(groups.moment("b"), fresh.moment("b"), atol=1e-12)
+    for a in WIDTHS:
+        assert_allclose(groups.block(a, "b"), fresh.block(a, "b"), atol=1e-12)
+        assert_allclose(groups.block("b", a), fresh.block("b", a), atol=1e-12)
+    again = fixed(groups, ("a", "b"), (1.0, 1.0))
+    assert_allclose(again.log_evidence, changed.log_evidence({"a": 1.0, "b": 1.0}), rtol=1e-9)
+    assert again.log_evidence != model.log_evidence
+
+
+def test_no_better_scale_is_found_by_moving_one_of_a_tuned_model(dense):
+    names = ("b", "d", "f")
+    model = tuned(dense.groups, names, (1.0, 1.0, 1.0), sweeps=8)
+    for i in range(3):
+        for s in SCALES:
+            moved = [*model.scale]
+            moved[i] = float(s)
+            assert fixed(dense.groups, names, moved).log_evidence <= model.log_evidence + 1e-9
+
+
+def test_a_model_without_one_of_its_groups_is_the_model_of_the_others(dense):
+    groups = dense.groups
+    model = fixed(groups, ("a", "d", "b"), (2.0, 0.3, 0.7))
+    less = without(groups, model, "d")
+    assert less.names == ("a", "b")
+    assert_allclose(less.log_evidence, dense.log_evidence({"a": 2.0, "b": 0.7}), rtol=1e-9)
+    assert without(groups, fixed(groups, ("a",), (1.0,)), "a") == NOTHING
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_bends_without_their_form_gain_little_unless_all_are_form(seed):
+    rng = np.random.default_rng(seed)
+    m, t = 300, np.linspace(-1.0, 1.0, 300)
+    column = np.sign(rng.standard_normal(m))  # of typical size as large as the noise
+    bends = np.stack([column * np.cos(np.pi / 2.0 * k * (t + 1.0)) for k in (1, 2, 3)], axis=1)
+    X = np.column_stack([column, 0.2 * bends])
+    groups = Groups(Marginal(rng.standard_normal((m, 4))), rng.standard_normal(m) + bends @ rng.standard_normal(3))
+    groups.set("with form", X, form=(0,))
+    groups.set("all form", X)
+    bound, free = (gain(groups, NOTHING, name)[0] for name in ("with form", "all form"))
+    assert bound < free / 4.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_bends_beside_a_form_of_their_size_gain_as_if_all_were_form(seed):
+    rng = np.random.default_rng(seed)
+    m, t = 300, np.linspace(-1.0, 1.0, 300)
+    column = np.sign(rng.standard_normal(m))  # of typical size as large as the noise
+    X = np.column_stack([column, *(0.2 * column * np.cos(np.pi / 2.0 * k * (t + 1.0)) for k in (1, 2, 3))])
+    y = rng.standard_normal(m) + X @ np.array([1.0, *(0.5 * rng.standard_normal(3))])
+    groups = Groups(Marginal(rng.standard_normal((m, 4))), y)
+    groups.set("with form", X, form=(0,))
+    groups.set("all form", X)
+    bound, free = (gain(groups, NOTHING, name)[0] for name in ("with form", "all form"))
+    assert_allclose(bound, free, rtol=1e-9)

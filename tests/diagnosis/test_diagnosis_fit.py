@@ -1,0 +1,125 @@
+"""Geometry and causes fitted together: the linear posterior in its limit, and sigmas that hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_problems import calibrated
+from numpy.testing import assert_allclose
+from scipy.stats import binom, chi2
+
+from gtpin.calibration.noise import Noise
+from gtpin.calibration.problem import Measured
+from gtpin.diagnosis.candidates import Candidate
+from gtpin.diagnosis.evidence import Groups, Marginal, fixed
+from gtpin.diagnosis.fit import Observed, fit_together
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import catalogue
+from gtpin.kinematics.rotations import exp
+from gtpin.model import Model
+from gtpin.robot.geometry import Geometry
+
+POSITION, ORIENTATION = 1.5e-5, 5e-5
+CAUSES = (
+    Candidate(catalogue()["servo_lag"], "cart1"),
+    Candidate(catalogue()["rack_periodic"], "cart2", 0.06),
+    Candidate(catalogue()["link_compliance"], "link2a"),
+)
+SCALES = (2.0, 1.5, 1.0)
+
+
+def nominal() -> Model:
+    return Model(Geometry.nominal(calibrated()[1].model.robot))
+
+
+def machine(seed: int, spread: float = 1.0) -> tuple[Model, Observed]:
+    """A machine of the model's own kind, drawn from the priors (so many times smaller), and its measured poses."""
+    observed, _ = calibrated()
+    rng = np.random.default_rng(seed)
+    start = nominal().geometry
+    off = spread * start.tolerance * rng.standard_normal(len(start.parameters))
+    geometry = start.with_values(start.values + off)
+    at = observed.situation(Model(geometry))
+    active = []
+    for cause, scale in zip(CAUSES, SCALES, strict=True):
+        size = cause.effect.basis(at, cause.site, cause.setting).sigma * scale
+        c = size * rng.standard_normal(len(size))
+        active.append(ActiveEffect(cause.effect, cause.site, cause.setting, c, np.diag(size**2), at.references))
+    true = Model(geometry, effects=tuple(active))
+    seen = true.predict(observed.measured.q, observed.covariates)
+    T = seen.T + POSITION * rng.standard_normal(seen.T.shape)
+    R = exp(ORIENTATION * rng.standard_normal(seen.T.shape)) @ seen.R
+    return true, replace(observed, measured=Measured(observed.measured.q, T, R), noise=Noise(POSITION, ORIENTATION))
+
+
+def test_a_fit_about_its_own_result_is_the_linear_posterior():
+    true, observed = machine(1)
+    references = true.effects[0].references
+    found = fit_together(observed, nominal(), CAUSES, SCALES, references)
+    design = observed.design(replace(found, effects=()), references)
+    groups = Groups(Marginal(design.B), design.y)
+    for cause in CAUSES:
+        groups.set(cause.name, design.columns(cause.effect.basis(design.situation, cause.site, cause.setting)))
+    linear = fixed(groups, [c.name for c in CAUSES], SCALES)
+    place = 0
+    for cause, active in zip(CAUSES, found.effects, strict=True):
+        own = slice(place, place + len(active.coefficients))
+        place = own.stop
+        typical = cause.effect.basis(design.situation, cause.site, cause.setting).sigma
+        sigma = np.sqrt(np.diag(linear.covariance[own, own]))
+        assert_allclose(active.coefficients / typical, linear.mean[own], atol=0.02 * sigma.min())
+        assert_allclose(
+            active.covariance / np.outer(typical, typical),
+            linear.covariance[own, own],
+            atol=1e-3 * float(sigma.max()) ** 2,
+        )
+
+
+def test_a_fit_without_causes_is_the_calibration():
+    observed, baseline = calibrated()
+    found = fit_together(observed, nominal(), (), (), observed.situation(baseline.model).references)
+    step = (found.geometry.values - baseline.model.geometry.values) / baseline.sigma
+    assert np.abs(step).max() < 0.3  # the calibration may count repeatability and tails, which a fit is told
+    assert found.effects == ()
+
+
+def test_sigmas_of_causes_and_geometry_cover_the_truth():
+    draws = 16
+    coefficients, geometry = [], []
+    for seed in range(draws):
+        true, observed = machine(seed)
+        found = fit_together(observed, nominal(), CAUSES, SCALES, true.effects[0].references)
+        for a, b in zip(found.effects, true.effects, strict=True):
+            error = a.coefficients - b.coefficients
+            coefficients.append((error @ np.linalg.solve(a.covariance, error), len(error)))
+        error = found.geometry.values - true.geometry.values
+        geometry.append((error @ np.linalg.solve(found.covariance, error), len(error)))
+    for rows in (coefficients, geometry):
+        total, freedoms = np.sum(rows, axis=0)
+        assert chi2.ppf(5e-5, freedoms) < total < chi2.isf(5e-5, freedoms), total / freedoms
+
+
+def test_parameters_of_a_cause_are_within_two_sigmas_as_often_as_told():
+    inside = []
+    for seed in range(100, 112):
+        true, observed = machine(seed)
+        found = fit_together(observed, nominal(), CAUSES, SCALES, true.effects[0].references)
+        for a, b in zip(found.effects, true.effects, strict=True):
+            z = (a.coefficients - b.coefficients) / np.sqrt(np.diag(a.covariance))
+            inside.append(abs(z[0]) < 1.96)
+    assert sum(inside) >= binom.ppf(1e-4, len(inside), 0.95), sum(inside)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_free_instrument_is_found_beside_the_causes(seed):
+    true, observed = machine(seed)
+    rng = np.random.default_rng(seed)
+    turn, shift = exp(np.array([0.0, 0.0, 2e-3])), 1e-3 * rng.standard_normal(3)
+    seen = observed.measured
+    moved = replace(observed, measured=Measured(seen.q, seen.T @ turn.T + shift, turn @ seen.R), free_frame=True)
+    found = fit_together(moved, nominal(), CAUSES, SCALES, true.effects[0].references)
+    for a, b in zip(found.effects, true.effects, strict=True):
+        error = a.coefficients - b.coefficients
+        assert error @ np.linalg.solve(a.covariance, error) < chi2.isf(1e-4, len(error))
+    predicted = found.predict(moved.measured.q, moved.covariates)
+    assert np.sqrt(((moved.measured.T - predicted.T) ** 2).mean()) < 1.5 * POSITION

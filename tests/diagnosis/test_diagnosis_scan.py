@@ -1,0 +1,157 @@
+"""A scan finds the setting that trying each by itself finds, and says how sure it is of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_problems import calibrated
+from numpy.testing import assert_allclose
+from scipy.stats import binom, chi2
+
+from gtpin.diagnosis import scan
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, fixed, gain
+from gtpin.diagnosis.scan import Scan
+from gtpin.effects.basis import Basis
+from gtpin.effects.effect import Effect
+from gtpin.effects.rack_periodic import RackPeriodic
+from gtpin.effects.rack_step import RackStep
+from gtpin.effects.situation import Situation
+
+SITE = "cart2"
+
+
+class FrameWave(Effect):
+    """A wave of the whole frame over a cart's command: displacements that no single actuator makes."""
+
+    id = "frame_wave"
+    form = (0, 1)
+
+    def sites(self, robot):
+        return robot.sites
+
+    def settings(self, at, site):
+        return [float(s) for s in np.geomspace(0.05, 0.4, 150)]
+
+    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+        phase = 2.0 * np.pi * at.q[:, at.robot.sites.index(site)] / setting
+        twist = np.zeros((len(at), 6, 3))
+        twist[:, 1, :2] = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+        twist[:, 4, 2] = np.cos(phase)
+        return Basis(np.array([2e-5, 2e-5, 5e-6]), twist=twist)
+
+
+class FewPeriods(RackPeriodic):
+    """Periods about those of racks, and no more than a test has time for."""
+
+    def settings(self, at, site):
+        return super().settings(at, site)[300:500]
+
+
+def problem(effect: Effect, setting: float, seed: int) -> Design:
+    """Noise of unit size, a geometry out of its tolerances, and an effect of twice its typical size at a setting."""
+    observed, baseline = calibrated()
+    design = observed.design(baseline.model)
+    rng = np.random.default_rng(seed)
+    X = design.columns(effect.basis(design.situation, SITE, setting))
+    coefficients = np.zeros(X.shape[1])
+    angle = rng.uniform(-np.pi, np.pi)
+    coefficients[list(effect.form)] = 2.0 * np.array([np.cos(angle), np.sin(angle)])[: len(effect.form)]
+    y = design.B @ rng.standard_normal(design.B.shape[1]) + X @ coefficients + rng.standard_normal(len(design.y))
+    return replace(design, y=y)
+
+
+def beside_linearity(design: Design, groups: Groups) -> Posterior:
+    """A model that has smooth waves along the same track already."""
+    at = design.situation
+    waves = np.stack([np.cos(k * np.pi * at.travel[:, 1]) for k in (1, 2, 3)], axis=1)
+    groups.set("smooth", design.columns(Basis(np.full(3, 3e-5), command=(1, waves))))
+    return fixed(groups, ("smooth",), (1.0,))
+
+
+EFFECTS = [(FewPeriods(), 0.021), (RackStep(), 0.4), (FrameWave(), 0.13)]
+
+
+@pytest.mark.parametrize("kept", [True, False])
+@pytest.mark.parametrize("with_model", [False, True])
+@pytest.mark.parametrize(("effect", "setting"), EFFECTS, ids=lambda v: getattr(v, "id", ""))
+def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_model, kept, monkeypatch):
+    if not kept:
+        monkeypatch.setattr(scan, "KEPT", 0)
+        monkeypatch.setattr(scan, "BATCH", 7)
+    design = problem(effect, setting, seed=1)
+    groups = Groups(Marginal(design.B), design.y)
+    model = beside_linearity(design, groups) if with_model else NOTHING
+    columns = groups.columns["smooth"] if with_model else np.zeros((len(design.y), 0))
+    scanned = Scan(design, groups.marginal, effect, SITE)
+    found = scanned.best(model, columns)
+
+    def by_itself(setting: float) -> tuple[float, float]:
+        groups.set("tried", design.columns(effect.basis(design.situation, SITE, setting)), effect.form)
+        return gain(groups, model, "tried")
+
+    settings = np.sort(effect.settings(design.situation, SITE))
+    gains = np.array([by_itself(s)[0] for s in settings])
+    top = int(np.argmax(gains))
+    assert settings[max(top - 1, 0)] <= found.setting <= settings[min(top + 1, len(settings) - 1)]
+    # No less than what all settings share, no more than the best there is, less what so many trials cost.
+    trials = np.log(len(settings))
+    assert found.gain >= np.logaddexp.reduce(gains) - trials - 1e-6
+    own, scale = by_itself(found.setting)
+    # A finer grid about the best setting need not hit it, but no farther off than half a step below a sigma.
+    assert own >= gains[top] - 0.5**2 / 2.0
+    assert_allclose(found.gain, max(own - trials, np.logaddexp.reduce(gains) - trials), rtol=1e-6)
+    assert scale == found.scale
+
+
+def test_what_is_kept_between_scans_changes_nothing(monkeypatch):
+    effect = FrameWave()
+    design = problem(effect, 0.13, seed=2)
+    groups = Groups(Marginal(design.B), design.y)
+    model = beside_linearity(design, groups)
+    first = Scan(design, groups.marginal, effect, SITE)
+    alone = first.best(NOTHING, np.zeros((len(design.y), 0)))
+    beside = first.best(model, groups.columns["smooth"])
+    monkeypatch.setattr(scan, "KEPT", 0)
+    second = Scan(design, groups.marginal, effect, SITE)
+    for found, model_, columns in (
+        (alone, NOTHING, np.zeros((len(design.y), 0))),
+        (beside, model, groups.columns["smooth"]),
+    ):
+        again = second.best(model_, columns)
+        assert_allclose(
+            (again.setting, again.sigma, again.gain, again.scale),
+            (found.setting, found.sigma, found.gain, found.scale),
+            rtol=1e-9,
+        )
+
+
+def test_sigmas_of_periods_cover_the_true_ones():
+    effect, draws = FewPeriods(), 30
+    rng = np.random.default_rng(7)
+    observed, baseline = calibrated()
+    periods = effect.settings(observed.situation(baseline.model), SITE)
+    z = []
+    for seed in range(draws):
+        true = float(rng.uniform(min(periods[20:-20]), max(periods[20:-20])))
+        design = problem(effect, true, seed)
+        found = Scan(design, Marginal(design.B), effect, SITE).best(NOTHING, np.zeros((len(design.y), 0)))
+        z.append((found.setting - true) / found.sigma)
+    inside = int((np.abs(z) < 1.96).sum())
+    assert inside >= binom.ppf(1e-4, draws, 0.95), z
+    # Nor are they so large that they say nothing.
+    assert float(np.square(z).sum()) > chi2.ppf(1e-4, draws), z
+
+
+def test_noise_gains_nothing_by_a_scan():
+    effect, gains = FewPeriods(), []
+    observed, baseline = calibrated()
+    design = observed.design(baseline.model)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        y = design.B @ rng.standard_normal(design.B.shape[1]) + rng.standard_normal(len(design.y))
+        drawn = replace(design, y=y)
+        gains.append(Scan(drawn, Marginal(design.B), effect, SITE).best(NOTHING, np.zeros((len(y), 0))).gain)
+    # The mean of exp(gain) over noise is 1 at most for a Bayes factor; the best of some scales may double it some times.
+    assert max(gains) < np.log(20.0 / 1e-3)
+    assert np.median(gains) < 1.0
