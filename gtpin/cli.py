@@ -15,6 +15,7 @@ from gtpin.commands.calibrate import calibrate
 from gtpin.commands.compare import compare
 from gtpin.commands.demo import demo
 from gtpin.commands.diagnose import diagnose
+from gtpin.commands.export import export
 from gtpin.commands.predict import predict
 from gtpin.commands.sensitivity import sensitivity
 from gtpin.commands.simulate import simulate
@@ -39,6 +40,7 @@ app.command(epilog="Example: gtpin sensitivity calibrated --poses commands.csv -
 app.command(epilog="Example: gtpin blind -o check --cases 100")(blind)
 app.command(epilog="Example: gtpin diagnose measurements -o diagnosis")(diagnose)
 app.command(epilog="Example: gtpin predict calibrated commands.csv -o predicted.csv")(predict)
+app.command(epilog="Example: gtpin export calibrated -o robot.xml")(export)
 
 
 def _version(wanted: bool) -> None:

@@ -1,0 +1,92 @@
+"""``gtpin export``: the model for other software."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gtpin.commands.terminal import AsJson, ModelReference, tell
+from gtpin.compensation.compensate import compensate, machine_of
+from gtpin.data import Commands
+from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.export.export import Format
+from gtpin.export.export import export as run_export
+from gtpin.model import Model
+from gtpin.model_folder import read_model
+from gtpin.output import results_folder
+from gtpin.predict import predict
+
+
+def export(
+    model: ModelReference,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="File; its suffix tells the format: .urdf, .yaml (with a URDF beside it, for example-parallel-robots), .sdf, "
+            ".xml (MuJoCo), .csv (corrections of the actuators, or of --commands), .comp (LinuxCNC, a file for each joint).",
+            show_default=False,
+        ),
+    ],
+    form: Annotated[
+        Format | None, typer.Option("--format", help="The format, where the suffix is another.", show_default=False)
+    ] = None,
+    session: Annotated[
+        str | None,
+        typer.Option("--session", help="Tables of corrections: whose zero shifts they hold.", show_default=False),
+    ] = None,
+    commands: Annotated[
+        Path | None,
+        typer.Option(
+            "--commands",
+            help="Write these commands again (.csv), corrected for all that the model knows.",
+            show_default=False,
+        ),
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            "--controller", help="With --commands: the model that they were made with; by default the nominal robot."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write the model for other software: URDF, SDF, MJCF, tables of corrections, corrected commands."""
+    found = read_model(model)
+    with warnings.catch_warnings(record=True) as noticed:
+        warnings.simplefilter("always", GtpinWarning)
+        if commands is None:
+            if controller is not None:
+                raise GtpinError("--controller without --commands", hint="give the table of commands")
+            written = run_export(found, output, form, session=session)
+        else:
+            written = (_corrected(found, commands, controller, output),)
+    notes = [str(warning.message) for warning in noticed]
+    for note in notes:
+        warnings.warn(note, GtpinWarning, stacklevel=2)
+    result = {"robot": found.robot.name, "written": [str(file) for file in written], "warnings": notes}
+    tell(result, "Written: " + ", ".join(result["written"]), as_json)
+
+
+def _corrected(model: Model, commands: Path, controller: str | None, output: Path) -> Path:
+    """Write the commands that bring the TCP where a controller meant its own to bring it."""
+    if output.suffix.lower() != ".csv" or output.is_dir():
+        raise GtpinError("corrected commands are a table", file=output, hint="name a .csv file")
+    asked = Commands.read(commands, model.robot.n_actuators)
+    meant = predict(_controller(model, controller), Commands(asked.pose, asked.q, row=asked.row, file=asked.file))
+    rotations = meant.R if model.robot.n_actuators >= 6 else None
+    corrected = replace(asked, q=compensate(model, meant.T, asked.covariates, rotations=rotations))
+    with results_folder(output.parent) as folder:
+        corrected.write(folder / output.name)
+    return output
+
+
+def _controller(model: Model, controller: str | None) -> Model:
+    if controller is not None:
+        return machine_of(read_model(controller))
+    return Model(type(model.geometry).nominal(model.robot))

@@ -1,0 +1,118 @@
+"""Commands that bring the TCP where it was wanted, every effect of the model taken into account."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.situation import Column
+from gtpin.errors import ConvergenceError, GtpinWarning, ModelError, UnreachableError
+from gtpin.kinematics.inverse import commands_for
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import log
+from gtpin.model import Frame, Model
+
+Floats = npt.NDArray[np.float64]
+
+TOLERANCE = 1e-9
+"""m and rad within which the TCP counts as being where it was wanted."""
+STEPS = 25
+NOT_THE_MACHINE = ("frame", "platform")
+"""Sites of effects that move what is measured, not the TCP: nobody corrects the machine for its instrument."""
+
+
+def machine_of(model: Model) -> Model:
+    """A model without its instrument: poses in the base frame, without effects of the measurement frame and of the target.
+
+    A warning names the effects that are left out.
+    """
+    left = [effect.name for effect in model.effects if effect.site in NOT_THE_MACHINE]
+    if left:
+        warnings.warn(f"not the machine's, so not corrected: {', '.join(left)}", GtpinWarning, stacklevel=2)
+    kept = tuple(effect for effect in model.effects if effect.site not in NOT_THE_MACHINE)
+    return replace(model, effects=kept, frame=Frame())
+
+
+def compensate(
+    model: Model,
+    wanted: npt.ArrayLike,
+    covariates: Mapping[str, Column] | None = None,
+    *,
+    rotations: npt.ArrayLike | None = None,
+) -> Floats:
+    """Commands at which the TCP is where it is wanted, by Newton's method on the whole prediction.
+
+    Parameters
+    ----------
+    model
+        Geometry and effects; see :func:`machine_of` for the effects that don't count.
+    wanted
+        (N, 3) positions of the TCP, base frame, m.
+    covariates
+        By name, (N,) each: the circumstances in which the machine shall be there (payload, temperatures, approaches, ...).
+    rotations
+        (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more. Left out, the orientation is
+        as it comes.
+
+    Returns
+    -------
+    commands
+        (N, n), m or rad.
+
+    Raises
+    ------
+    ModelError
+        If ``wanted`` or ``rotations`` are not of that shape, too few actuators are asked for an orientation, or a covariate
+        is missing.
+    UnreachableError
+        If the TCP can't be brought to a position.
+    ConvergenceError
+        If Newton's method does not arrive: the position lies in the gap of a step, say.
+    """
+    T = np.asarray(wanted, dtype=float)
+    R = None if rotations is None else np.asarray(rotations, dtype=float)
+    if R is not None and model.robot.n_actuators < 6:
+        raise ModelError(
+            f"{model.robot.name} has {model.robot.n_actuators} actuators",
+            hint="leave the orientation free: give no rotations",
+        )
+    machine = machine_of(model)
+    kinematics = machine.kinematics
+    q, poses = commands_for(kinematics, T, R)
+    _all_there(q, machine)
+    for _ in range(STEPS):
+        error = _errors(machine.predict(q, covariates), T, R)
+        _all_there(error, machine)
+        if np.abs(error).max(initial=0.0) <= TOLERANCE:
+            return q
+        # The effects' own slopes, some thousandths at most, are left out of the derivative: each step gains three digits.
+        jacobian = kinematics.command_jacobian(q, poses)[:, : error.shape[1]]
+        q = q + np.einsum("nij,nj->ni", np.linalg.pinv(jacobian), error)
+        poses = kinematics.forward(q)
+        _all_there(poses.T, machine)
+    left = np.abs(error).max(axis=1)
+    worst = int(left.argmax())
+    raise ConvergenceError(
+        f"{int((left > TOLERANCE).sum())} of {len(T)} positions are not met, number {worst + 1} by {left[worst]:.2g} m",
+        hint="a position may lie in the gap of a rack_step: shift it a little",
+    )
+
+
+def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:
+    """(N, 3) or (N, 6) what is missing to the wanted poses, base frame, m and rad."""
+    position = np.asarray(T - poses.T)
+    if R is None or not poses.reached.all():
+        return position
+    return np.hstack([position, log(R @ np.swapaxes(poses.R, 1, 2))])
+
+
+def _all_there(values: Floats, model: Model) -> None:
+    lost = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if lost.size:
+        raise UnreachableError(
+            f"{model.robot.name} can't bring its TCP to position {lost[0] + 1}", hint="stay inside the workspace"
+        )

@@ -1,0 +1,43 @@
+"""Tables of corrections as files: CSV, and LinuxCNC's joint compensation files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from gtpin.compensation.corrections import Correction
+from gtpin.errors import GtpinWarning
+
+TRIPLETS = 256
+"""Largest number of lines that LinuxCNC takes for a joint."""
+COARSE = 1e-6
+"""m or rad by which a table may be off before a warning says so."""
+
+
+def correction_table(tables: Sequence[Correction]) -> pd.DataFrame:
+    """Columns ``actuator nominal forward reverse``: what to command for the actuator to be at ``nominal``, m or rad."""
+    rows = [
+        pd.DataFrame({"actuator": t.site, "nominal": t.nominal, "forward": t.forward, "reverse": t.reverse})
+        for t in tables
+    ]
+    return pd.concat(rows, ignore_index=True)
+
+
+def linuxcnc_file(table: Correction) -> str:
+    """A joint's compensation file for LinuxCNC, ``COMP_FILE_TYPE = 1``: nominal, forward trim, reverse trim.
+
+    In millimetres, or degrees where the joint turns. LinuxCNC adds a trim to the position that it sends to the motor
+    (``usrmotLoadComp`` in its ``usrmotintf.cc``); it takes 256 lines without comments, nominals ascending, and interpolates.
+    """
+    if table.off > COARSE:
+        warnings.warn(
+            f"{TRIPLETS} lines can't follow {table.site}: they are off by up to {table.off * 1e6:.1f} um (or urad)",
+            GtpinWarning,
+            stacklevel=2,
+        )
+    unit = 180.0 / np.pi if table.revolute else 1e3
+    trims = (table.nominal, table.forward - table.nominal, table.reverse - table.nominal)
+    return "".join(f"{n:.7f} {f:.7f} {r:.7f}\n" for n, f, r in zip(*(unit * column for column in trims), strict=True))

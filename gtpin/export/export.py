@@ -1,0 +1,120 @@
+"""A model written for other software, by the kind of file that is wanted."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from gtpin.compensation.corrections import correctable, corrections
+from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
+from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.export.compliance import with_cart_springs, with_link_springs, with_scales
+from gtpin.export.left_out import left_out
+from gtpin.export.mechanism import mechanism
+from gtpin.export.mjcf import to_mjcf
+from gtpin.export.parallel_robots import side_file, with_anchors
+from gtpin.export.sdf import to_sdf
+from gtpin.model import Model
+from gtpin.model_folder import calibrated_urdf
+from gtpin.output import results_folder
+from gtpin.robot.description import Description
+from gtpin.robot.robot import Robot
+
+Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc"]
+SUFFIXES: dict[str, Format] = {
+    ".urdf": "urdf",
+    ".yaml": "parallel-robots",
+    ".sdf": "sdf",
+    ".xml": "mjcf",
+    ".csv": "csv",
+    ".comp": "linuxcnc",
+}
+
+
+@dataclass(frozen=True)
+class Export:
+    """Text by file name, and the names of what the files do not hold of the model."""
+
+    files: dict[str, str]
+    left_out: tuple[str, ...]
+
+
+def export(
+    model: Model, file: str | Path, form: Format | None = None, *, session: str | None = None
+) -> tuple[Path, ...]:
+    """Write a model for other software. A warning names what the format can't hold of it.
+
+    Parameters
+    ----------
+    file
+        To write; its suffix tells the format: ``.urdf``; ``.yaml`` (and a URDF of the same name beside it, for
+        example-parallel-robots); ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections); ``.comp`` (LinuxCNC's
+        compensation files, ``FILE_SITE.comp`` for each actuator).
+    form
+        The format, where the suffix is another.
+    session
+        Whose zero shifts tables of corrections shall hold.
+
+    Returns
+    -------
+    files
+        What was written.
+
+    Raises
+    ------
+    GtpinError
+        If the suffix is not known, the format has no words for the robot, or the file can't be written.
+    """
+    file = Path(file)
+    if file.is_dir():
+        raise GtpinError("this is a folder", file=file, hint="name a file")
+    made = texts(model, file, form or _format(file), session=session)
+    with results_folder(file.parent) as folder:
+        for name, text in made.files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    if made.left_out:
+        warnings.warn(f"{file.name} does not hold {', '.join(made.left_out)}", GtpinWarning, stacklevel=2)
+    return tuple(file.parent / name for name in made.files)
+
+
+def texts(model: Model, file: Path, form: Format, *, session: str | None = None) -> Export:
+    """What :func:`export` writes, as texts."""
+    if form in ("csv", "linuxcnc"):
+        return _corrections(model, file, form, session)
+    urdf = calibrated_urdf(model)
+    if form == "urdf":
+        return Export({file.name: urdf}, left_out(model))
+    robot = Robot(Description.parse(urdf, f"the URDF of {model.robot.name}"), model.robot.tcp_frame)
+    if form == "parallel-robots":
+        files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
+        return Export(files, left_out(model))
+    machine, carried = with_link_springs(mechanism(robot), model, robot)
+    if form == "sdf":
+        return Export({file.name: to_sdf(machine)}, left_out(model, carried))
+    machine, more = with_cart_springs(machine, model, robot)
+    machine, scaled = with_scales(machine, model)
+    return Export({file.name: to_mjcf(machine)}, left_out(model, carried | more | scaled))
+
+
+def _corrections(model: Model, file: Path, form: Format, session: str | None) -> Export:
+    carried = {"drive scales", *(active.name for active in correctable(model, session))}
+    # Geometry is the business of the controller's kinematics, not of a table.
+    missing = tuple(name for name in left_out(model, carried) if "@" in name)
+    if form == "csv":
+        text = correction_table(corrections(model, session=session)).to_csv(index=False, lineterminator="\n")
+        return Export({file.name: text}, missing)
+    tables = corrections(model, session=session, most=TRIPLETS)
+    return Export({f"{file.stem}_{table.site}{file.suffix}": linuxcnc_file(table) for table in tables}, missing)
+
+
+def _format(file: Path) -> Format:
+    found = SUFFIXES.get(file.suffix.lower())
+    if found is None:
+        raise GtpinError(
+            f"no format has the suffix {file.suffix!r}",
+            file=file,
+            hint=f"use {', '.join(SUFFIXES)}, or say which of {', '.join(get_args(Format))} it shall be",
+        )
+    return found

@@ -1,0 +1,251 @@
+"""A robot as physics engines want it: bodies with their own joints, the loops between them, all at home."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import RobotError
+from gtpin.export.shapes import Shape, shapes_of
+from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+WORLD = ""
+"""Name of the body that does not move; the robot's root link is fixed to it."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """What gives way along or about a joint: force = stiffness (rest - coordinate), N/m or N m/rad, m or rad."""
+
+    stiffness: float
+    rest: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A motion of one degree of freedom that a body has against its parent; the first of several is the outermost.
+
+    Parameters
+    ----------
+    name, kind
+        As in the URDF.
+    axis, point
+        (3,) its direction and a point on it at home, in the body's frame, m.
+    home
+        Its coordinate at home, m or rad.
+    lower, upper
+        Its range, infinite where there is none.
+    spring
+        What pulls it back, or None where it moves freely or is driven.
+    """
+
+    name: str
+    kind: Literal["slide", "hinge"]
+    axis: Floats
+    point: Floats
+    home: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    spring: Spring | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body.
+
+    Parameters
+    ----------
+    name, parent
+        Link names.
+    placement
+        ``pinocchio.SE3`` of the body in its parent's frame at home.
+    joints
+        Against its parent; empty for a body that floats, which ``free`` names.
+    inertia
+        ``pinocchio.Inertia`` in the body's frame.
+    free
+        Name of the joint by which it floats, or None.
+    frames
+        Links that are fixed to it, by name: their ``pinocchio.SE3`` in its frame.
+    """
+
+    name: str
+    parent: str
+    placement: Any
+    joints: tuple[Joint, ...]
+    inertia: Any
+    free: str | None = None
+    shapes: tuple[Shape, ...] = ()
+    frames: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """A point (3,) of a body, in its frame, m."""
+
+    body: str
+    point: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """An actuator: the site that it moves, its joint, range and command at home, travel per unit of command."""
+
+    site: str
+    joint: str
+    lower: float
+    upper: float
+    home: float
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """Bodies, parents before children; loops by name, each two points that coincide; what drives it; gravity, m/s^2."""
+
+    name: str
+    bodies: tuple[Body, ...]
+    loops: Mapping[str, tuple[End, End]]
+    drives: tuple[Drive, ...]
+    gravity: tuple[float, ...]
+    reach: float
+
+    def body(self, name: str) -> Body:
+        """The body of a name."""
+        return next(body for body in self.bodies if body.name == name)
+
+    def placements(self) -> dict[str, Any]:
+        """``pinocchio.SE3`` of each body at home, base frame."""
+        found: dict[str, Any] = {WORLD: pin.SE3.Identity()}
+        for body in self.bodies:
+            found[body.name] = found[body.parent] * body.placement
+        return found
+
+    def on_springs(self, name: str, ends: Sequence[tuple[str, int]], joints: Sequence[Joint]) -> Mechanism:
+        """The mechanism with ends of its loops (loop, 0 or 1), all of one body, moved to a massless body on springs.
+
+        The new body has the ends' mean for its origin, and the axes of the old.
+        """
+        old = {self.loops[loop][side].body for loop, side in ends}.pop()
+        middle = np.mean([self.loops[loop][side].point for loop, side in ends], axis=0)
+        body = Body(name, old, pin.SE3(np.eye(3), middle), tuple(joints), pin.Inertia.Zero())
+        loops = dict(self.loops)
+        for loop, side in ends:
+            moved = End(name, loops[loop][side].point - middle)
+            loops[loop] = (moved, loops[loop][1]) if side == 0 else (loops[loop][0], moved)
+        return replace(self, bodies=(*self.bodies, body), loops=loops)
+
+
+def mechanism(robot: Robot) -> Mechanism:
+    """The mechanism of a robot, at its home.
+
+    A link without mass between two joints becomes a second joint of the link that it carries.
+
+    Raises
+    ------
+    RobotError
+        If a joint is neither prismatic nor revolute, nor floats on the base.
+    """
+    posture = home(robot)
+    model, data = robot.model, robot.data
+    pin.computeJointJacobians(model, data, posture.configuration)
+    merged = _massless(robot)
+    frames = _fixed_links(robot)
+    shapes = shapes_of(robot)
+    bodies = []
+    kept = {0: WORLD}
+    for i in range(1, model.njoints):
+        if i in merged:
+            continue
+        chain, parent = [i], int(model.parents[i])
+        while parent in merged:
+            chain.insert(0, parent)
+            parent = int(model.parents[parent])
+        kept[i] = frames[i][0][0]
+        free = model.nvs[i] == 6
+        if free and parent != 0:
+            raise RobotError(f"{model.names[i]} floats on a moving link", hint="let it float on the root link")
+        bodies.append(
+            Body(
+                name=kept[i],
+                parent=kept[parent],
+                placement=data.oMi[parent].inverse() * data.oMi[i],
+                joints=() if free else tuple(_joint(robot, posture, joint, i) for joint in chain),
+                inertia=model.inertias[i],
+                free=str(model.names[i]) if free else None,
+                shapes=shapes.get(i, ()),
+                frames=dict(frames[i][1:]),
+            )
+        )
+    base = Body(frames[0][0][0], WORLD, pin.SE3.Identity(), (), pin.Inertia.Zero(), None, shapes.get(0, ()))
+    base = replace(base, frames=dict(frames[0][1:]))
+    rooted = tuple(replace(b, parent=base.name) if b.parent == WORLD and b.free is None else b for b in bodies)
+    kept[0] = base.name
+    loops = {
+        loop.name: (
+            End(kept[constraint.joint1_id], constraint.joint1_placement.translation.copy()),
+            End(kept[constraint.joint2_id], constraint.joint2_placement.translation.copy()),
+        )
+        for loop, constraint in zip(robot.description.loops, robot.constraints, strict=True)
+    }
+    drives = tuple(
+        Drive(a.site, a.joint, a.lower, a.upper, float(q)) for a, q in zip(robot.actuators, posture.q, strict=True)
+    )
+    return Mechanism(robot.name, (base, *rooted), loops, drives, robot.description.gravity, robot.size)
+
+
+def _massless(robot: Robot) -> set[int]:
+    """Joints whose bodies have no mass, carry one other joint, and bear no loop, no TCP and no second link."""
+    model = robot.model
+    children = [sum(parent == i for parent in model.parents) for i in range(model.njoints)]
+    needed = {c.joint1_id for c in robot.constraints} | {c.joint2_id for c in robot.constraints} | {robot.tcp_joint}
+    links = _fixed_links(robot)
+    return {
+        i
+        for i in range(1, model.njoints)
+        if model.inertias[i].mass == 0.0 and children[i] == 1 and i not in needed and len(links[i]) == 1
+        if model.nvs[i] == 1
+    }
+
+
+def _fixed_links(robot: Robot) -> dict[int, list[tuple[str, Any]]]:
+    """By joint, the links on it: its own first, then those fixed to it, with their placements on it."""
+    found: dict[int, list[tuple[str, Any]]] = {i: [] for i in range(robot.model.njoints)}
+    for frame in robot.model.frames:
+        if frame.type == pin.FrameType.BODY:
+            found[frame.parentJoint].append((frame.name, frame.placement))
+    return found
+
+
+def _joint(robot: Robot, posture: ClosedPosture, joint: int, body: int) -> Joint:
+    model, data = robot.model, robot.data
+    name = str(model.names[joint])
+    if model.nvs[joint] != 1:
+        raise RobotError(
+            f"{name} has {model.nvs[joint]} degrees of freedom", hint="prismatic and revolute joints export"
+        )
+    column = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[:, model.idx_vs[joint]]
+    slides = bool(np.linalg.norm(column[:3]) > 0.5)
+    index = model.idx_qs[joint]
+    endless = model.nqs[joint] == 2
+    here = posture.configuration[index : index + model.nqs[joint]]
+    place = data.oMi[body]
+    lower, upper = (-np.inf, np.inf) if endless else (model.lowerPositionLimit[index], model.upperPositionLimit[index])
+    driven = [q for q, a in zip(posture.q, robot.actuators, strict=True) if a.joint_id == joint]
+    turn = float(np.arctan2(here[1], here[0])) if endless else float(here[0])
+    return Joint(
+        name,
+        "slide" if slides else "hinge",
+        place.rotation.T @ (column[:3] if slides else column[3:]),
+        place.actInv(data.oMi[joint].translation),
+        float(driven[0]) if driven else turn,
+        float(lower) if lower < upper else -np.inf,
+        float(upper) if lower < upper else np.inf,
+    )

@@ -1,0 +1,90 @@
+"""URDF: loaded by Pinocchio and yourdfpy, its loops closed by the tests; well-formed for Isaac Sim's importer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+import yourdfpy
+from conftest import Drawn
+from pinocchio_loops import Loops, anchor
+from rod_graph import Placed
+
+import gtpin
+
+
+def test_pinocchio_closes_it_where_the_model_is(drawn: Drawn, exported: Callable[[str], Path]) -> None:
+    file, robot = exported(".urdf"), drawn.model.robot
+    model = pin.buildModelFromUrdf(str(file))
+    root = ElementTree.parse(file).getroot()
+    ends = [tuple(anchor(model, loop.find(end)) for end in ("link1", "link2")) for loop in root.iter("loop_joint")]
+    loops = Loops(model, ends, [a.joint for a in robot.actuators])
+    position, turn = loops.worst(robot, drawn.q, drawn.poses)
+    assert position < 1e-9
+    assert turn < 1e-9
+
+
+def test_yourdfpy_puts_both_ends_of_every_loop_in_one_place(drawn: Drawn, exported: Callable[[str], Path]) -> None:
+    """yourdfpy moves what it knows to move; where the platform floats is told by the model."""
+    file, robot = exported(".urdf"), drawn.model.robot
+    other = yourdfpy.URDF.load(str(file), load_meshes=False, build_collision_scene_graph=False)
+    assert other.validate()
+    again = gtpin.load_robot(file, tcp=robot.tcp_frame)
+    home = gtpin.home(again)
+    base, platform = other.base_link, robot.description.platform
+    for q in drawn.q[:10]:
+        posture = home.moved_to(q)
+        other.update_cfg(_coordinates(again, posture.configuration, other.actuated_joint_names))
+        floating = _pose(other, platform, robot.tcp_frame)
+        where = Placed(posture.R, posture.T) @ floating.inverse()
+        for loop in robot.description.loops:
+            told = next(e for e in again.description.loops if e.name == loop.name)
+            ends = []
+            for end in (told.anchor1, told.anchor2):
+                on_platform = end.link in _below(other, platform)
+                link = where @ _pose(other, platform, end.link) if on_platform else _pose(other, base, end.link)
+                ends.append(link.at(np.array(end.xyz)))
+            np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-9)
+
+
+def test_loops_have_the_form_that_isaac_documents(drawn: Drawn, exported: Callable[[str], Path]) -> None:
+    """<loop_joint name type><link1 link xyz rpy/><link2 link xyz rpy/></loop_joint> under <robot>, of links that exist.
+
+    Special characters in names become underscores there, so that there must be none.
+    """
+    root = ElementTree.parse(exported(".urdf")).getroot()
+    links = {link.get("name") for link in root.findall("link")}
+    names = [element.get("name", "") for tag in ("link", "joint", "loop_joint") for element in root.findall(tag)]
+    assert len(set(names)) == len(names)
+    assert all(name.isidentifier() for name in names)
+    loops = root.findall("loop_joint")
+    assert len(loops) == 6
+    for loop in loops:
+        assert set(loop.attrib) == {"name", "type"}
+        assert loop.get("type") == "spherical"
+        assert [end.tag for end in loop] == ["link1", "link2"]
+        for end in loop:
+            assert set(end.attrib) == {"link", "xyz", "rpy"}
+            assert end.get("link") in links
+            assert all(len([float(x) for x in end.get(key, "").split()]) == 3 for key in ("xyz", "rpy"))
+
+
+def _coordinates(robot: gtpin.Robot, configuration: np.ndarray, names: list[str]) -> np.ndarray:
+    model = robot.model
+    return np.array([configuration[model.idx_qs[model.getJointId(name)]] for name in names])
+
+
+def _pose(urdf: yourdfpy.URDF, base: str, link: str) -> Placed:
+    matrix = urdf.get_transform(link, base)
+    return Placed(matrix[:3, :3], matrix[:3, 3])
+
+
+def _below(urdf: yourdfpy.URDF, link: str) -> set[str]:
+    found = {link}
+    for joint in urdf.robot.joints * 4:
+        if joint.parent in found:
+            found.add(joint.child)
+    return found

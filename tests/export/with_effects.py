@@ -1,0 +1,44 @@
+"""Models with effects of coefficients that a test chooses, as a fit would have left them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import gtpin
+from gtpin.data.table import Column
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.situation import Situation
+
+
+def active(
+    model: gtpin.Model,
+    q: np.ndarray,
+    effect: str,
+    site: str,
+    setting: float | None = None,
+    covariates: dict[str, Column] | None = None,
+    first: float = 0.0,
+    **parameters: float,
+) -> ActiveEffect:
+    """An effect whose named parameters have the values given, its first coefficient too, and whose others are zero.
+
+    Its references are those of a fit at commands q (N, n) with the covariates.
+    """
+    kind = catalogue()[effect]
+    at = Situation(model.kinematics, q, model.kinematics.forward(q), covariates or {})  # type: ignore[arg-type]
+    size = len(kind.basis(at, site, setting))
+    coefficients = np.zeros(size)
+    coefficients[0] = first
+    for name, value in parameters.items():
+        coefficients[_place(kind, name, size, setting)] = value
+    return ActiveEffect(kind, site, setting, coefficients, np.zeros((size, size)), at.references)
+
+
+def _place(kind: object, name: str, size: int, setting: float | None) -> int:
+    """Which coefficient a parameter tells: the first that it answers to one to one."""
+    for place, unit in enumerate(np.eye(size)):
+        told = kind.parameters(unit, setting)  # type: ignore[attr-defined]
+        if name in told and np.isclose(told[name][0], 1.0):
+            return place
+    raise AssertionError(f"no coefficient is {name}")
