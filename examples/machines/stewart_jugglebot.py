@@ -2,7 +2,8 @@
 
 Nominal geometry of github.com/Project-DeepBlue-Juggling/Jugglebot, MIT licence, Copyright (c) 2022 Jugleer (the licence's text
 is in examples/jugglebot/LICENSE); home is the platform level and 0.565 m above the base, with all legs at zero. Masses are
-ours, and so are tolerances: of the heights of the joint planes little is known.
+ours, and so are tolerances: of the heights of the joint planes little is known. So is the legs' compliance, by its order of
+magnitude: a cord and a motor that holds its place by a control loop are some thousand times as soft as a rod of steel.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ def sketch() -> Sketch:
             "base_joint_z": 3e-2,
             "scale": 5e-2,
         },
+        link_compliance=1e-4,
         note="Jugglebot's Stewart platform: nominal geometry of github.com/Project-DeepBlue-Juggling/Jugglebot (MIT licence, "
-        "Copyright (c) 2022 Jugleer). Masses and tolerances are ours. Written by examples/machines/stewart_jugglebot.py.",
+        "Copyright (c) 2022 Jugleer). Masses, tolerances and the legs' compliance are ours. "
+        "Written by examples/machines/stewart_jugglebot.py.",
     )

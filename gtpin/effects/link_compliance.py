@@ -9,19 +9,25 @@ from gtpin.effects.effect import Effect, Floats, arm_and_links, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
+LINKS = 6
+"""Of an arm."""
+
 
 class LinkCompliance(Effect):
     """dL = c F, F the link's axial force, tension positive: a link in tension gets longer, by c for every newton.
 
     Forces come from the closures' Jacobian: gravity of plate, links and payload, the tool's force. A link stiffens with the
-    load, may give way otherwise in compression than in tension, and at ``arm`` each differs a little from the others.
+    load, may give way otherwise in compression than in tension, and at ``arm`` each differs a little from the others. A leg of
+    variable length may give way the more the farther it is drawn out.
 
     Parameters: ``compliance`` c, m/N, at ``arm`` the mean of all links; ``stiffening``: by how much c rises, m/N, as the
     force becomes twice the usual, negative where it stiffens; ``tension_less_compression``: c in tension less c in
-    compression, m/N; at ``arm`` ``spread`` of c from link to link (rms), m/N.
+    compression, m/N; at ``arm`` ``spread`` of c from link to link (rms), m/N; of legs of variable length ``drawn_out``: by
+    how much c rises, m/N, from the middle of the range to its upper end.
 
     Typical size 4e-8 m/N, that is 25 N/um. Two metres of steel tube with 5 cm^2 of section give way by L / (E A) =
-    2.04 / (210e9 * 5e-4) = 1.9e-8 m/N, and the two ball joints by about as much again.
+    2.04 / (210e9 * 5e-4) = 1.9e-8 m/N, and the two ball joints by about as much again. Where links are of another kind, the
+    URDF's ``<compliance link>`` is their typical size.
     """
 
     id = "link_compliance"
@@ -48,16 +54,22 @@ class LinkCompliance(Effect):
         if len(rods) > 1:
             columns += [force * (np.arange(len(rods)) == i) for i in range(len(rods))]
             sizes += [0.2] * len(rods)
-        return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, 4e-8))
+        legs = np.array([at.robot.rods[i].extension for i in rods])
+        if None not in legs:
+            columns.append(force * at.travel[:, legs.astype(int)])
+            sizes.append(0.5)
+        return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
         """Compliance, how it goes with the load, and how links differ."""
         whole, stiffening, pulled = (float(c) for c in coefficients[:3])
-        own = coefficients[3:]
+        own = coefficients[3 : 3 + LINKS] if len(coefficients) >= 3 + LINKS else coefficients[:0]
+        drawn = coefficients[3 + len(own) :]
         mean = float(own.mean()) if own.size else 0.0
         found = {
             "compliance": (whole + mean, "m/N"),
             "stiffening": (stiffening, "m/N"),
             "tension_less_compression": (pulled, "m/N"),
         }
-        return found | ({"spread": (float(own.std()), "m/N")} if own.size else {})
+        found |= {"spread": (float(own.std()), "m/N")} if own.size else {}
+        return found | ({"drawn_out": (float(drawn[0]), "m/N")} if drawn.size else {})

@@ -16,6 +16,9 @@ from gtpin.errors import RobotError
 
 Vector = tuple[float, ...]
 
+LINK_COMPLIANCE = 4e-8
+"""m/N: two metres of steel or carbon tube with a ball joint at either end give by as much, about."""
+
 
 @dataclass(frozen=True)
 class Anchor:
@@ -72,6 +75,8 @@ class Description:
         The URDF as it was read.
     source
         Where it came from, for messages.
+    link_compliance
+        By how much such a machine's links usually stretch, m/N: the size that an effect of that kind is expected to have.
     """
 
     xml: str
@@ -85,6 +90,7 @@ class Description:
     home: Home | None
     gravity: Vector
     tolerance: Mapping[str, float]
+    link_compliance: float
 
     def __reduce__(self) -> tuple[Callable[[str, str], Description], tuple[str, str]]:
         return Description.parse, (self.xml, self.source)  # read-only mappings don't pickle
@@ -122,6 +128,7 @@ class Description:
         home = own.find("home")
         gravity = own.find("gravity")
         tolerance = own.find("tolerance")
+        compliance = own.find("compliance")
         return Description(
             xml=xml,
             source=source,
@@ -142,7 +149,8 @@ class Description:
                 reader.numbers(home, "tcp_rotvec", 3),
             ),
             gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
-            tolerance=MappingProxyType({} if tolerance is None else reader.tolerance(tolerance)),
+            tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
+            link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
         )
 
 
@@ -218,11 +226,13 @@ class _Reader:
             )
         return Loop(name, self.anchor(element, "link1"), self.anchor(element, "link2"))
 
-    def tolerance(self, element: Element) -> dict[str, float]:
+    def compliance(self, element: Element) -> float:
+        self.text(element, "link")
+        return self.positive(element)["link"]
+
+    def positive(self, element: Element) -> dict[str, float]:
         values = {kind: self.numbers(element, kind, 1)[0] for kind in element.attrib}
         for kind, value in values.items():
             if value <= 0.0:
-                raise RobotError(
-                    f"tolerance {kind} is {value:g}", file=self.source, hint="give a positive 1-sigma value"
-                )
+                raise RobotError(f"{element.tag} {kind} is {value:g}", file=self.source, hint="give a positive value")
         return values

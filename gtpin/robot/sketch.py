@@ -101,6 +101,8 @@ class Sketch:
         kg, and (3,) m in the TCP frame.
     tolerance
         1-sigma manufacturing tolerances by kind of parameter: see :mod:`gtpin.robot.parameters`.
+    link_compliance
+        By how much such a machine's links usually stretch, m/N; left out, as rods of steel do.
     note
         A comment at the top of the URDF: where the dimensions come from.
     """
@@ -114,6 +116,7 @@ class Sketch:
     plate_mass: float = 10.0
     plate_center: Point = (0.0, 0.0, 0.0)
     tolerance: Mapping[str, float] = field(default_factory=dict)
+    link_compliance: float | None = None
     note: str = ""
 
     def urdf(self) -> str:
@@ -231,6 +234,8 @@ class _Writer:
         SubElement(own, "gravity", xyz="0 0 -9.81")
         if self.sketch.tolerance:
             SubElement(own, "tolerance", {kind: _text([value]) for kind, value in self.sketch.tolerance.items()})
+        if self.sketch.link_compliance is not None:
+            SubElement(own, "compliance", link=_text([self.sketch.link_compliance]))
 
 
 def _link(root: Element, name: str, mass: float, center: Floats, moments: Floats) -> Element:
