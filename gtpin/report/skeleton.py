@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Model
+from gtpin.robot.chain import Actuator
 
 Floats = npt.NDArray[np.float64]
 
@@ -52,13 +53,15 @@ class Skeleton:
 
 
 def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
-    """The skeleton at a command (n,), by default at the middle of what the robot can reach; None for a robot without rods."""
+    """The skeleton at a command (n,), by default amid its range; None without rods, or where the robot can't go."""
     kinematics, robot = model.kinematics, model.robot
     if not isinstance(kinematics, RodKinematics):
         return None
     if q is None:
         q = _middle(kinematics)
     pose = kinematics.forward(q[None])
+    if not pose.reached.all():
+        return None
     ends = kinematics.ends(q[None])
     joints = np.broadcast_to(ends.P, (1, *ends.P.shape[-2:]))[0] @ pose.R[0].T + pose.T[0]
     tracks, carts, anchors, rods_of = {}, {}, {}, {}
@@ -73,7 +76,7 @@ def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
             away = middle - actuator.origin
             anchors[actuator.site] = actuator.origin + actuator.axis * float(actuator.axis @ away)
         else:
-            tracks[actuator.site] = _track(kinematics, q, j, carried)
+            tracks[actuator.site] = _track(actuator, float(q[j]), middle)
     gravity = np.asarray(robot.model.gravity.linear, dtype=float)
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
     return Skeleton(ends.C[0], joints, pose.T[0], tracks, carts, anchors, rods_of, up)
@@ -88,9 +91,9 @@ def _middle(kinematics: RodKinematics) -> Floats:
     return robot.home_q
 
 
-def _track(kinematics: RodKinematics, q: Floats, actuator: int, carried: list[int]) -> Floats:
-    robot = kinematics.geometry.robot
-    both = np.stack([q, q])
-    lower, upper = robot.lower[actuator], robot.upper[actuator]
-    both[:, actuator] = (lower, upper) if np.isfinite([lower, upper]).all() else (q[actuator] - 0.5, q[actuator] + 0.5)
-    return np.asarray(kinematics.ends(both).C[:, carried].mean(axis=1))
+def _track(actuator: Actuator, q: float, middle: Floats) -> Floats:
+    """(2, 3) the ends of a cart's way, drawn straight."""
+    ends = (
+        (actuator.lower, actuator.upper) if np.isfinite([actuator.lower, actuator.upper]).all() else (q - 0.5, q + 0.5)
+    )
+    return np.array([middle + (end - q) * actuator.axis for end in ends])

@@ -24,7 +24,7 @@ DRAWN = """[...document.querySelectorAll('div.plot')].map(
 """Names of the plots, and how many points plotly has drawn in each."""
 INK = "getComputedStyle(document.body).color"
 TICKS = "getComputedStyle(document.querySelector('.plot .xtick text')).fill"
-SLOW = 120e3
+SLOW = 300e3
 """Milliseconds that a busy machine may take."""
 
 
