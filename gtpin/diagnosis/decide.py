@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import expit
 
 from gtpin.diagnosis.candidates import Free, related, same_motion
-from gtpin.diagnosis.evidence import NOTHING, Posterior, without
+from gtpin.diagnosis.evidence import NOTHING, Posterior, tuned, without
 from gtpin.diagnosis.pool import STRANGER, Pool
 from gtpin.diagnosis.result import Member, Verdict
 from gtpin.diagnosis.search import search
@@ -21,7 +21,7 @@ SURE = 0.95
 TEMPERATURE, WARMING, WARMEST = 2.0, 0.004, 6.0
 """Gains in log evidence are divided by this, and by a share of the evidence at stake, before they become probabilities: forms
 are never exactly the machine's, and that tells the more the better it is seen."""
-DEPARTURE = 0.05
+DEPARTURE = 0.025
 """Share of what free motions explain, by which they must be ahead of named causes, which depart from their forms by as much."""
 
 
@@ -65,16 +65,39 @@ def decide(pool: Pool) -> Decision:
     named = search(pool, pool.named, singles)
     mixed = search(pool, (*pool.named, *pool.free), singles)
     strangers = tuple(pool.free[n] for n in mixed.names if n in pool.free)
-    unknown = 0.0
-    if strangers:
-        known = pool.only(mixed, (n for n in mixed.names if n not in pool.free))
-        doubt = DEPARTURE * (mixed.log_evidence - known.log_evidence)
-        ahead = pool.worth(mixed) - pool.worth(named) - doubt
-        unknown = float(expit(ahead / _temperature(max(named.log_evidence, 0.0))))
+    unknown = _unknown(pool, mixed, named) if strangers else 0.0
     if unknown > 0.5:
         named = pool.only(mixed, _apart(pool, mixed))
+    elif strangers := _replacing(pool, named):
+        unknown = 1.0 - min(sum(m.probability for m in _class(pool, named, n)) for n in named.names)
+        better = tuned(
+            pool.groups, (*named.names, *(f.name for f in strangers)), (*named.scale, *(1.0 for _ in strangers))
+        )
+        named = pool.only(better, _apart(pool, better))
     classes = {name: _class(pool, named, name) for name in named.names}
+    if unknown > 0.5:
+        named = pool.only(named, (n for n in named.names if classes[n][0].probability >= SURE))
+        classes = {name: classes[name] for name in named.names}
     return Decision(_verdict(unknown, classes), named, classes, strangers if unknown > 0.5 else (), unknown, singles)
+
+
+def _unknown(pool: Pool, mixed: Posterior, named: Posterior) -> float:
+    """Probability of a model with free motions beside one without."""
+    known = pool.only(mixed, (n for n in mixed.names if n not in pool.free))
+    doubt = DEPARTURE * (mixed.log_evidence - known.log_evidence)
+    ahead = pool.worth(mixed) - pool.worth(named) - doubt
+    return float(expit(ahead / _temperature(max(named.log_evidence, 0.0))))
+
+
+def _replacing(pool: Pool, named: Posterior) -> tuple[Free, ...]:
+    """Free motions that are likelier than a cause and everything that could stand in for it."""
+    found = []
+    for name in named.names:
+        if sum(m.probability for m in _class(pool, named, name)) < 0.5:
+            rest = without(pool.groups, named, name, sweeps=1)
+            gains = pool.gains(rest, _others(pool, name))
+            found.append(pool.free[max(gains, key=lambda n: gains[n])])
+    return tuple(dict.fromkeys(found))
 
 
 def _temperature(evidence: float) -> float:
@@ -99,18 +122,22 @@ def _apart(pool: Pool, model: Posterior) -> tuple[str, ...]:
 def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
     """Everything that could stand in for a cause, the likeliest first; a free motion only takes probability away."""
     rest = without(pool.groups, model, name, sweeps=1)
-    robot = pool.design.situation.robot
     gains = pool.gains(rest, pool.named)
     own = gains[name]
-    other = [n for n, free in pool.free.items() if not same_motion(robot, free, pool.candidates[name])]
     dear = STRANGER + DEPARTURE * max(own, 0.0)
-    strange = [value - dear for value in pool.gains(rest, other).values()]
+    strange = [value - dear for value in pool.gains(rest, _others(pool, name)).values()]
     log = {n: value / _temperature(max(own, 0.0)) for n, value in gains.items()}
     whole = np.logaddexp.reduce([*log.values(), max(strange, default=-np.inf) / _temperature(max(own, 0.0))])
     probability = {n: float(np.exp(value - whole)) for n, value in log.items()}
     least = CLASS_SHARE * max(probability.values())
     members = [Member(*split(n), p) for n, p in probability.items() if p >= least or n == name]
     return tuple(sorted(members, key=lambda m: -m.probability))
+
+
+def _others(pool: Pool, name: str) -> list[str]:
+    """Free motions that do not merely say that a cause bends."""
+    robot = pool.design.situation.robot
+    return [n for n, free in pool.free.items() if not same_motion(robot, free, pool.candidates[name])]
 
 
 def split(name: str) -> tuple[str, str]:

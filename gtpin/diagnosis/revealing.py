@@ -13,7 +13,7 @@ from gtpin.diagnosis.circumstances import FORCES, kind
 from gtpin.diagnosis.experiment import Experiment, listed, settings
 from gtpin.diagnosis.odds import Prediction, Rivalry, expected_gain
 from gtpin.diagnosis.result import Considered
-from gtpin.diagnosis.splitting import HOPELESS, Standing, beside, best_rows, chosen, concerns, watch
+from gtpin.diagnosis.splitting import LEAST, Standing, beside, best_rows, chosen, concerns, watch
 from gtpin.diagnosis.trials import Known, Trials, possible
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.situation import Situation
@@ -108,7 +108,7 @@ def _experiments(
         predictions = [Prediction.of(trials, others)]
         predictions += [_prediction(trials, others, candidate, group) for candidate in shown[:EXAMPLES]]
         rivalries = [Rivalry(i, 0, 1.0) for i in range(1, len(predictions))]
-        if expected_gain(predictions, rivalries, np.arange(min(poses, len(trials)))) < HOPELESS:
+        if expected_gain(predictions, rivalries, np.arange(min(poses, len(trials)))) < LEAST:
             continue
         rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
         set_too = chosen(trials, rows, words)

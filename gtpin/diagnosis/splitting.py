@@ -29,8 +29,10 @@ DRAWS = 5
 """Choices at random that a plan is compared with."""
 SETTLED = 2.9
 """Log Bayes factor, nats, from which on one of two stands at 95 %."""
-HOPELESS = 1.0
-"""Expected log Bayes factor, nats, of a whole round below which it is not worth its time."""
+LEAST = 1.0
+"""The same, of a whole round, below which something else than poses tells sooner."""
+HOPELESS = 0.1
+"""The same below which there is nothing to choose rows by."""
 
 
 @dataclass(frozen=True)
@@ -62,16 +64,17 @@ def split(known: Known, standings: Sequence[Standing], which: int, poses: int, r
     rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
     names = tuple(candidate.name for candidate, _ in members)
     told = f"{names[0]} from {listed(names[1:])}"
+    instead = watch([candidate.site for candidate, _ in members], robot)
     if gain < HOPELESS:
-        sites = [candidate.site for candidate, _ in members]
-        measure = f"{len(rows)} poses within reach hardly tell {told}: {watch(sites, robot)}."
+        measure = f"No poses within reach tell {told}: {instead}."
         return Experiment(measure, names, np.zeros((0, robot.n_actuators)), {}, gain, random)
     set_too = chosen(trials, rows, words)
     measure = (
         f"Measure these {len(rows)} poses to tell {told}{settings(set_too, robot.sites, known.observed.temperature)}."
     )
     if gain < SETTLED:
-        measure += f" It takes about {int(np.ceil(SETTLED / gain))} such rounds."
+        rounds = f"It takes about {int(np.ceil(SETTLED / gain))} such rounds"
+        measure += f" {rounds}; or {instead}." if gain < LEAST else f" {rounds}."
     return Experiment(measure, names, trials.q[rows], set_too, gain, random)
 
 
