@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import expit
@@ -79,6 +79,22 @@ def decide(pool: Pool) -> Decision:
         named = pool.only(named, (n for n in named.names if classes[n][0].probability >= SURE))
         classes = {name: classes[name] for name in named.names}
     return Decision(_verdict(unknown, classes), named, classes, strangers if unknown > 0.5 else (), unknown, singles)
+
+
+def with_fine(pool: Pool, found: Decision, site: str) -> Decision:
+    """The same, where an actuator errs in a way that no smooth motion follows: its own causes are no longer believed."""
+    own = f"q{pool.design.situation.robot.sites.index(site) + 1}"
+    names = [n for n in found.named.names if split(n)[1] != site and found.classes[n][0].probability >= SURE]
+    classes = {n: found.classes[n] for n in names}
+    stranger = Free(site, (own,), "fine")
+    return replace(
+        found,
+        verdict="unknown",
+        named=pool.only(found.named, names),
+        classes=classes,
+        strangers=(stranger,),
+        unknown=1.0,
+    )
 
 
 def _unknown(pool: Pool, mixed: Posterior, named: Posterior) -> float:

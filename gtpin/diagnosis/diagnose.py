@@ -14,7 +14,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
 from gtpin.diagnosis.causes import cause
-from gtpin.diagnosis.decide import Decision, decide, rough_guess, split
+from gtpin.diagnosis.decide import Decision, decide, rough_guess, split, with_fine
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.fit import Observed, fit_together
 from gtpin.diagnosis.next_experiment import plan
@@ -158,11 +158,16 @@ def _searched(
     declared = (instrument.position_sigma is not None, instrument.orientation_sigma is not None)
     design = observed.design(model)
     pool, untestable = make_pool(design, exclude, false_alarm)
-    asked, matters = asked_again(observed, pool, rough_guess(pool), declared)
-    if matters:
-        observed, design = asked, asked.design(model)
+    asked = asked_again(observed, pool, rough_guess(pool), declared)
+    if asked.matters:
+        observed, design = asked.observed, asked.observed.design(model)
         pool, untestable = make_pool(design, exclude, false_alarm)
-    return _Evidence(observed, design, pool, decide(pool), untestable)
+    found = decide(pool)
+    if asked.fine is not None and not found.strangers:
+        # A first look may have missed what the search has found since.
+        fine = asked_again(observed, pool, found.named, declared).fine
+        found = found if fine is None else with_fine(pool, found, fine)
+    return _Evidence(observed, design, pool, found, untestable)
 
 
 def _gaps(

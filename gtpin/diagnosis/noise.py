@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from gtpin.calibration.noise import SHOWN, SMALLEST, Noise
+from gtpin.calibration.noise import LEAST_CONTRASTS, SHOWN, SMALLEST, Noise, contrasts
 from gtpin.calibration.weights import Tails
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Posterior
@@ -19,6 +19,10 @@ Floats = npt.NDArray[np.float64]
 
 MATTERS = 0.03
 """Change of the noise's variance, or mean change of a weight, from which on the search is worth another round."""
+DISBELIEVED = 10.8
+"""Twice the loss in log likelihood from which on a repeatability is not believed (chance of 1 in 1,000)."""
+RESTLESS = 6.0
+"""Standard deviations by which an actuator must err more than the noise before that is called a motion."""
 
 
 def left_over(pool: Pool, model: Posterior) -> tuple[Floats, float]:
@@ -33,7 +37,27 @@ def left_over(pool: Pool, model: Posterior) -> tuple[Floats, float]:
     return (design.y - J @ both[:, 0]).reshape(-1, design.components), float(np.trace(both[:, 1:]))
 
 
-def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tuple[bool, bool]) -> tuple[Observed, bool]:
+@dataclass(frozen=True)
+class Asked:
+    """What residuals say of the noise.
+
+    Parameters
+    ----------
+    observed
+        The poses, with that noise and their weights.
+    matters
+        Whether it differs enough for another search.
+    fine
+        Site of an actuator that errs more from pose to pose than repeated visits let it scatter: by something that changes
+        too fast along its way for any smooth motion, and is no noise. None where there is none.
+    """
+
+    observed: Observed
+    matters: bool
+    fine: str | None
+
+
+def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tuple[bool, bool]) -> Asked:
     """Repeatability, sigmas that were not declared, and weights, from what a model leaves.
 
     Parameters
@@ -42,23 +66,53 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
         Causes and free motions: everything that is no noise.
     declared
         Whether the position's and the orientation's sigma are known.
-
-    Returns
-    -------
-    observed, matters
-        With the noise that the residuals show, and whether it differs enough for another search.
     """
     design = pool.design
     left, taken = left_over(pool, model)
+    visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
+    colour = np.linalg.inv(design.whitening)
+    scatter, rows = contrasts(visits, np.einsum("nij,nj->ni", colour, left))
     left = left * np.sqrt(left.size / max(left.size - taken, 1.0))
+    errors = np.einsum("nij,nj->ni", colour, left)
     tails = Tails.of(left)
     weight = tails.weigh(left)
-    errors = np.linalg.solve(design.whitening, left[..., None])[..., 0]
-    found = _likeliest(observed.noise, errors, weight, design, declared)
     J, c = design.situation.command_jacobian, design.components
+    found = _likeliest(observed.noise, errors, weight, design, declared)
+    fine = None
+    if len(scatter) >= LEAST_CONTRASTS:
+        most = _most_repeatability(found, scatter, J[rows])
+        if found.repeatability > most:
+            found = replace(found, repeatability=most)
+            fine = _most_restless(found, errors, design) if all(declared) else None
+            if fine is not None:
+                weight = np.ones(len(left))  # what is no noise has no tails either
     before, after = (np.trace(n.covariance(J, c)[:, :3, :3], axis1=1, axis2=2).mean() for n in (observed.noise, found))
     changed = abs(after / before - 1.0) > MATTERS or float(np.abs(weight - observed.weight).mean()) > MATTERS
-    return replace(observed, noise=found, weight=weight), bool(changed)
+    return Asked(replace(observed, noise=found, weight=weight), bool(changed), fine)
+
+
+def _most_repeatability(noise: Noise, scatter: Floats, J: Floats) -> float:
+    """The largest repeatability that the scatter (k, c) between visits allows."""
+    grid = noise.repeatability * np.linspace(0.0, 1.0, 41)
+    costs = []
+    for value in grid:
+        covariance = replace(noise, repeatability=float(value)).covariance(J, scatter.shape[1])
+        solved = np.linalg.solve(covariance, scatter[..., None])[..., 0]
+        costs.append(float(np.linalg.slogdet(covariance)[1].sum() + (scatter * solved).sum()))
+    allowed = np.array(costs) <= min(costs) + DISBELIEVED
+    return float(grid[allowed].max())
+
+
+def _most_restless(noise: Noise, errors: Floats, design: Design) -> str | None:
+    """The actuator whose motion the errors (N, c), m and rad, have more of than the noise, by a score test."""
+    J, c = design.situation.command_jacobian, design.components
+    covariance = noise.covariance(J, c)
+    seen = np.linalg.solve(covariance, J[:, :c])
+    score = (np.einsum("nci,nc->ni", seen, errors)) ** 2
+    size = np.einsum("nci,nci->ni", seen, J[:, :c])
+    z = (score - size).sum(axis=0) / np.sqrt(2.0 * (size**2).sum(axis=0))
+    best = int(np.argmax(z))
+    return design.situation.robot.sites[best] if z[best] > RESTLESS else None
 
 
 def _likeliest(noise: Noise, errors: Floats, weight: Floats, design: Design, declared: tuple[bool, bool]) -> Noise:

@@ -18,6 +18,8 @@ STRANGER = 5.0
 SAME, RELATED, OTHER = 0.08, 0.05, 0.01
 """Share of a stronger cause's evidence that a further explanation must be worth, because causes depart from their forms:
 at the same site over the same coordinates, where it could pass for the stronger one's departure, and elsewhere."""
+THIRD = 4.0
+"""What a third cause must be worth beyond that, and each further one: so many at once are rare."""
 
 Gain = tuple[float, Candidate | Free]
 """Gain in log evidence, and what brings it: with its setting."""
@@ -84,7 +86,7 @@ class Pool:
         found = {}
         for name in names:
             stronger = [self.share(name, n) * strength[n] for n in names if strength[n] > strength[name]]
-            found[name] = self.cost(name) + max(stronger, default=0.0)
+            found[name] = self.cost(name) + max(stronger, default=0.0) + (THIRD if len(stronger) > 1 else 0.0)
         return found
 
     def worth(self, model: Posterior) -> float:
