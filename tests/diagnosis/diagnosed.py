@@ -1,0 +1,33 @@
+"""Machines with hidden faults, drawn by the plant, and what is said of them: each diagnosed once."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+
+import gtpin
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.plant import Case, make_case
+
+LARGE = 1500.0
+"""Energy, twice the log likelihood at stake, at which a fault is hard to overlook."""
+POSES = 120
+
+
+@cache
+def machine(seed: int, effect: str | None = None, site: str | None = None, energy: float = LARGE) -> Case:
+    return make_case(seed, effects=[(effect, site)] if effect else [], energy=energy, poses=POSES)
+
+
+@cache
+def said(
+    seed: int, effect: str | None = None, site: str | None = None, energy: float = LARGE, exclude: tuple[str, ...] = ()
+) -> Diagnosis:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of poses that a large fault makes look like gross errors
+        return gtpin.diagnose(machine(seed, effect, site, energy).dataset, exclude=exclude)
+
+
+def classes(found: Diagnosis) -> set[tuple[str, str]]:
+    """Every effect and site that could be a cause."""
+    return {(m.effect, m.site) for c in found.causes for m in c.members}

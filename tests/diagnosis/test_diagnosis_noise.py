@@ -1,0 +1,117 @@
+"""The noise that is asked again is the one that the poses have, and only that which was not declared."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_problems import calibrated
+from numpy.testing import assert_allclose
+from scipy.stats import binom
+
+from gtpin.calibration.problem import Measured
+from gtpin.diagnosis.evidence import NOTHING, fixed
+from gtpin.diagnosis.fit import Observed
+from gtpin.diagnosis.noise import asked_again, left_over
+from gtpin.diagnosis.pool import Pool
+from gtpin.effects.basis import Basis
+from gtpin.kinematics.rotations import exp
+
+Floats = np.ndarray
+POSITION, ORIENTATION = 1.5e-5, 5e-5
+
+
+def measured(seed: int, *, repeatability: float = 0.0, factor: float = 1.0, tails: float | None = None) -> Observed:
+    """Poses of a machine that lacks nothing, with noise of known size; what is supposed of it are the declared sigmas."""
+    observed, baseline = calibrated(poses=120)
+    rng = np.random.default_rng(seed)
+    model, q = baseline.model, observed.measured.q
+    q_off = q + repeatability * rng.standard_normal(q.shape)
+    seen = model.predict(q_off)
+    z = rng.standard_normal((len(q), 6))
+    if tails is not None:
+        z *= np.sqrt(tails / rng.chisquare(tails, (len(q), 1)))
+    T = seen.T + factor * POSITION * z[:, :3]
+    R = exp(factor * ORIENTATION * z[:, 3:]) @ seen.R
+    noise = replace(observed.noise, position_sigma=POSITION, orientation_sigma=ORIENTATION, repeatability=0.0)
+    return replace(observed, measured=Measured(q, T, R), noise=noise, weight=np.ones(len(q)))
+
+
+def pool_of(observed: Observed) -> Pool:
+    return Pool(observed.design(calibrated(poses=120)[1].model), {}, (), (), 0.01)
+
+
+def asked(observed: Observed, declared: tuple[bool, bool]) -> tuple[Observed, bool]:
+    return asked_again(observed, pool_of(observed), NOTHING, declared)
+
+
+def test_what_a_model_leaves_is_what_least_squares_leaves():
+    observed = measured(1)
+    pool = pool_of(observed)
+    design = pool.design
+    waves = np.cos(np.pi * np.outer(design.situation.travel[:, 0], [3.0, 5.0, 7.0]))
+    pool.groups.set("waves", design.columns(Basis(np.full(3, 2e-5), command=(0, waves))))
+    left, taken = left_over(pool, fixed(pool.groups, ("waves",), (2.0,)))
+    # Ridge regression as ordinary least squares with a row for each prior, and its hat matrix.
+    J = np.hstack([design.B, 2.0 * pool.groups.columns["waves"]])
+    rows = np.vstack([J, np.eye(J.shape[1])])
+    x = np.linalg.lstsq(rows, np.concatenate([design.y, np.zeros(J.shape[1])]), rcond=None)[0]
+    assert_allclose(left.ravel(), design.y - J @ x, atol=1e-7)
+    assert_allclose(taken, np.trace(J @ np.linalg.pinv(rows)[:, : len(J)]), rtol=1e-7)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("factor", [0.4, 2.5])
+def test_sigmas_that_are_not_declared_are_found(seed, factor):
+    observed = measured(seed, factor=factor)
+    found, matters = asked(observed, (False, False))
+    # A sigma from k numbers is known to 1 / sqrt(2 k).
+    chance = 4.0 / np.sqrt(2.0 * (3.0 * len(observed.weight) - 48.0))
+    assert abs(np.log(found.noise.position_sigma / (factor * POSITION))) < chance
+    assert abs(np.log(found.noise.orientation_sigma / (factor * ORIENTATION))) < chance
+    assert matters
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("declared", [True, False])
+def test_repeatability_is_found(seed, declared):
+    true = 2.5e-5
+    observed = measured(seed, repeatability=true)
+    found, matters = asked(observed, (declared, declared))
+    assert abs(np.log(found.noise.repeatability / true)) < 4.0 / np.sqrt(2.0 * (3.0 * len(observed.weight) - 48.0))
+    assert matters
+
+
+def test_declared_sigmas_of_gaussian_noise_are_left_alone():
+    draws, shown = 16, 0
+    for seed in range(draws):
+        observed = measured(seed)
+        found, matters = asked(observed, (True, True))
+        assert found.noise.position_sigma == POSITION
+        assert found.noise.orientation_sigma == ORIENTATION
+        assert_allclose(found.weight, 1.0)
+        shown += found.noise.repeatability > 0.0
+        assert matters or found.noise.repeatability < 0.2 * POSITION
+    # Repeatability that is not there is believed with a chance of 2.5 %.
+    assert shown <= binom.isf(1e-3, draws, 0.025), shown
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_farther_out_in_heavy_tails_the_less_a_pose_counts(seed):
+    observed = measured(seed, tails=2.5)
+    found, matters = asked(observed, (True, True))
+    assert matters
+    pool = pool_of(observed)
+    norms = np.linalg.norm(left_over(pool, NOTHING)[0], axis=1)
+    order = np.argsort(norms)
+    assert (np.diff(found.weight[order]) <= 1e-12).all()
+    assert found.weight[order[-5:]].max() < 0.5 * found.weight[order[: len(order) // 2]].min()
+
+
+def test_only_the_sigma_that_is_not_declared_changes():
+    observed = measured(1, factor=2.0)
+    found, _ = asked(observed, (True, False))
+    assert found.noise.position_sigma == POSITION
+    assert found.noise.orientation_sigma != ORIENTATION
+    found, _ = asked(observed, (False, True))
+    assert found.noise.position_sigma != POSITION
+    assert found.noise.orientation_sigma == ORIENTATION

@@ -1,0 +1,129 @@
+"""Verdicts on machines whose faults are known: silent, right, or honest about not knowing."""
+
+import numpy as np
+import pytest
+from diagnosed import LARGE, classes, machine, said
+
+from gtpin.effects.catalogue import catalogue
+
+FAULTS = [
+    (1, "rack_periodic"),
+    (2, "backlash"),
+    (3, "servo_lag"),
+    (4, "joint_runout"),
+    (5, "zero_shift"),
+    (6, "link_compliance"),
+]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_a_machine_without_a_fault_is_said_to_have_none(seed):
+    found = said(seed)
+    assert found.verdict == "none"
+    assert found.causes == ()
+    assert found.model.effects == ()
+    assert found.gap.shrinkage is None
+    assert found.gap.interval is None
+    assert found.gap.before == found.gap.after >= found.gap.floor
+
+
+@pytest.mark.parametrize(("seed", "effect"), FAULTS)
+def test_a_large_fault_is_named_with_its_place(seed, effect):
+    (truth,) = machine(seed, effect).effects
+    found = said(seed, effect)
+    assert found.verdict in ("explained", "ambiguous")
+    assert (truth.effect, truth.site) in classes(found)
+    if found.verdict == "explained":
+        assert (truth.effect, truth.site) in {(c.effect, c.site) for c in found.causes}
+
+
+@pytest.mark.parametrize(("seed", "effect"), FAULTS)
+def test_the_model_of_the_causes_predicts_other_poses_better_as_it_was_said_to(seed, effect):
+    case, found = machine(seed, effect), said(seed, effect)
+    commands = case.commands
+    error = [
+        np.linalg.norm(model.predict(commands.q, commands.covariates).T - case.truth.T, axis=1)
+        for model in (found.baseline.model, found.model)
+    ]
+    before, after = (float((e**2).mean()) for e in error)
+    assert after < before
+    # Half of the poses have an effect on no other: what one fault shrinks by is known to a quarter at worst.
+    assert abs((1.0 - after / before) - found.gap.shrinkage) < 0.25
+    assert found.gap.after < found.gap.before
+    assert found.gap.interval[0] <= found.gap.shrinkage <= found.gap.interval[1]
+
+
+@pytest.mark.parametrize(("seed", "effect"), FAULTS[:2])
+def test_nothing_else_is_named_for_sure_once_the_true_effect_is_excluded(seed, effect):
+    found = said(seed, effect, exclude=(effect,))
+    assert found.verdict != "explained"
+    assert effect not in {c.effect for c in found.causes}
+    assert effect not in {c.effect for c in found.candidates}
+
+
+def test_only_the_place_that_is_excluded_is_left_out():
+    (truth,) = machine(2, "backlash").effects
+    found = said(2, "backlash", exclude=(f"backlash@{truth.site}",))
+    considered = {(c.effect, c.site) for c in found.candidates}
+    assert ("backlash", truth.site) not in considered
+    assert len([1 for effect, _ in considered if effect == "backlash"]) == 2
+    assert found.verdict != "explained"
+
+
+@pytest.mark.parametrize(
+    ("seed", "kind"), [(1, "encoder_slip"), (2, "encoder_slip"), (3, "plate_bending"), (4, "nest_tilt")]
+)
+def test_a_large_fault_that_is_in_no_catalogue_is_unknown(seed, kind):
+    found = said(seed, kind, energy=2.0 * LARGE)
+    assert found.verdict == "unknown"
+    assert found.unexplained.p_value < 0.05
+
+
+@pytest.mark.parametrize(("seed", "effect"), FAULTS)
+def test_a_cause_stands_in_its_class_whose_probabilities_sum_to_one_at_most(seed, effect):
+    for cause in said(seed, effect).causes:
+        members = {(m.effect, m.site): m.probability for m in cause.members}
+        assert members[cause.effect, cause.site] == cause.probability
+        assert sum(members.values()) <= 1.0 + 1e-9
+        assert min(members.values()) >= 0.05 * max(members.values()) or members[cause.effect, cause.site] > 0.0
+
+
+@pytest.mark.parametrize(("seed", "effect"), [(1, None), *FAULTS])
+def test_shares_of_where_the_gap_lies_sum_to_one(seed, effect):
+    where = said(seed, effect).where
+    for shares in (where.rod, where.site, where.axis, {str(k): s for k, (_, s) in enumerate(where.region)}):
+        assert all(0.0 <= share <= 1.0 for share in shares.values())
+        assert np.isclose(sum(shares.values()), 1.0) or (effect is None and sum(shares.values()) == 0.0)
+    assert all(0.0 <= share <= 1.0 for share in where.covariate.values())
+
+
+def test_the_gap_lies_at_the_site_of_the_fault():
+    for seed, effect in FAULTS[:4]:
+        (truth,) = machine(seed, effect).effects
+        shares = said(seed, effect).where.site
+        assert truth.site in sorted(shares, key=lambda s: -shares[s])[:3], (effect, shares)
+
+
+@pytest.mark.parametrize(("seed", "effect"), [(1, None), (1, "rack_periodic"), (5, "zero_shift")])
+def test_every_effect_at_every_site_is_considered_once(seed, effect):
+    found = said(seed, effect)
+    robot = found.model.robot
+    expected = sorted((e.id, site) for e in catalogue().values() for site in e.sites(robot))
+    assert sorted((c.effect, c.site) for c in found.candidates) == expected
+    for row in found.candidates:
+        assert row.testable == (row.reason == "")
+        assert 0.0 <= row.probability <= 1.0
+        assert np.isfinite(row.log_evidence)
+        if not row.testable:
+            assert row.probability == row.log_evidence == 0.0
+
+
+@pytest.mark.parametrize(("seed", "effect"), FAULTS)
+def test_parameters_of_a_cause_have_sigmas_and_units(seed, effect):
+    for cause in said(seed, effect).causes:
+        assert cause.parameters
+        for value, sigma, unit in cause.parameters.values():
+            assert np.isfinite(value)
+            assert np.isfinite(sigma)
+            assert sigma >= 0.0
+            assert unit
