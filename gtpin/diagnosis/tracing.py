@@ -38,7 +38,7 @@ def trace(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
     Parameters
     ----------
     site, coordinates
-        Of the free motion that explains it best, as :func:`~gtpin.diagnosis.rivals.rivals` has them.
+        Of the free motion that explains it best, as its :class:`~gtpin.diagnosis.candidates.Free` has them.
     poses
         About how many visits it may take.
     """
@@ -49,11 +49,20 @@ def trace(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
 
 def _visits(known: Known, coordinates: str, poses: int) -> _Visits:
     words = coordinates.split(",")
-    if all(re.fullmatch(r"q\d+", word) for word in words):
+    others = [word for word in words if not re.fullmatch(r"q\d+", word)]
+    if not others:
         return _along(known, [int(word[1:]) - 1 for word in words], poses)
-    if words[0] in ("direction", "position"):
-        return _spread(known, poses)
-    return _again(known, "payload" if words[0] == "load" else words[0], poses)
+    names = _covariates(known, others[0])
+    return _again(known, names, poses) if names else _spread(known, poses)
+
+
+def _covariates(known: Known, word: str) -> list[str]:
+    """Names of the covariates that a word stands for; none where it is something of the pose."""
+    if word in ("approach", "speed"):
+        return [f"{word}{i + 1}" for i in range(known.robot.n_actuators)]
+    if word == "load":
+        return ["payload"]
+    return [word] if word in known.observed.covariates or word in ("time", "session", "payload") else []
 
 
 def _along(known: Known, actuators: list[int], poses: int) -> _Visits:
@@ -96,47 +105,45 @@ def _spread(known: Known, poses: int) -> _Visits:
     return _Visits(q, f"Visit {len(q)} poses all over the workspace, at rest and unchanged in all else")
 
 
-def _again(known: Known, name: str, poses: int) -> _Visits:
-    """The same few poses under all that can be set of a covariate."""
-    values = known.observed.covariates.get(name)
+def _again(known: Known, names: list[str], poses: int) -> _Visits:
+    """The same few poses under all that can be set of covariates of one kind."""
     stations = _apart(known, min(STATIONS, len(known.observed.measured.q)))
-    rounds = max(poses // len(stations), 2)
-    levels, words = _levels(known, name, values, rounds)
-    q = np.tile(stations, (len(levels), 1))
-    told = f"Visit the same {len(stations)} poses {words}"
-    covariates: dict[str, Column] = {name: levels[np.repeat(np.arange(len(levels)), len(stations))]}
-    return _Visits(q, told, covariates)
+    levels, words = _levels(known, names, max(poses // len(stations), 2))
+    rows = np.repeat(np.arange(len(levels)), len(stations))
+    covariates: dict[str, Column] = dict.fromkeys(names, levels[rows])
+    for name in [
+        n for n in names if kind(n) == "speed" and n.replace("speed", "approach") in known.observed.covariates
+    ]:
+        covariates[name.replace("speed", "approach")] = np.sign(np.asarray(covariates[name], dtype=float))
+    return _Visits(np.tile(stations, (len(levels), 1)), f"Visit the same {len(stations)} poses {words}", covariates)
 
 
-def _levels(known: Known, name: str, values: Column | None, rounds: int) -> tuple[Column, str]:
-    """What to set of a covariate in each round, and how to say it."""
-    what = kind(name)
+def _levels(known: Known, names: list[str], rounds: int) -> tuple[Column, str]:
+    """What to set of covariates of one kind in each round, and how to say it."""
+    what, recorded = kind(names[0]), known.observed.covariates
     if what == "session":
-        recorded = np.full(1, "0", dtype=object) if values is None else values
-        return np.full(rounds, next_session(recorded), dtype=object), f"{rounds} times in a session of its own"
-    numbers = np.zeros(1) if values is None else np.asarray(values, dtype=float)
+        first = next_session(recorded.get("session", np.full(1, "0", dtype=object)))
+        sessions = [str(int(first) + i) if first.isdecimal() else f"{first} {i + 1}" for i in range(rounds)]
+        return np.array(sessions, dtype=object), f"in {rounds} sessions"
+    numbers = np.concatenate([np.zeros(0), *(np.asarray(recorded[n], dtype=float) for n in names if n in recorded)])
+    numbers = numbers if numbers.size else np.zeros(1)
     if what == "time":
         times = numbers.max() + LATER + np.linspace(0.0, HOURS, rounds)
         return times, f"{rounds} times, every {HOURS / 60.0 / (rounds - 1):.0f} minutes"
     if what == "temperature":
         reference = known.references.temperature
-        levels = np.linspace(reference, warm(numbers, reference), rounds)
-        return levels, f"{rounds} times while the machine warms up"
-    if what == "approach":
-        site = known.robot.sites[int(name.removeprefix("approach")) - 1]
-        return np.tile([1.0, -1.0], -(-rounds // 2))[:rounds], f"{rounds} times, {site} moving up and down by turns"
-    if what == "speed":
-        site = known.robot.sites[int(name.removeprefix("speed")) - 1]
+        return np.linspace(reference, warm(numbers, reference), rounds), f"{rounds} times while the machine warms up"
+    if what in ("approach", "speed"):
+        moved = listed([known.robot.sites[int(name.removeprefix(what)) - 1] for name in names])
+        if what == "approach":
+            return np.resize([1.0, -1.0], rounds), f"{rounds} times, {moved} moving up and down by turns"
         fastest = float(np.abs(numbers).max()) or FAST
-        return np.array(
-            SPEEDS
-        ) * fastest, f"{len(SPEEDS)} times, {site} passing slowly and at {fastest:.2g} per second both ways"
+        words = f"{len(SPEEDS)} times, {moved} passing both ways at half and at all of {fastest:.2g} per second"
+        return np.array(SPEEDS) * fastest, words
     low, high = payloads(numbers) if what == "payload" else (float(numbers.min()), float(numbers.max()))
     levels = np.linspace(low, high, rounds)
-    return (
-        levels,
-        f"{rounds} times with {'a payload' if what == 'payload' else name} of {listed([f'{v:.3g}' for v in levels])}",
-    )
+    named = "a payload" if what == "payload" else names[0]
+    return levels, f"{rounds} times with {named} of {listed([f'{v:.3g}' for v in levels])}"
 
 
 def _apart(known: Known, count: int) -> Floats:

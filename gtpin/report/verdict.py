@@ -63,7 +63,7 @@ def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
     advice = [_shrinks(d), "Which of them it is makes no difference to what the model predicts near these poses."]
     told = d.to_json()["next_experiment"]
     if told:
-        advice.append(f"To tell them apart: {told[0]['measure']}.")
+        advice.append(str(told[0]["measure"]))
     return headline, [*_actions(sure), *advice]
 
 

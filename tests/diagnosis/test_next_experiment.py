@@ -14,9 +14,11 @@ from gtpin.calibration.calibrate import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.candidates import Candidate
 from gtpin.diagnosis.fit import Observed
+from gtpin.diagnosis.free_motions import free_motions
 from gtpin.diagnosis.next_experiment import Experiment, Standing, plan
 from gtpin.diagnosis.odds import Prediction, Rivalry, expected_gain, most_telling
 from gtpin.diagnosis.result import Considered
+from gtpin.diagnosis.tracing import trace
 from gtpin.diagnosis.trials import Known, possible
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.linearity import Linearity
@@ -153,7 +155,7 @@ def _gain(case: Case, known: Known, truth: str, rival: str, later: Dataset) -> f
 
 def test_recording_what_was_missing_reveals_the_effect_that_lacked_it_better_than_random_poses() -> None:
     name, planned, random = "backlash@cart1", [], []
-    for seed in range(3):
+    for seed in range(2):
         case, known = known_of(name, seed, without=("approach",))
         (experiment,) = proposed(known, untestable=(name,))
         assert {-1.0, 1.0} == set(experiment.covariates["approach1"])
@@ -305,6 +307,18 @@ def test_an_unknown_is_traced_along_its_coordinates_and_nothing_else_moves(coord
         for q, way in zip(experiment.poses, experiment.covariates["approach1"], strict=True):
             ways.setdefault(tuple(q), set()).add(way)
         assert all(both == {-1.0, 1.0} for both in ways.values())
+
+
+def test_every_free_motion_can_be_traced() -> None:
+    case, known = known_of("linearity@cart2", 0)
+    frees = {free.over: free for free, _ in free_motions(known.situation)}
+    assert len(frees) > 10
+    for free in frees.values():
+        experiment = trace(known, free.site, free.words, 20)
+        assert 10 <= len(experiment.poses) <= 30
+        assert all(len(values) == len(experiment.poses) for values in experiment.covariates.values())
+        at_will = {n: v for n, v in experiment.covariates.items() if not n.startswith("temp_")}
+        assert len(measured(case, experiment.poses, at_will, 0)) == len(experiment.poses)
 
 
 def test_data_without_any_covariate_get_a_plan_too() -> None:
