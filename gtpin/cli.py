@@ -32,15 +32,30 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command(epilog="Example: gtpin demo -o first-try")(demo)
-app.command(epilog="Example: gtpin simulate -o virtual --poses 150 --seed 3")(simulate)
-app.command(epilog="Example: gtpin calibrate measurements -o calibrated")(calibrate)
-app.command(epilog="Example: gtpin compare measurements -o compared")(compare)
-app.command(epilog="Example: gtpin sensitivity calibrated --poses commands.csv -o accuracy")(sensitivity)
-app.command(epilog="Example: gtpin blind -o check --cases 100")(blind)
-app.command(epilog="Example: gtpin diagnose measurements -o diagnosis")(diagnose)
-app.command(epilog="Example: gtpin predict calibrated commands.csv -o predicted.csv")(predict)
-app.command(epilog="Example: gtpin export calibrated -o robot.xml")(export)
+for command, *examples in (
+    (demo, "gtpin demo -o first-try"),
+    (
+        diagnose,
+        "gtpin diagnose measurements -o diagnosis",
+        "gtpin diagnose measurements -o second --exclude backlash --exclude linearity@cart2",
+    ),
+    (calibrate, "gtpin calibrate measurements -o calibrated", "gtpin calibrate measurements -o paper3 --model 3"),
+    (compare, "gtpin compare measurements -o compared"),
+    (
+        predict,
+        "gtpin predict diagnosis commands.csv -o predicted.csv",
+        "gtpin predict gantry_tau commands.csv -o nominal.csv",
+    ),
+    (sensitivity, "gtpin sensitivity calibrated --poses commands.csv -o accuracy"),
+    (export, "gtpin export calibrated -o robot.xml", "gtpin export diagnosis -o corrections.csv"),
+    (
+        simulate,
+        "gtpin simulate -o virtual --poses 150 --seed 3",
+        "gtpin simulate -o virtual --scenario examples/scenarios/backlash.toml",
+    ),
+    (blind, "gtpin blind -o check --cases 100", "gtpin blind -o check --from cases"),
+):
+    app.command(epilog="\n\n".join(["Examples:" if examples[1:] else "Example:", *examples]))(command)
 
 
 def _version(wanted: bool) -> None:

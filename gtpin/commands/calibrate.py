@@ -14,7 +14,7 @@ from gtpin.data import Dataset
 from gtpin.model_folder import write_model
 from gtpin.output import results_folder
 from gtpin.report.calibration_page import calibration_page
-from gtpin.report.calibration_text import calibration_text
+from gtpin.report.calibration_text import calibration_summary, calibration_text
 
 
 def calibrate(
@@ -39,17 +39,14 @@ def calibrate(
         result = write_calibration(calibration, folder, model)
         (folder / "report.html").write_text(calibration_page(calibration, read), encoding="utf-8")
     names = ("calibration.json", "report.html", "report.txt", "model")
-    written = f"\n\nWritten: {', '.join(str(output / name) for name in names)}"
-    tell(result, calibration_text(calibration).rstrip() + written, as_json)
+    written = f"\nWritten: {', '.join(str(output / name) for name in names)}\nOpen {output / 'report.html'}"
+    tell(result, calibration_summary(calibration) + written, as_json)
 
 
-def write_calibration(
-    calibration: Calibration, folder: Path, model: int | None = None, verdict: str = ""
-) -> dict[str, object]:
+def write_calibration(calibration: Calibration, folder: Path, model: int | None = None) -> dict[str, object]:
     """Write ``model/``, ``calibration.json`` and ``report.txt``; give what ``calibration.json`` holds."""
     result = calibration.to_json() | {"model": "default" if model is None else model}
     write_model(calibration.model, folder / "model")
     write_json(folder / "calibration.json", result)
-    text = calibration_text(calibration)
-    (folder / "report.txt").write_text(f"{verdict}\n\n{text}" if verdict else text, encoding="utf-8")
+    (folder / "report.txt").write_text(calibration_text(calibration), encoding="utf-8")
     return result

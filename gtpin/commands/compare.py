@@ -49,7 +49,7 @@ def compare(
         (folder / "report.html").write_text(page, encoding="utf-8")
     tell(
         comparison.to_json(),
-        f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}, {output / 'report.html'}",
+        f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}\nOpen {output / 'report.html'}",
         as_json,
     )
 

@@ -8,16 +8,22 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from gtpin.calibration.calibrate import calibrate
 from gtpin.commands.calibrate import write_calibration
-from gtpin.commands.simulate import write_simulation
-from gtpin.commands.terminal import AsJson, Seed, progress_of, tell
+from gtpin.commands.diagnose import write_diagnosis
+from gtpin.commands.terminal import AsJson, Seed, progress_of, rendered, tell
+from gtpin.diagnosis.diagnose import diagnose
+from gtpin.diagnosis.result import Diagnosis
 from gtpin.model import Model
 from gtpin.model_folder import read_model
 from gtpin.output import results_folder
-from gtpin.plant.simulate import Simulation, simulate
+from gtpin.plant.scenario import simulate_scenario
+from gtpin.plant.truth import Case
 from gtpin.predict import predict
-from gtpin.robot.library import load_robot
+from gtpin.report.calibration_page import calibration_page
+from gtpin.report.diagnosis_text import diagnosis_summary
+
+SCENARIO = Path(__file__).with_name("demo.toml")
+"""The effects that the machine has, and how it is measured."""
 
 
 def demo(
@@ -27,23 +33,42 @@ def demo(
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
-    """The main job on a virtual Gantry-Tau: simulate, calibrate, check on held-out poses, report."""
+    """The main job on a virtual Gantry-Tau with a hidden effect: simulate, calibrate, diagnose, report.
+
+    Writes dataset/ as simulate does, calibration/ as calibrate does, and what diagnose writes beside them.
+    """
     with results_folder(output) as folder:
-        simulation = simulate(load_robot("gantry_tau"), "gantry_tau", seed=seed)
-        write_simulation(simulation, folder / "dataset", truth=True)
-        with progress_of("calibrating") as progress:
-            calibration = calibrate(simulation.dataset, progress=progress)
-        before, after = _error(read_model("gantry_tau"), simulation), _error(calibration.model, simulation)
-        verdict = (
-            f"On {len(simulation.commands)} held-out poses the true position error falls from {before * 1e6:.0f} um (nominal) "
-            f"to {after * 1e6:.1f} um (calibrated), RMS."
-        )
-        result = write_calibration(calibration, folder, verdict=verdict)
-    result |= {"held_out_rms_before": before, "held_out_rms_after": after}
-    tell(result, f"{verdict}\nOpen {output / 'report.txt'}", as_json)
+        with progress_of("demo") as progress:
+            progress("simulating a machine and its measurement", 0, float("nan"))
+            case = simulate_scenario(SCENARIO, seed=seed)
+            case.write(folder, "dataset")
+            found = diagnose(case.dataset, seed=seed, progress=progress)
+            progress("writing reports", 0, float("nan"))
+            result = write_diagnosis(found, case.dataset, folder, seed)
+            write_calibration(found.baseline, folder / "calibration")
+            page = calibration_page(found.baseline, case.dataset)
+            (folder / "calibration" / "report.html").write_text(page, encoding="utf-8")
+        held_out = _held_out(case, found)
+    has = ", ".join(f"{truth.effect} at {truth.site}" for truth in case.effects)
+    errors = " -> ".join(f"{error * 1e6:.1f} um {name}" for name, error in held_out.items())
+    text = rendered(
+        f"A virtual Gantry-Tau, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
+        diagnosis_summary(found),
+        f"\nWhat was hidden (dataset.truth.json): the machine has {has}.",
+        f"True position error on {len(case.commands)} poses that were never measured, RMS: {errors}.",
+        f"Beside the report: {', '.join(str(output / name) for name in ('dataset', 'calibration', 'diagnosis.json', 'model'))}",
+        f"Open {output / 'report.html'}",
+    )
+    told = {"effects": [{"effect": truth.effect, "site": truth.site} for truth in case.effects], "true_rms": held_out}
+    tell(result | {"truth": told}, text, as_json)
 
 
-def _error(model: Model, simulation: Simulation) -> float:
-    """Root mean square length of a model's true position error on the held-out poses, m."""
-    left = predict(model, simulation.commands).minus(simulation.truth)[:, :3]
+def _held_out(case: Case, found: Diagnosis) -> dict[str, float]:
+    """Root mean square length of each model's true position error on the poses that were never measured, m."""
+    models = {"nominal": read_model(case.dataset.robot), "calibrated": found.baseline.model, "diagnosed": found.model}
+    return {name: _error(model, case) for name, model in models.items()}
+
+
+def _error(model: Model, case: Case) -> float:
+    left = predict(model, case.commands).minus(case.truth)[:, :3]
     return float(np.sqrt((left**2).sum(axis=1).mean()))

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gtpin.accuracy.report import Accuracy, write_sensitivity
-from gtpin.commands.terminal import AsJson, ModelReference, Output, Seed, tell
+from gtpin.commands.terminal import AsJson, ModelReference, Output, Seed, progress_of, tell
 from gtpin.data import Commands
 from gtpin.model_folder import read_model
 from gtpin.output import results_folder
@@ -36,12 +36,13 @@ def sensitivity(
         # Refuses commands that can't be the robot's, or that it can't reach, by their rows. Accuracy is the geometry's.
         predict(replace(found, effects=()), asked)
         q = asked.q
-    with results_folder(output) as folder:
+    with results_folder(output) as folder, progress_of("sensitivity") as progress:
+        progress("each parameter at each pose", 0, float("nan"))
         accuracy = write_sensitivity(found, q, folder, seed=seed)
         (folder / "report.html").write_text(sensitivity_page(accuracy, seed=seed), encoding="utf-8")
     tell(
         accuracy.to_json(),
-        f"{_text(accuracy)}\nWritten: {', '.join(str(output / name) for name in WRITTEN)}",
+        f"{_text(accuracy)}\nWritten: {', '.join(str(output / name) for name in WRITTEN)}\nOpen {output / 'report.html'}",
         as_json,
     )
 

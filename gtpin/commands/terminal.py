@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 from rich.console import Console, RenderableType
 from rich.progress import Progress as RichProgress
-from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from gtpin.calibration.rounds import Progress
 
@@ -50,16 +51,24 @@ def rendered(*parts: RenderableType) -> str:
     return "\n".join(line.rstrip(" ") for line in captured.get().splitlines())
 
 
+class _Rate(ProgressColumn):
+    """How many iterations a second: nobody knows beforehand how many a fit takes."""
+
+    def render(self, task: Task) -> Text:
+        """The column's text."""
+        return Text(f"{task.speed:.1f} iterations a second" if task.speed else "")
+
+
 @contextmanager
 def progress_of(what: str) -> Iterator[Progress]:
     """Progress of long work, for people: nothing where standard error is not a terminal."""
     console = Console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), _Rate(), TimeElapsedColumn())
     with RichProgress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what)
+        task = bar.add_task(what, total=None)
 
         def report(step: str, iteration: int, size: float) -> None:
             detail = f", iteration {iteration}, residuals {size:.3g} times the noise" if iteration else ""
-            bar.update(task, description=f"{what}: {step}{detail}")
+            bar.update(task, description=f"{what}: {step}{detail}", advance=1 if iteration else 0)
 
         yield report

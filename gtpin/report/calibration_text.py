@@ -18,6 +18,14 @@ def calibration_text(calibration: Calibration) -> str:
     return "\n\n".join(part(calibration) for part in parts) + "\n"
 
 
+def calibration_summary(calibration: Calibration) -> str:
+    """The fit, the noise, and how much of the geometry the data see, for a terminal."""
+    number = len(calibration.names)
+    seen = number - len(calibration.unobservable)
+    told = f"The data see {seen} of {number} directions of the geometry; the others keep their tolerances' means."
+    return "\n\n".join((_fit(calibration), _noise(calibration), told)) + "\n"
+
+
 def _fit(c: Calibration) -> str:
     told = c.to_json()
     lines = [

@@ -67,7 +67,7 @@ def program() -> Run:
             text=True,
             cwd=cwd,
             env={**os.environ, "PYTHONPATH": str(Path(gtpin.__file__).parents[1]), **environment},
-            timeout=120,
+            timeout=900,  # against a hang; a busy machine is slow
         )
         return Ran(done.returncode, done.stdout, done.stderr)
 

@@ -40,13 +40,12 @@ def test_calibrate_predicts_what_it_was_not_shown(run, tmp_path):
     assert (np.abs(dots) > 1.0 - 1e-8).all()
 
 
-@pytest.mark.parametrize("command", ["calibrate", "predict", "simulate", "demo"])
+@pytest.mark.parametrize("command", ["calibrate", "predict", "simulate"])
 def test_json_prints_the_result_and_nothing_else(run, source, calibrated, tmp_path, command):
     arguments = {
         "calibrate": [source, "-o", tmp_path / "out"],
         "predict": [calibrated, source / "commands.csv", "-o", tmp_path / "p.csv"],
         "simulate": ["-o", tmp_path / "sim", "--poses", "12"],
-        "demo": ["-o", tmp_path / "demo"],
     }[command]
     ran = run(command, *arguments, "--json")
     assert ran.code == 0
@@ -54,8 +53,6 @@ def test_json_prints_the_result_and_nothing_else(run, source, calibrated, tmp_pa
     told = json.loads(ran.out)
     if command == "calibrate":
         assert told == json.loads((tmp_path / "out" / "calibration.json").read_text())
-    if command == "demo":
-        assert told.items() >= json.loads((tmp_path / "demo" / "calibration.json").read_text()).items()
     if command == "predict":
         assert [row["pose"] for row in told] == [str(p) for p in pd.read_csv(tmp_path / "p.csv")["pose"]]
 
@@ -87,27 +84,41 @@ def test_simulate_takes_a_robot_by_its_urdf(run, tmp_path, calibrated):
     assert run("calibrate", tmp_path / "deep" / "set", "-o", tmp_path / "out").code == 0
 
 
-def test_demo_needs_nothing_but_a_folder(run, tmp_path, monkeypatch, tree):
+def test_demo_needs_nothing_but_a_folder_and_is_repeatable(run, tmp_path, monkeypatch, tree):
     monkeypatch.chdir(tmp_path)
     ran = run("demo")
     assert ran.code == 0
     assert ran.err == ""
-    assert "held-out" in ran.out
-    files = tree(tmp_path)
     assert list(tmp_path.iterdir()) == [tmp_path / "gtpin-demo"]
-    for name in ("calibration.json", "report.txt", "model/model.json", "model/robot.urdf", "dataset/poses.csv"):
-        assert files[f"gtpin-demo/{name}"]
-    told = run("demo", "--json").out
-    assert json.loads(told)["held_out_rms_after"] < 10e-6 < json.loads(told)["held_out_rms_before"]
+    opened = ran.out.splitlines()[-1].removeprefix("Open ")
+    assert opened == str(Path("gtpin-demo", "report.html"))
+    assert Path(opened).read_text().startswith("<!doctype html>")
+    first = tree(tmp_path / "gtpin-demo")
+    for name in ("dataset/poses.csv", "dataset.truth.json", "calibration/calibration.json", "calibration/report.html"):
+        assert first[name]
+    assert Dataset.read("gtpin-demo/dataset").robot == "gantry_tau"
+    assert gtpin.read_model("gtpin-demo").effects
+
+    again = run("demo", "--json", "-o", "again")
+    assert again.err == ""
+    told = json.loads(again.out)
+    assert told.items() >= json.loads((tmp_path / "again" / "diagnosis.json").read_text()).items()
+    second = tree(tmp_path / "again")
+    numbers = [name for name in first if name.endswith((".json", ".csv", ".toml", ".urdf"))]
+    assert {name: first[name] for name in numbers} == {name: second[name] for name in numbers}
+
+    hidden = {(effect["effect"], effect["site"]) for effect in told["truth"]["effects"]}
+    assert {(cause["effect"], cause["site"]) for cause in told["causes"]} == hidden
+    errors = told["truth"]["true_rms"]
+    assert errors["diagnosed"] < 0.5 * errors["calibrated"] < 0.1 * errors["nominal"]
 
 
-@pytest.mark.parametrize("command", ["simulate", "calibrate", "predict", "demo"])
+@pytest.mark.parametrize("command", ["simulate", "calibrate", "predict"])
 def test_the_same_seed_gives_the_same_bytes(run, source, calibrated, tmp_path, tree, command):
     arguments = {
         "simulate": ["--poses", "15", "--seed", "5", "--truth"],
         "calibrate": [source],
         "predict": [calibrated, source / "commands.csv"],
-        "demo": ["--seed", "3"],
     }[command]
     outputs = []
     for name in ("one", "two"):
