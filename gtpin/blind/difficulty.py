@@ -27,7 +27,7 @@ Floats = npt.NDArray[np.float64]
 
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Over the typical size."""
-STRIDE = 2
+STRIDE = 3
 """Of a scan's settings every so many are tried first, then those beside the best."""
 BATCH = 128
 """Settings whose displacements are held in memory at once."""
@@ -108,7 +108,7 @@ class Yardstick:
         basis = best.effect.basis(self.situation, best.site, best.setting)
         X = self.whitened(basis.displacement(self.situation) * basis.sigma)
         d = self.whitened(displacement[:, :, None])[:, 0]
-        c = np.linalg.solve(X.T @ X + np.eye(X.shape[1]) / SCALES[-1] ** 2, X.T @ d) * basis.sigma
+        c = np.linalg.solve(X.T @ X + np.eye(X.shape[1]) / best.scale**2, X.T @ d) * basis.sigma
         return {name: value for name, (value, _) in best.effect.parameters(c, best.setting).items()}
 
     def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, float | None]:

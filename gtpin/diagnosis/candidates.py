@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.robot.robot import Robot
 
@@ -85,9 +86,23 @@ def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
     return any(mine & set(kind) and others & set(kind) for kind in (CLOCK, LOAD))
 
 
-def same_motion(robot: Robot, free: Free, candidate: Candidate) -> bool:
-    """Whether a free motion only says that a cause bends: at its site, over its own coordinates."""
-    return free.site == candidate.site and set(free.over) <= candidate.coordinates(robot)
+def same_motion(robot: Robot, free: Free, candidate: Candidate, basis: Basis) -> bool:
+    """Whether a free motion only says that a cause bends: at its site, the same way, over its own coordinates.
+
+    Parameters
+    ----------
+    basis
+        The cause's.
+    """
+    ways = {
+        "along": basis.command,
+        "aside": basis.seat,
+        "length": basis.length,
+        "twist": basis.twist,
+        "shift": basis.twist,
+    }
+    same_way = ways.get(free.motion) is not None
+    return same_way and free.site == candidate.site and set(free.over) <= candidate.coordinates(robot)
 
 
 def _within(robot: Robot, site: str) -> tuple[str, ...]:

@@ -9,6 +9,9 @@ from gtpin.diagnosis.result import Cause, Member
 from gtpin.effects.active import ActiveEffect
 from gtpin.model import Model
 
+DRAWS = 150
+"""Draws from a posterior behind a parameter's sigma, and as many opposite ones."""
+
 
 def cause(model: Model, candidate: Candidate, members: tuple[Member, ...], shrinkage: float) -> Cause:
     """One cause, with the coefficients that the fitted model has for it."""
@@ -19,17 +22,19 @@ def cause(model: Model, candidate: Candidate, members: tuple[Member, ...], shrin
 
 
 def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[float, float, str]]:
-    """Named parameters with sigmas, propagated from the coefficients' covariance and the setting's sigma by differences."""
-    said, c, setting = active.effect.parameters, active.coefficients, active.setting
-    size = np.sqrt(np.diag(active.covariance))
-    found = {}
-    for name, (value, unit) in said(c, setting).items():
-        slope = np.zeros(len(size))
-        for i, step in enumerate(size * 1e-3):
-            if step > 0.0:
-                slope[i] = (said(c + step * np.eye(len(size))[i], setting)[name][0] - value) / step
-        variance = max(float(slope @ active.covariance @ slope), 0.0)
-        if setting is not None and setting_sigma > 0.0:
-            variance += (said(c, setting + 1e-3 * setting_sigma)[name][0] - value) ** 2 * 1e6
-        found[name] = (value, float(variance**0.5), unit)
-    return found
+    """Named parameters with sigmas: middle and half width of the central 68 % over draws from the coefficients' posterior.
+
+    A size, such as a curve's root mean square, is no linear function of coefficients: noise alone makes it larger than zero.
+    """
+    values, vectors = np.linalg.eigh(active.covariance)
+    unit = np.random.default_rng(0).standard_normal((DRAWS, len(values) + 1))
+    drawn = []
+    for z in np.vstack([unit, -unit]):
+        c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[:-1])
+        setting = None if active.setting is None else active.setting + setting_sigma * float(z[-1])
+        drawn.append([value for value, _ in active.effect.parameters(c, setting).values()])
+    low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
+    said = active.effect.parameters(active.coefficients, active.setting)
+    return {
+        name: (float(middle[i]), float(high[i] - low[i]) / 2.0, unit) for i, (name, (_, unit)) in enumerate(said.items())
+    }

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
-from gtpin.diagnosis.candidates import Free, related, same_motion
+from gtpin.diagnosis.candidates import Free, related
 from gtpin.diagnosis.evidence import NOTHING, Posterior, tuned, without
 from gtpin.diagnosis.pool import STRANGER, Pool
 from gtpin.diagnosis.result import Member, Verdict
@@ -21,8 +21,9 @@ SURE = 0.95
 TEMPERATURE, WARMING, WARMEST = 2.0, 0.004, 6.0
 """Gains in log evidence are divided by this, and by a share of the evidence at stake, before they become probabilities: forms
 are never exactly the machine's, and that tells the more the better it is seen."""
-DEPARTURE = 0.025
-"""Share of what free motions explain, by which they must be ahead of named causes, which depart from their forms by as much."""
+DEPARTURE, BENDING = 0.025, 0.06
+"""Share of what free motions explain, by which they must be ahead of named causes, which depart from their forms by as much;
+the second where the motions are a named cause's own."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,9 @@ def with_fine(pool: Pool, found: Decision, site: str) -> Decision:
 def _unknown(pool: Pool, mixed: Posterior, named: Posterior) -> float:
     """Probability of a model with free motions beside one without."""
     known = pool.only(mixed, (n for n in mixed.names if n not in pool.free))
-    doubt = DEPARTURE * (mixed.log_evidence - known.log_evidence)
+    frees = [n for n in mixed.names if n in pool.free]
+    bent = all(any(pool.bends(free, name) for name in named.names) for free in frees)
+    doubt = (BENDING if bent else DEPARTURE) * (mixed.log_evidence - known.log_evidence)
     ahead = pool.worth(mixed) - pool.worth(named) - doubt
     return float(expit(ahead / _temperature(max(named.log_evidence, 0.0))))
 
@@ -152,8 +155,7 @@ def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
 
 def _others(pool: Pool, name: str) -> list[str]:
     """Free motions that do not merely say that a cause bends."""
-    robot = pool.design.situation.robot
-    return [n for n, free in pool.free.items() if not same_motion(robot, free, pool.candidates[name])]
+    return [n for n in pool.free if not pool.bends(n, name)]
 
 
 def split(name: str) -> tuple[str, str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtpin.diagnosis.candidates import Candidate, Free, related
+from gtpin.diagnosis.candidates import Candidate, Free, related, same_motion
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed
 from gtpin.diagnosis.scan import Scan
@@ -127,6 +127,14 @@ class Pool:
         together = np.hstack([np.zeros((len(self.design.y), 0)), *(columns[n] for n in model.names)])
         best = self.scans[name].best(model, together)
         return best.gain, replace(candidate, setting=best.setting, setting_sigma=best.sigma)
+
+    def bends(self, free: str, name: str) -> bool:
+        """Whether a free motion only says that a cause bends."""
+        at, candidate = self.design.situation, self.settled(name)
+        if self.free[free].site != candidate.site:
+            return False
+        basis = candidate.effect.basis(at, candidate.site, candidate.setting)
+        return same_motion(at.robot, self.free[free], candidate, basis)
 
     def settled(self, name: str) -> Candidate:
         """A candidate, with the setting that was found for it last."""
