@@ -104,7 +104,10 @@ class Yardstick:
         return found
 
     def parameters(self, best: Best, displacement: Floats) -> dict[str, float]:
-        """Parameters, by name, of an effect's textbook form that comes nearest to a displacement (N, 6)."""
+        """Parameters, by name, of an effect's textbook form that comes nearest to a displacement (N, 6).
+
+        Where the poses do not reach, the form is the smallest one, in units of the scale, that fits where they do.
+        """
         basis = best.effect.basis(self.situation, best.site, best.setting)
         X = self.whitened(basis.displacement(self.situation) * basis.sigma)
         d = self.whitened(displacement[:, :, None])[:, 0]

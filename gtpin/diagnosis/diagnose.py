@@ -163,8 +163,7 @@ def _searched(
         observed, design = asked.observed, asked.observed.design(model)
         pool, untestable = make_pool(design, exclude, false_alarm)
     found = decide(pool)
-    if asked.fine is not None and not found.strangers:
-        # A first look may have missed what the search has found since.
+    if not found.strangers:
         fine = asked_again(observed, pool, found.named, declared).fine
         found = found if fine is None else with_fine(pool, found, fine)
     return _Evidence(observed, design, pool, found, untestable)

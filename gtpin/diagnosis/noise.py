@@ -23,6 +23,8 @@ DISBELIEVED = 10.8
 """Twice the loss in log likelihood from which on a repeatability is not believed (chance of 1 in 1,000)."""
 RESTLESS = 6.0
 """Standard deviations by which an actuator must err more than the noise before that is called a motion."""
+LEFT = 0.15
+"""Share of what is explained that forms leave at most."""
 
 
 def left_over(pool: Pool, model: Posterior) -> tuple[Floats, float]:
@@ -83,7 +85,7 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
         most = _most_repeatability(found, scatter, J[rows])
         if found.repeatability > most:
             found = replace(found, repeatability=most)
-            fine = _most_restless(found, errors, design) if all(declared) else None
+            fine = _most_restless(found, errors, design, model.log_evidence) if all(declared) else None
             if fine is not None:
                 weight = np.ones(len(left))  # what is no noise has no tails either
     before, after = (np.trace(n.covariance(J, c)[:, :3, :3], axis1=1, axis2=2).mean() for n in (observed.noise, found))
@@ -103,16 +105,24 @@ def _most_repeatability(noise: Noise, scatter: Floats, J: Floats) -> float:
     return float(grid[allowed].max())
 
 
-def _most_restless(noise: Noise, errors: Floats, design: Design) -> str | None:
-    """The actuator whose motion the errors (N, c), m and rad, have more of than the noise, by a score test."""
+def _most_restless(noise: Noise, errors: Floats, design: Design, explained: float) -> str | None:
+    """The actuator whose motion the errors (N, c), m and rad, have more of than the noise, by a score test.
+
+    Parameters
+    ----------
+    explained
+        Log evidence of what is explained, part of which may be left by forms that depart from the machine's.
+    """
     J, c = design.situation.command_jacobian, design.components
     covariance = noise.covariance(J, c)
     seen = np.linalg.solve(covariance, J[:, :c])
     score = (np.einsum("nci,nc->ni", seen, errors)) ** 2
     size = np.einsum("nci,nci->ni", seen, J[:, :c])
-    z = (score - size).sum(axis=0) / np.sqrt(2.0 * (size**2).sum(axis=0))
+    excess = (score - size).sum(axis=0)
+    z = excess / np.sqrt(2.0 * (size**2).sum(axis=0))
     best = int(np.argmax(z))
-    return design.situation.robot.sites[best] if z[best] > RESTLESS else None
+    shown = z[best] > RESTLESS and excess[best] / size[:, best].mean() > LEFT * 2.0 * max(explained, 0.0)
+    return design.situation.robot.sites[best] if shown else None
 
 
 def _likeliest(noise: Noise, errors: Floats, weight: Floats, design: Design, declared: tuple[bool, bool]) -> Noise:
