@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from gtpin.blind.seal import SealError, digest_of, opened, read_manifest, seal, 
 from gtpin.blind.spread import spread, workers
 from gtpin.blind.truth import Truth
 from gtpin.blind.worker import Said, diagnose_alone
-from gtpin.errors import GtpinError
+from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.plant.digest import digest as plant_digest
 
 TAKEN_OUT = 2
@@ -38,6 +39,9 @@ class Checked:
 
 class Watch(Protocol):
     """Is told how far a check is."""
+
+    def published(self, digest: str) -> None:
+        """All truths are sealed; this is the digest of their manifest."""
 
     def begin(self, what: str, total: int, done: int) -> None:
         """So many pieces of work begin, some of which were done earlier."""
@@ -100,6 +104,8 @@ def _make(root: Path, draft: Draft) -> None:
 def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch, address: str | None) -> Checked:
     """Diagnose all cases of a manifest that were not yet, then open the seals and judge."""
     digests = read_manifest(folder.manifest)
+    manifest = digest_of(folder.manifest.read_bytes())
+    watch.published(manifest)
     _diagnose(folder, dict.fromkeys(digests, ()), watch, address, "diagnosing")
     truths = _opened(folder, digests)
     _diagnose(folder, _taken_out(truths), watch, address, "with effects taken out")
@@ -119,7 +125,10 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
         raise GtpinError(f"a process died while {lost[0]} was judged", hint="run the same command again")
     for name, truth in truths.items():
         folder.publish(name, truth)
-    about = asdict(settings) | {"manifest": digest_of(folder.manifest.read_bytes())}
+    if diagnosis_digest() != settings.diagnosis:
+        text = "the sources of the diagnosis have changed while the check ran: its score belongs to neither"
+        warnings.warn(text, GtpinWarning, stacklevel=2)
+    about = asdict(settings) | {"manifest": manifest}
     seconds = folder.seconds()
     return Checked([judged[name] for name in digests], about, median(seconds) if seconds else None)
 

@@ -86,6 +86,10 @@ class _Bars:
         self._bars = bars
         self._task = bars.add_task("", visible=False, total=0)
 
+    def published(self, digest: str) -> None:
+        """Say the manifest's digest."""
+        self._bars.console.print(f"manifest {digest}", soft_wrap=True, highlight=False)
+
     def begin(self, what: str, total: int, done: int) -> None:
         """Start the bar of a part."""
         self._task = self._bars.add_task(what, total=total, completed=done)

@@ -119,6 +119,9 @@ class Quiet:
         self.begun: list[tuple[str, int, int]] = []
         self.done = 0
 
+    def published(self, digest: str) -> None:
+        self.manifest = digest
+
     def begin(self, what: str, total: int, done: int) -> None:
         self.begun.append((what, total, done))
 

@@ -1,22 +1,27 @@
 """Checks of cases made by hand: seals, failures, and going on after a stop."""
 
+import contextlib
 import hashlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
+import joblib
 import pytest
 from handmade import Quiet, canned, cause, diagnosis, write_case
 
 import gtpin.blind.run
-from gtpin.blind.run import check_given
+from gtpin.blind.draw import Draft
+from gtpin.blind.run import check, check_given
 from gtpin.blind.score import score
-from gtpin.errors import GtpinError
+from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.plant.case import Case
 
 
 @pytest.mark.usefixtures("here")
 def test_a_folder_of_cases_is_scored_by_hand(cases: Path, tmp_path: Path) -> None:
-    checked = check_given(tmp_path / "out", cases, Quiet())
+    watch = Quiet()
+    checked = check_given(tmp_path / "out", cases, watch)
     assert [c.name for c in checked.cases] == list("abcdefg")
     assert [c.kind for c in checked.cases] == ["one", "one", "none", "none", "unlisted", "two", "one"]
     told = score(checked.cases, checked.about)
@@ -148,3 +153,36 @@ def test_opened_cases_can_be_scored_again(cases: Path, tmp_path: Path) -> None:
     first = check_given(tmp_path / "out", cases, Quiet())
     second = check_given(tmp_path / "again", tmp_path / "out" / "cases", Quiet())
     assert score(second.cases) == score(first.cases)
+
+
+@pytest.mark.usefixtures("here")
+def test_sources_that_change_meanwhile_are_told(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    digests = iter(["before", "after"])
+    monkeypatch.setattr(gtpin.blind.run, "diagnosis_digest", lambda: next(digests))
+    with pytest.warns(GtpinWarning, match="have changed while the check ran"):
+        check_given(tmp_path / "out", cases, Quiet())
+
+
+def test_a_case_of_the_plant_goes_all_the_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Made and judged here, diagnosed by the real thing in processes of its own."""
+    real = gtpin.blind.run.workers
+
+    @contextlib.contextmanager
+    def workers(cluster: str | None = None) -> Iterator[None]:
+        with real(None) if cluster else joblib.parallel_config(backend="sequential"):
+            yield
+
+    monkeypatch.setattr(gtpin.blind.run, "workers", workers)
+    monkeypatch.setattr(gtpin.blind.run, "_taken_out", lambda truths: {})
+    draft = Draft("only", "one", 5, ("encoder_scale",), 60)
+    monkeypatch.setattr(gtpin.blind.run, "drafts", lambda cases, seed: [draft])
+    (case,) = check(tmp_path / "out", 1, 0, Quiet(), "processes").cases
+    assert case.error is None
+    assert case.said is not None
+    assert case.single.effect == "encoder_scale"
+    assert 30.0 < case.energy < 4000.0
+    assert case.leaves < case.energy
+    assert case.shrunk is not None
+    assert case.shrunk.knowing is not None
+    assert case.shrunk.knowing < case.shrunk.before
+    assert score([case])["cases"] == 1
