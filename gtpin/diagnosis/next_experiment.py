@@ -18,6 +18,8 @@ from gtpin.model import Model
 
 POSES = 20
 """Poses of an experiment: some ten minutes of work."""
+SURE = 0.95
+"""Probability from which a cause that has no rivals needs no further measurements."""
 LARGEST = 2000
 """Measured poses, beyond which so many of them are taken for all: gains come out a little too small."""
 CLASSES = 3
@@ -46,7 +48,7 @@ def plan(
     observed, model, references
         What the diagnosis worked on: poses, calibrated geometry without causes, and what covariates were counted from.
     standings
-        The causes, the largest first, with their classes; those that stand alone are taken as they are.
+        The causes, the largest first, with their classes; those that surely stand alone are taken as they are.
     untestable
         What these data can't show.
     unknown
@@ -59,7 +61,7 @@ def plan(
     if len(observed.weight) > LARGEST:
         observed = observed.take(rng.choice(len(observed.weight), LARGEST, replace=False))
     known = Known(observed, model, references)
-    open_ = [i for i, standing in enumerate(standings) if len(standing.members) > 1][:CLASSES]
+    open_ = [i for i, s in enumerate(standings) if len(s.members) > 1 or s.members[0][1] < SURE][:CLASSES]
     found = [split(known, standings, i, poses, rng) for i in open_]
     if unknown is not None:
         found.append(trace(known, *unknown, poses))

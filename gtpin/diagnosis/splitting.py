@@ -53,17 +53,24 @@ class Standing:
 
 
 def split(known: Known, standings: Sequence[Standing], which: int, poses: int, rng: np.random.Generator) -> Experiment:
-    """The experiment that best parts the leader of one class from its likeliest rivals, beside all other causes."""
+    """The experiment that best parts the leader of one class from its likeliest rivals, beside all other causes.
+
+    A cause without a rival is parted from no effect at all.
+    """
     robot = known.robot
     members = sorted(standings[which].members, key=lambda member: -member[1])[: RIVALS + 1]
     words = {word for candidate, _ in members for word in concerns(candidate, robot)}
     trials = possible(known, words, POOL, rng)
     others = beside(trials, [s for i, s in enumerate(standings) if i != which], words)
     predictions = [_prediction(trials, others, candidate) for candidate, _ in members]
-    rivalries = [Rivalry(*pair, weight=p) for i, (_, p) in enumerate(members[1:], start=1) for pair in ((0, i), (i, 0))]
+    weights = [p for _, p in members[1:]]
+    if not weights:
+        predictions.append(Prediction.of(trials, others))
+        weights = [1.0]
+    rivalries = [Rivalry(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
     rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
     names = tuple(candidate.name for candidate, _ in members)
-    told = f"{names[0]} from {listed(names[1:])}"
+    told = f"{names[0]} from {listed(names[1:] or ('no effect',))}"
     instead = watch([candidate.site for candidate, _ in members], robot)
     if gain < HOPELESS:
         measure = f"No poses within reach tell {told}: {instead}."

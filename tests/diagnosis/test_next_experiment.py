@@ -309,6 +309,15 @@ def test_an_unknown_is_traced_along_its_coordinates_and_nothing_else_moves(coord
         assert all(both == {-1.0, 1.0} for both in ways.values())
 
 
+def test_a_cause_without_a_rival_is_confirmed_where_it_is_not_sure() -> None:
+    _, known = known_of("linearity@cart2", 0)
+    cause = candidate("linearity@cart2")
+    (experiment,) = proposed(known, Standing(cause, 1.0, ((cause, 0.7),)))
+    assert experiment.separates == (cause.name,)
+    assert experiment.expected_gain > experiment.random_gain > 0.0
+    assert not proposed(known, Standing(cause, 1.0, ((cause, 0.99),)))
+
+
 def test_every_free_motion_can_be_traced() -> None:
     case, known = known_of("linearity@cart2", 0)
     frees = {free.over: free for free, _ in free_motions(known.situation)}
