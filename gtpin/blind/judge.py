@@ -36,13 +36,21 @@ SMOOTHED = frozenset({"one"})
 def judge(folder: Path, sealed: Path, digest: str, said: Said | None, without: Said | None = None) -> Judged:
     """Judge a case; ``without`` is what was said with its effect taken out of the catalogue.
 
-    A broken seal makes it a failed case.
+    A broken seal makes it a failed case, and so does what can't be judged.
     """
     try:
         truth = opened(sealed, digest)
     except SealError as error:
         return Judged(name=folder.name, error=str(error))
-    said = said or Said(error="it was not diagnosed")
+    try:
+        return _judged(folder, truth, said or Said(error="it was not diagnosed"), without)
+    except Exception as error:  # one case's fault is not the others'
+        plain = tuple(effect.model_copy(update={"displacement": None}) for effect in truth.effects)
+        what = f"it could not be judged: {type(error).__name__}: {error}"
+        return Judged(name=folder.name, kind=truth.kind, truth=plain, error=what)
+
+
+def _judged(folder: Path, truth: Truth, said: Said, without: Said | None) -> Judged:
     statement, other = _statement(said), _statement(without)
     plain = tuple(effect.model_copy(update={"displacement": None}) for effect in truth.effects)
     found = Judged(

@@ -156,6 +156,17 @@ def test_opened_cases_can_be_scored_again(cases: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("here")
+def test_a_diagnosis_that_can_not_be_judged_is_a_failed_case(cases: Path, tmp_path: Path) -> None:
+    told = json.loads((cases / "c" / "canned.json").read_text())
+    del told["said"]["where"]
+    (cases / "c" / "canned.json").write_text(json.dumps(told))
+    result = score(check_given(tmp_path / "out", cases, Quiet()).cases)
+    assert result["failures"] == ["c", "g"]
+    assert result["false_alarm"] == 0.5
+    assert result["kinds"]["none"] == 2
+
+
+@pytest.mark.usefixtures("here")
 def test_sources_that_change_meanwhile_are_told(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     digests = iter(["before", "after"])
     monkeypatch.setattr(gtpin.blind.run, "diagnosis_digest", lambda: next(digests))
