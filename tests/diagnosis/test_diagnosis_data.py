@@ -1,0 +1,198 @@
+"""What a diagnosis makes of data that lack something, are many, few, foul, or out of order."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosed import LARGE, POSES, classes, machine, said
+
+import gtpin
+from gtpin.data import Dataset, Instrument
+from gtpin.diagnosis import diagnose as room
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.errors import GtpinError, ModelError
+from gtpin.plant import make_case
+from gtpin.plant.tracker import Noise
+
+TOOTH = ("rack_periodic", "cart2")
+
+
+def names(found: Diagnosis) -> set[tuple[str, str]]:
+    return {(c.effect, c.site) for c in found.causes}
+
+
+def tooth(poses: int = POSES, noise: Noise | None = None, without: tuple[str, ...] = (), seed: int = 1) -> Dataset:
+    case = make_case(seed, effects=[TOOTH], energy=LARGE, poses=poses, noise=noise, without=without)
+    return case.dataset
+
+
+def test_the_same_data_and_seed_give_the_same_bytes():
+    once = said(1, "rack_periodic")
+    again = gtpin.diagnose(machine(1, "rack_periodic").dataset)
+    assert json.dumps(once.to_json()) == json.dumps(again.to_json())
+
+
+def test_the_order_of_rows_means_nothing():
+    dataset = machine(1, "rack_periodic").dataset
+    once = said(1, "rack_periodic")
+    again = gtpin.diagnose(dataset.take(np.random.default_rng(1).permutation(len(dataset))))
+    assert again.verdict == once.verdict
+    assert names(again) == names(once)
+    assert classes(again) == classes(once)
+    evidence = [{(c.effect, c.site): c.log_evidence for c in found.candidates} for found in (once, again)]
+    for key, value in evidence[0].items():
+        assert np.isclose(evidence[1][key], value, rtol=1e-3, atol=0.05), key
+    assert np.isclose(again.gap.before, once.gap.before, rtol=1e-3)
+    assert np.isclose(again.gap.after, once.gap.after, rtol=1e-2)
+
+
+def test_a_covariate_of_no_effect_changes_nothing():
+    dataset = machine(2, "backlash").dataset
+    humidity = np.random.default_rng(1).uniform(30.0, 60.0, len(dataset))
+    more = replace(dataset, covariates={**dataset.covariates, "humidity": humidity})
+    once, again = said(2, "backlash").to_json(), gtpin.diagnose(more).to_json()
+    for part in ("verdict", "causes", "candidates", "where", "gap", "unexplained"):
+        assert again[part] == once[part], part
+
+
+def test_positions_alone_show_the_cause():
+    found = gtpin.diagnose(tooth(noise=Noise(orientations=False)))
+    assert TOOTH in classes(found)
+    assert found.verdict in ("explained", "ambiguous")
+    assert set(found.where.axis) == {"x", "y", "z"}
+
+
+def test_noise_that_is_not_declared_is_no_hindrance():
+    found = gtpin.diagnose(tooth(noise=Noise(declared=False)))
+    assert TOOTH in names(found)
+    # Position's noise of 15 um an axis, which nobody told, and a machine that repeats to a few um.
+    assert abs(np.log(found.gap.floor / (np.sqrt(3.0) * 1.5e-5))) < 0.2
+
+
+def test_repeatability_larger_than_the_instruments_noise_is_in_the_floor():
+    noise = Noise(repeatability=(2.4e-5, 2.6e-5))
+    case = make_case(1, effects=[], poses=POSES, noise=noise)
+    found = gtpin.diagnose(case.dataset)
+    assert found.verdict == "none"
+    still = make_case(1, effects=[], poses=POSES, noise=noise.model_copy(update={"repeatability": (0.0, 0.0)}))
+    scatter = ((case.true.T - still.true.T) ** 2).sum(axis=1).mean() + 3.0 * 1.5e-5**2
+    assert abs(np.log(found.gap.floor**2 / scatter)) < 0.35
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_gross_errors_are_no_cause():
+    found = gtpin.diagnose(tooth(noise=Noise(gross=0.04)))
+    assert TOOTH in names(found)
+    assert found.gap.shrinkage > 0.0
+    clean = gtpin.diagnose(make_case(2, effects=[], poses=POSES, noise=Noise(gross=0.04)).dataset)
+    assert clean.verdict == "none"
+
+
+def test_what_a_missing_covariate_would_show_is_untestable_and_says_so():
+    found = gtpin.diagnose(tooth(without=("temp", "speed", "approach", "session", "payload", "time")))
+    assert TOOTH in names(found)
+    untestable = {(c.effect, c.site): c.reason for c in found.candidates if not c.testable}
+    for effect, site, word in (
+        ("servo_lag", "cart1", "speed1"),
+        ("backlash", "cart3", "approach3"),
+        ("thermal_links", "arm", "temp_link"),
+        ("thermal_track", "cart2", "temp_frame"),
+        ("zero_shift", "cart1", "session"),
+        ("frame_shift", "frame", "session"),
+        ("tracker_drift", "frame", "time"),
+    ):
+        assert word in untestable[effect, site]
+
+
+def test_bare_commands_and_poses_are_enough():
+    dataset = replace(machine(2).dataset, covariates={})
+    found = gtpin.diagnose(dataset)
+    assert found.verdict == "none"
+    assert any(c.testable for c in found.candidates)
+
+
+@pytest.mark.parametrize("poses", [8, 12, 20])
+@pytest.mark.parametrize("effect", [[], [TOOTH]])
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_few_poses_are_diagnosed_or_refused_in_one_line(poses, effect):
+    dataset = make_case(1, effects=effect, energy=LARGE, poses=poses).dataset
+    refused = ""
+    try:
+        found = gtpin.diagnose(dataset)
+    except GtpinError as error:
+        refused = str(error)
+    assert "\n" not in refused
+    if refused:
+        return
+    assert json.dumps(found.to_json(), allow_nan=False)
+    if not effect:
+        assert found.verdict == "none"
+        assert found.causes == ()
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_positions_of_few_poses_never_end_in_a_crash():
+    dataset = make_case(3, effects=[], poses=15, noise=Noise(orientations=False, declared=False)).dataset
+    try:
+        found = gtpin.diagnose(dataset)
+    except GtpinError:
+        return
+    assert found.verdict == "none"
+
+
+def test_a_robot_without_rods_is_refused(tmp_path):
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(ARM, encoding="utf-8")
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-1.0, 1.0, (60, 2))
+    # A plane arm of two links of 0.5 m about z; the target 0.1 m above.
+    angle = q.sum(axis=1)
+    T = np.stack(
+        [0.5 * np.cos(q[:, 0]) + 0.5 * np.cos(angle), 0.5 * np.sin(q[:, 0]) + 0.5 * np.sin(angle), 0.0 * angle], 1
+    )
+    dataset = Dataset(
+        robot=str(urdf),
+        pose=np.array([str(i) for i in range(60)], dtype=object),
+        q=q,
+        position=T + 1e-5 * rng.standard_normal((60, 3)),
+        instrument=Instrument(position_sigma=1e-5),
+    )
+    with pytest.raises(ModelError, match="no rods"):
+        gtpin.diagnose(dataset)
+
+
+@pytest.mark.parametrize("word", ["gremlins", "backlash@cart9", "backlash@", "@cart1", ""])
+def test_what_is_excluded_must_be_known(word):
+    with pytest.raises(GtpinError):
+        gtpin.diagnose(machine(1).dataset, exclude=[word])
+
+
+@pytest.mark.parametrize("station", [None, (1.5, -7.0, 0.3)])
+def test_more_poses_than_a_search_is_made_on_are_all_fitted(station, monkeypatch):
+    dataset = machine(1, "rack_periodic").dataset
+    dataset = replace(dataset, instrument=dataset.instrument.model_copy(update={"station": station}))
+    monkeypatch.setattr(room, "MOST_POSES", 100)
+    found = gtpin.diagnose(dataset)
+    (truth,) = machine(1, "rack_periodic").effects
+    assert (truth.effect, truth.site) in classes(found)
+    residual = dataset.position - found.model.predict(dataset.q, dataset.covariates).T
+    assert np.sqrt((residual**2).mean()) < 2.0 * 1.5e-5
+    assert len(found.model.predict(dataset.q, dataset.covariates).T) == len(dataset) > 100
+
+
+def test_an_instrument_in_a_frame_of_its_own_is_no_cause():
+    found = gtpin.diagnose(make_case(3, effects=[], poses=POSES, noise=Noise(free=True)).dataset)
+    assert found.verdict == "none"
+
+
+ARM = """<?xml version="1.0"?>
+<robot name="plane_arm">
+  <link name="base"/><link name="upper"/><link name="fore"/><link name="tool"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.5 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="wrist" type="fixed"><parent link="fore"/><child link="tool"/><origin xyz="0.5 0 0"/></joint>
+</robot>
+"""
