@@ -19,6 +19,7 @@ from gtpin.commands.export import export
 from gtpin.commands.predict import predict
 from gtpin.commands.sensitivity import sensitivity
 from gtpin.commands.simulate import simulate
+from gtpin.commands.view import view
 from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
 
 INTERRUPTED = 130
@@ -53,6 +54,7 @@ for command, *examples in (
         "gtpin simulate -o virtual --poses 150 --seed 3",
         "gtpin simulate -o virtual --scenario examples/scenarios/backlash.toml",
     ),
+    (view, "gtpin view gantry_tau", "gtpin view calibrated measurements -o gap.png"),
     (blind, "gtpin blind -o check --cases 100", "gtpin blind -o check --from cases"),
 ):
     app.command(epilog="\n\n".join(["Examples:" if examples[1:] else "Example:", *examples]))(command)

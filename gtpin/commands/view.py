@@ -1,0 +1,44 @@
+"""``gtpin view``: the robot and its gap in 3-D."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gtpin.commands.terminal import ModelReference
+from gtpin.data import Dataset
+from gtpin.model_folder import read_model
+from gtpin.view.gap import gap_of
+from gtpin.view.still import write_still
+
+
+def view(
+    model: ModelReference,
+    dataset: Annotated[
+        Path | None, typer.Argument(help="Folder of measured poses, whose gap is shown.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write a still image (PNG, SVG, PDF) instead.", show_default=False),
+    ] = None,
+    host: Annotated[str, typer.Option("--host", help="Address that the page is served at.")] = "localhost",
+    port: Annotated[int, typer.Option("--port", help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,
+) -> None:
+    """Show the robot in 3-D in the browser: along the poses, errors magnified, rods by their share of the gap."""
+    found = read_model(model)
+    gap = None if dataset is None else gap_of(found, Dataset.read(dataset))
+    if output is not None:
+        write_still(output, found, gap)
+        typer.echo(f"Written: {output}")
+        return
+    from gtpin.view.scene import Scene  # its page is served by an extra
+
+    scene = Scene(found, gap, host, port)
+    typer.echo(f"Open {scene.address} (Ctrl-C ends)")
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        scene.stop()

@@ -1,0 +1,108 @@
+"""The gap of a model at the poses of a dataset, as pictures need it: errors in the base frame, and each rod's share."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.calibrate import measured_poses
+from gtpin.data import Dataset, check_commands
+from gtpin.effects.situation import Situation
+from gtpin.errors import DatasetError, GtpinWarning, ModelError
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Measured less predicted at N poses, base frame.
+
+    Parameters
+    ----------
+    pose
+        (N,) their ids.
+    q
+        (N, n) commands.
+    T
+        (N, 3) predicted positions of the TCP, m.
+    error
+        (N, 3) measured less predicted position, m.
+    share
+        Each rod's share of the gap's power beyond the declared noise, by site; empty for a robot without rods.
+    """
+
+    pose: npt.NDArray[np.object_]
+    q: Floats
+    T: Floats
+    error: Floats
+    share: dict[str, float]
+
+    @property
+    def length(self) -> Floats:
+        """(N,) lengths of the errors, m."""
+        return np.asarray(np.linalg.norm(self.error, axis=1))
+
+    def magnification(self) -> float:
+        """A round factor that makes the usual error a tenth of the workspace; 1 where there is none."""
+        usual = float(np.median(self.length))
+        if usual <= 0.0:
+            return 1.0
+        wanted = max(0.1 * max(float(np.ptp(self.T, axis=0).max()), 0.1) / usual, 1.0)
+        power = 10.0 ** np.floor(np.log10(wanted))
+        return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
+
+
+def gap_of(model: Model, dataset: Dataset) -> Gap:
+    """The gap between a model and measurements.
+
+    Raises
+    ------
+    DatasetError
+        If the commands can't be the robot's, or it can't reach any of them.
+    ModelError
+        If a covariate is missing that an active effect needs, or nobody knows where the instrument stood.
+
+    Warns
+    -----
+    GtpinWarning
+        Of poses that the robot can't reach, by name; they are left out.
+    """
+    robot = model.robot
+    if dataset.instrument.frame == "free" and model.frame.is_base:
+        hint = "give the model that gtpin calibrate makes of these data"
+        raise ModelError("the instrument stood elsewhere, and this model does not know where", hint=hint)
+    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    predicted = model.predict(dataset.q, dataset.covariates)
+    reached = predicted.reached
+    if not reached.any():
+        raise DatasetError("the robot reaches none of these poses", file=dataset.file, hint="check robot and commands")
+    if not reached.all():
+        names = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[~reached]))
+        warnings.warn(f"left out, can't be reached: poses {names}", GtpinWarning, stacklevel=2)
+    kept = dataset.take(reached)
+    there, frame = predicted[reached], model.frame
+    left = measured_poses(kept).minus(there)
+    error = left @ np.kron(np.eye(left.shape[1] // 3), frame.R)
+    return Gap(kept.pose, kept.q, (there.T - frame.T) @ frame.R, error[:, :3], _shares(model, kept, error))
+
+
+def _shares(model: Model, dataset: Dataset, error: Floats) -> dict[str, float]:
+    """Errors mapped to the rods by the closures' Jacobian; unmeasured turns count as none."""
+    kinematics, robot = model.kinematics, model.robot
+    if not isinstance(kinematics, RodKinematics):
+        return {}
+    at = Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates)
+    to_rods = np.linalg.inv(at.response)[:, :, : error.shape[1]]
+    declared = dataset.instrument
+    sigma = np.repeat([declared.position_sigma or 0.0, declared.orientation_sigma or 0.0], 3)[: error.shape[1]]
+    power = (np.einsum("nkc,nc->nk", to_rods, error) ** 2).mean(axis=0) - ((to_rods * sigma) ** 2).sum(axis=2).mean(
+        axis=0
+    )
+    power = np.maximum(power, 0.0)
+    total = float(power.sum())
+    return {site: float(p / total) if total > 0.0 else 0.0 for site, p in zip(robot.rod_sites, power, strict=True)}

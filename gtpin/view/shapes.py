@@ -1,0 +1,62 @@
+"""The shapes of a model for Pinocchio's visualizers: the URDF's own, rods coloured by their share of the gap."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from gtpin.model import Model
+from gtpin.model_folder import calibrated_urdf
+from gtpin.robot.description import Description
+from gtpin.robot.robot import Robot
+from gtpin.view.colors import of_share
+
+RADIUS = 0.012
+"""Of rods that the URDF gives no shape, over the machine's size."""
+
+
+def robot_as_modelled(model: Model) -> Robot:
+    """A robot with the model's geometry, as far as a URDF can carry it."""
+    return Robot(Description.parse(calibrated_urdf(model), model.robot.description.source))
+
+
+def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
+    """A ``pinocchio.GeometryModel`` of everything that can be seen.
+
+    Parameters
+    ----------
+    robot
+        Whose URDF's shapes are taken; a rod without any becomes a cylinder.
+    share
+        Each rod's share of the gap, by site; where there are none, all keep their colours.
+    """
+    found = pin.buildGeomFromUrdfString(robot.model, robot.description.xml, pin.GeometryType.VISUAL)
+    rods = {rod.link: rod for rod in robot.rods}
+    drawn = set()
+    for shape in found.geometryObjects:
+        link = robot.model.frames[shape.parentFrame].name
+        if link in rods:
+            drawn.add(link)
+            if share:
+                shape.meshColor = np.append(of_share(share.get(rods[link].site, 0.0)), 1.0)
+    for link, rod in rods.items():
+        if link not in drawn:
+            found.addGeometryObject(_cylinder(robot, rod.loop, rod.rod_end, rod.site, share))
+    return found
+
+
+def _cylinder(robot: Robot, loop: int, end: int, site: str, share: Mapping[str, float]) -> Any:
+    """A rod from its last joint to its end."""
+    import coal
+
+    constraint = robot.constraints[loop]
+    joint = (constraint.joint1_id, constraint.joint2_id)[end]
+    tip = (constraint.joint1_placement, constraint.joint2_placement)[end].translation
+    length = float(np.linalg.norm(tip))
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip / max(length, 1e-12)).matrix()
+    shape = pin.GeometryObject(site, joint, pin.SE3(turn, tip / 2.0), coal.Cylinder(RADIUS * robot.size / 4.0, length))
+    shape.meshColor = np.append(of_share(share.get(site, 0.0)), 1.0)
+    return shape

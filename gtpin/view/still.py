@@ -1,0 +1,126 @@
+"""A still image of the machine and its gap. It needs matplotlib, which the extras ``plots`` and ``view`` bring."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy.figures import new_figure
+from gtpin.errors import GtpinError, ModelError
+from gtpin.model import Model
+from gtpin.output import results_folder
+from gtpin.report.skeleton import Skeleton, skeleton
+from gtpin.report.sketch import ELEVATION, Camera
+from gtpin.view.colors import GREY, of_errors, of_share
+from gtpin.view.gap import Gap
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Floats = npt.NDArray[np.float64]
+
+FORMATS = (".png", ".svg", ".pdf")
+MOST = 400
+"""Errors that are drawn; more of them are thinned evenly."""
+
+
+def still(model: Model, gap: Gap | None = None) -> Figure:
+    """A picture of a machine with rods, the errors magnified, the rods coloured by their share of the gap.
+
+    Raises
+    ------
+    ModelError
+        If the robot has no rods.
+    GtpinError
+        If matplotlib is missing.
+    """
+    machine = skeleton(model, None if gap is None else gap.q[int(np.argmax(gap.length))])
+    if machine is None:
+        raise ModelError(f"{model.robot.name} has no rods", hint="still images are of robots with rods; leave -o out")
+    figure = new_figure(9.0, 7.0)
+    axes: Any = figure.add_subplot(projection="3d")
+    _machine(axes, machine, model.robot.rod_sites, {} if gap is None else gap.share)
+    title = model.robot.name
+    if gap is not None:
+        title += _errors(axes, gap)
+    axes.set_title(title, fontsize=11)
+    seen = machine.points if gap is None else np.vstack([machine.points, gap.T])
+    _frame(axes, machine, seen)
+    return figure
+
+
+def write_still(file: Path, model: Model, gap: Gap | None = None) -> None:
+    """Write a still image: PNG, SVG or PDF, by the file's ending.
+
+    Raises
+    ------
+    GtpinError
+        If the ending is none of these, or the file can't be written.
+    """
+    if file.suffix.lower() not in FORMATS:
+        raise GtpinError("not an image that can be written", file=file, hint=f"end its name in {', '.join(FORMATS)}")
+    if file.is_dir():
+        raise GtpinError("this is a folder", file=file, hint="name an image file")
+    figure = still(model, gap)
+    with results_folder(file.parent) as folder:
+        figure.savefig(folder / file.name, metadata={"Date": None} if file.suffix.lower() == ".svg" else None)
+
+
+def _machine(axes: Any, machine: Skeleton, links: tuple[str, ...], share: dict[str, float]) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    for ends in machine.tracks.values():
+        axes.plot(*ends.T, color=GREY, linewidth=5.0, alpha=0.4, solid_capstyle="round")
+    for site, middle in machine.carts.items():
+        axes.plot(*middle, "s", color="0.35", markersize=8)
+        axes.text(*middle, f"  {site}", fontsize=9)
+        for i in machine.rods_of[site]:
+            axes.plot(*np.stack([middle, machine.seats[i]]).T, color="0.35", linewidth=2.0)
+        if site in machine.anchors:
+            axes.plot(*np.stack([machine.anchors[site], middle]).T, color=GREY, linewidth=5.0, alpha=0.6)
+    for i, (a, b) in enumerate(zip(machine.seats, machine.joints, strict=True)):
+        part = share.get(links[i], 0.0)
+        axes.plot(*np.stack([a, b]).T, color=of_share(part), linewidth=1.8 + 3.0 * part)
+        words = f"{links[i]} {100.0 * part:.0f} %" if part >= 0.05 else links[i]
+        axes.text(*(a + 0.35 * (b - a)), words, fontsize=8, color="0.3")
+    corners = machine.joints
+    hull = [
+        [corners[i], corners[j], corners.mean(axis=0)] for i, j in zip(*np.triu_indices(len(corners), 1), strict=True)
+    ]
+    axes.add_collection3d(Poly3DCollection(hull, facecolor=(0.15, 0.35, 0.65, 0.25)))
+    axes.plot(*machine.tcp, "o", color="white", markeredgecolor="black", markersize=5)
+
+
+def _errors(axes: Any, gap: Gap) -> str:
+    """Draw the errors; say how much they are magnified."""
+    rows = np.unique(np.linspace(0, len(gap.q) - 1, min(len(gap.q), MOST)).astype(np.intp))
+    factor, colors = gap.magnification(), of_errors(gap.length)[rows]
+    T, ends = gap.T[rows], gap.T[rows] + factor * gap.error[rows]
+    axes.scatter(*T.T, color=colors, s=9, depthshade=False)
+    for a, b, color in zip(T, ends, colors, strict=True):
+        axes.plot(*np.stack([a, b]).T, color=color, linewidth=1.0)
+    rms = float(np.sqrt((gap.length**2).mean()))
+    return f": position errors of {1e6 * rms:,.0f} µm RMS at {len(gap.q)} poses, drawn {factor:,.0f} times larger"
+
+
+def _frame(axes: Any, machine: Skeleton, points: Floats) -> None:
+    """Equal scales, seen from where the rods hide each other the least; gravity down if it is along an axis."""
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = 0.03 * float((high - low).max())
+    for k, name in enumerate("xyz"):
+        getattr(axes, f"set_{name}lim")(low[k] - room, high[k] + room)
+        getattr(axes, f"set_{name}label")(f"{name} (m)")
+        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(5))
+    axes.set_box_aspect(high - low + 2.0 * room, zoom=1.15)
+    axes.set_proj_type("ortho")
+    right, up = Camera.of(machine).axes
+    eye = np.cross(right, up)
+    vertical = int(np.argmax(np.abs(machine.up)))
+    first, second = (vertical + 1) % 3, (vertical + 2) % 3
+    azimuth = np.rad2deg(np.arctan2(eye[second], eye[first]))
+    axes.view_init(elev=float(np.rad2deg(ELEVATION)), azim=float(azimuth), vertical_axis="xyz"[vertical])

@@ -1,0 +1,214 @@
+"""The machine and its gap in 3-D and as a still image."""
+
+from __future__ import annotations
+
+import re
+import sys
+import urllib.request
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import gtpin
+import gtpin.cli
+from gtpin import Frame, Geometry, Model, load_robot
+from gtpin.data import Dataset, Instrument
+from gtpin.errors import DatasetError, GtpinError, GtpinWarning, ModelError
+from gtpin.kinematics.rotations import exp
+from gtpin.robot.description import Description
+from gtpin.robot.robot import Robot
+from gtpin.view.colors import of_errors, of_share
+from gtpin.view.gap import gap_of
+from gtpin.view.shapes import robot_as_modelled, shapes
+from gtpin.view.still import still, write_still
+
+NOMINAL = Model(Geometry.nominal(load_robot("gantry_tau")))
+
+
+def dataset_of(
+    model: Model, shift: np.ndarray | None = None, orientation: bool = True, frame: str = "robot"
+) -> Dataset:
+    """Exactly what a model predicts, shifted in the instrument's frame."""
+    q = np.random.default_rng(4).uniform(-0.4, 0.4, (25, 3))
+    poses = model.predict(q)
+    return Dataset(
+        robot="gantry_tau",
+        pose=[str(i) for i in range(len(q))],
+        q=q,
+        position=poses.T + (0.0 if shift is None else shift),
+        orientation=poses.quaternions if orientation else None,
+        instrument=Instrument(frame=frame),
+    )
+
+
+def lengthened(link: str, by: float) -> Model:
+    geometry = NOMINAL.geometry
+    values = geometry.values.copy()
+    values[geometry.names.index(f"length[{link}]")] += by
+    return Model(geometry.with_values(values))
+
+
+def test_errors_are_measured_less_predicted():
+    shift = np.array([1e-4, -2e-4, 5e-5])
+    gap = gap_of(NOMINAL, dataset_of(NOMINAL, shift))
+    np.testing.assert_allclose(gap.error, np.tile(shift, (25, 1)), atol=1e-12)
+    np.testing.assert_allclose(gap.T, NOMINAL.predict(gap.q).T, atol=1e-12)
+    np.testing.assert_allclose(gap.length, np.linalg.norm(shift), atol=1e-12)
+
+
+def test_errors_seen_from_elsewhere_are_told_in_the_base_frame():
+    turn = exp(np.array([[0.2, -0.4, 1.1]]))[0]
+    seen = Model(NOMINAL.geometry, Frame(np.array([1.0, 2.0, 3.0]), turn))
+    shift = np.array([1e-4, -2e-4, 5e-5])
+    gap = gap_of(seen, dataset_of(seen, turn @ shift, frame="free"))
+    np.testing.assert_allclose(gap.error, np.tile(shift, (25, 1)), atol=1e-12)
+    np.testing.assert_allclose(gap.T, NOMINAL.predict(gap.q).T, atol=1e-12)
+
+
+@pytest.mark.parametrize("link", ["1", "2b", "3c"])
+def test_a_rod_that_is_too_long_has_the_whole_gap(link):
+    gap = gap_of(NOMINAL, dataset_of(lengthened(link, 2e-4)))
+    assert gap.share[f"link{link}"] > 0.99
+    assert sum(gap.share.values()) == pytest.approx(1.0)
+
+
+def test_without_a_gap_no_rod_has_a_share():
+    exact = gap_of(
+        NOMINAL, replace(dataset_of(NOMINAL), instrument=Instrument(position_sigma=1e-5, orientation_sigma=1e-5))
+    )
+    assert set(exact.share.values()) == {0.0}
+
+
+def test_errors_are_magnified_by_a_round_factor_to_a_tenth_of_the_workspace():
+    gap = gap_of(NOMINAL, dataset_of(NOMINAL, np.array([1e-4, 0.0, 0.0])))
+    factor = gap.magnification()
+    assert re.fullmatch(r"[125]0*", f"{factor:.0f}")
+    assert 0.02 < factor * 1e-4 / np.ptp(gap.T, axis=0).max() <= 0.1
+    assert gap_of(NOMINAL, dataset_of(NOMINAL)).magnification() >= 1.0
+
+
+def test_poses_out_of_reach_are_left_out_by_name():
+    exact = dataset_of(NOMINAL)
+    q = exact.q.copy()
+    q[3] = [1.9, -1.9, 1.9]  # no farther outside the range than a dataset allows
+    lost = replace(exact, q=q)
+    with pytest.warns(GtpinWarning, match="poses 3"):
+        assert len(gap_of(NOMINAL, lost).q) == 24
+
+
+def test_a_model_that_does_not_know_where_the_instrument_stood_is_refused():
+    with pytest.raises(ModelError, match="stood elsewhere"):
+        gap_of(NOMINAL, dataset_of(NOMINAL, frame="free"))
+
+
+def test_a_dataset_of_another_robot_is_refused():
+    with pytest.raises(DatasetError):
+        gap_of(Model(Geometry.nominal(load_robot("stewart"))), dataset_of(NOMINAL))
+
+
+def test_colours_grow_redder_with_the_share_and_the_error():
+    red = [of_share(share)[0] - of_share(share)[2] for share in (0.0, 0.2, 0.5)]
+    assert red == sorted(set(red))
+    colors = of_errors(np.linspace(0.0, 1e-4, 50))
+    assert colors.shape == (50, 3)
+    assert ((colors >= 0.0) & (colors <= 1.0)).all()
+    assert colors[-1, 0] - colors[-1, 2] > colors[0, 0] - colors[0, 2]
+
+
+@pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
+def test_a_still_image_is_written_in_the_format_of_its_ending(tmp_path, ending):
+    gap = gap_of(NOMINAL, dataset_of(lengthened("2a", 2e-4)))
+    write_still(tmp_path / f"still{ending}", NOMINAL, gap)
+    start = (tmp_path / f"still{ending}").read_bytes()[:300]
+    assert {".png": b"PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[ending] in start
+    assert [file.name for file in tmp_path.iterdir()] == [f"still{ending}"]
+
+
+def test_a_still_image_names_the_parts_and_tells_how_much_errors_are_magnified():
+    gap = gap_of(NOMINAL, dataset_of(NOMINAL, np.array([1e-4, 0.0, 0.0])))
+    (axes,) = still(NOMINAL, gap).axes
+    told = " ".join(text.get_text() for text in axes.texts)
+    for site in (*NOMINAL.robot.rod_sites, *NOMINAL.robot.sites):
+        assert site in told
+    assert "100 µm RMS" in axes.get_title()
+    assert f"{gap.magnification():,.0f} times" in axes.get_title()
+
+
+@pytest.mark.parametrize("name", ["still.gif", "still"])
+def test_an_image_of_another_kind_is_refused(tmp_path, name):
+    with pytest.raises(GtpinError, match="not an image"):
+        write_still(tmp_path / name, NOMINAL)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_rods_are_coloured_by_their_share_and_keep_their_colour_without():
+    robot = robot_as_modelled(NOMINAL)
+    share = dict.fromkeys(robot.rod_sites, 0.0) | {"link2a": 0.6}
+    frames = robot.model.frames
+
+    def color(found, link):
+        return next(s.meshColor for s in found.geometryObjects if frames[s.parentFrame].name == link)
+
+    shared, plain = shapes(robot, share), shapes(robot, {})
+    np.testing.assert_allclose(color(shared, "link2a")[:3], of_share(0.6))
+    np.testing.assert_allclose(color(shared, "link1")[:3], of_share(0.0))
+    assert not np.allclose(color(plain, "link2a"), color(shared, "link2a"))
+    np.testing.assert_allclose(color(plain, "cart1"), color(shared, "cart1"))
+
+
+def test_rods_without_shapes_become_cylinders_from_end_to_end():
+    xml = re.sub(r"<visual.*?</visual>", "", NOMINAL.robot.description.xml, flags=re.S)
+    robot = Robot(Description.parse(xml))
+    found = shapes(robot, {"link1": 1.0})
+    assert [shape.name for shape in found.geometryObjects] == list(robot.rod_sites)
+    posture = gtpin.home(robot)
+    data = robot.model.createData()
+    placed = found.createData()
+    pin.updateGeometryPlacements(robot.model, data, found, placed, posture.configuration)
+    ends = NOMINAL.kinematics.ends(robot.home_q[None])
+    joints = ends.P @ posture.R.T + posture.T
+    for i, (shape, M) in enumerate(zip(found.geometryObjects, placed.oMg, strict=True)):
+        half = M.rotation @ np.array([0.0, 0.0, shape.geometry.halfLength])
+        both = np.array([M.translation - half, M.translation + half])
+        np.testing.assert_allclose(both, np.array([joints[i], ends.C[0, i]]), atol=1e-9)
+
+
+def test_the_page_is_served_and_the_machine_goes_where_it_is_told(capsys):
+    pytest.importorskip("viser", reason="viser is not installed")
+    from gtpin.view.scene import Scene
+
+    gap = gap_of(NOMINAL, dataset_of(NOMINAL, np.array([1e-4, 0.0, 0.0])))
+    scene = Scene(NOMINAL, gap, port=0)
+    try:
+        with urllib.request.urlopen(scene.address, timeout=60) as page:
+            assert b"<html" in page.read(2000).lower()
+        scene.show(np.array([0.1, -0.2, 0.05]))
+        np.testing.assert_allclose(scene.posture.T, NOMINAL.predict([[0.1, -0.2, 0.05]]).T[0], atol=1e-9)
+    finally:
+        scene.stop()
+    assert capsys.readouterr().out == ""
+
+
+def test_without_the_extra_the_error_says_how_to_get_it(monkeypatch):
+    from gtpin.view import scene
+
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(GtpinError, match=r"gtpin\[view\]"):
+        scene.Scene(NOMINAL, None)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [(["gantry_tau", "-o", "a.png"], 0), (["gantry_tau", "-o", "a.gif"], 2), (["nobody", "-o", "a.png"], 2)],
+)
+def test_the_command_writes_a_still_image_or_says_in_one_line_why_not(arguments, code, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["gtpin", "view", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        gtpin.cli.main()
+    out, err = capsys.readouterr()
+    assert ended.value.code == code
+    assert len((err if code else out).splitlines()) == 1
+    assert (tmp_path / "a.png").exists() == (code == 0)
