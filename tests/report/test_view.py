@@ -90,12 +90,17 @@ def test_errors_are_magnified_by_a_round_factor_to_a_tenth_of_the_workspace():
 
 
 def test_poses_out_of_reach_are_left_out_by_name():
-    exact = dataset_of(NOMINAL)
-    q = exact.q.copy()
-    q[3] = [1.9, -1.9, 1.9]  # no farther outside the range than a dataset allows
-    lost = replace(exact, q=q)
+    stewart = Model(Geometry.nominal(load_robot("stewart")))
+    lower, upper = stewart.robot.lower, stewart.robot.upper
+    q = (lower + upper) / 2.0 + np.linspace(-0.1, 0.1, 8)[:, None] * (upper - lower)
+    q[3] = [lower[0], upper[1], lower[2], upper[3], lower[4], upper[5]]  # no plate is so twisted
+    poses = stewart.predict(q)
+    assert poses.reached.tolist() == [i != 3 for i in range(8)]
+    poses.T[3] = poses.T[0]
     with pytest.warns(GtpinWarning, match="poses 3"):
-        assert len(gap_of(NOMINAL, lost).q) == 24
+        gap = gap_of(stewart, Dataset(robot="stewart", pose=[str(i) for i in range(8)], q=q, position=poses.T))
+    assert gap.pose.tolist() == ["0", "1", "2", "4", "5", "6", "7"]
+    np.testing.assert_array_equal(gap.error, 0.0)
 
 
 def test_a_model_that_does_not_know_where_the_instrument_stood_is_refused():
