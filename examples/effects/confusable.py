@@ -15,6 +15,7 @@ import pandas as pd
 from scipy.linalg import cho_factor, cho_solve
 
 import gtpin
+from gtpin.diagnosis.evidence import best_scales
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.situation import Situation
 from gtpin.plant import make_case
@@ -23,7 +24,6 @@ from gtpin.plant.conditions import Conditions
 SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
 """The tracker's, m and rad."""
 ENERGY = 1000.0
-SCALES = np.exp(np.linspace(np.log(0.1), np.log(30.0), 12))
 SETTINGS = {"rack_periodic": (0.04, 0.1), "rack_step": (-0.2, 0.05, 0.25)}
 DRAWS = 3
 
@@ -39,6 +39,11 @@ def columns(at: Situation, name: str, site: str, setting: float | None) -> np.nd
     """Whitened displacements for coefficients of typical size."""
     basis = catalogue()[name].basis(at, site, setting)
     return (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(len(at) * 6, -1)
+
+
+def gain(gram: np.ndarray, moment: np.ndarray, form: tuple[int, ...]) -> float:
+    """Log evidence of a group over none, with the scale of its coefficients that suits best."""
+    return float(best_scales(gram[None], moment.T, form)[0][0])
 
 
 def main() -> None:
@@ -64,11 +69,12 @@ def main() -> None:
             if energy < 1.0:
                 continue  # geometry takes it
             d *= np.sqrt(ENERGY / energy)
-            own = gain(product(X, X), product(X, d[:, None])[:, 0])
+            own = gain(product(X, X), product(X, d[:, None]), catalogue()[name].form)
             for other, others in places.items():
                 if other == (name, site):
                     continue
-                found = max(gain(G, product(Y, d[:, None])[:, 0]) for G, Y in zip(grams[other], others, strict=True))
+                form = catalogue()[other[0]].form
+                found = max(gain(G, product(Y, d[:, None]), form) for G, Y in zip(grams[other], others, strict=True))
                 rows.append((name, site, *other, max(found, 0.0) / own))
     table = pd.DataFrame(rows, columns=["effect", "site", "imitator", "at", "share"])
     table = table.groupby(["effect", "site", "imitator", "at"], as_index=False)["share"].median()
@@ -81,15 +87,6 @@ def main() -> None:
             elsewhere = best[name].get(name)
             others = ", ".join(f"{imitator} {share:.0%}" for imitator, share in top.items())
             print(f"{name:16s} {others}" + ("" if elsewhere is None else f"; at another site {elsewhere:.0%}"))
-
-
-def gain(gram: np.ndarray, moment: np.ndarray) -> float:
-    """Log evidence by a group over none, with the scale of its coefficients that suits best."""
-    values, vectors = np.linalg.eigh(gram)
-    values, squares = np.maximum(values, 0.0), (vectors.T @ moment) ** 2
-    s2 = (SCALES**2)[:, None]
-    gains = 0.5 * (s2 * squares / (1.0 + s2 * values) - np.log1p(s2 * values)).sum(axis=1)
-    return float((gains - 0.5 * (np.log(SCALES) / 1.3) ** 2).max())
 
 
 if __name__ == "__main__":

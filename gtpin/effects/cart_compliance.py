@@ -36,7 +36,7 @@ class CartCompliance(Effect):
     id = "cart_compliance"
     title = "the cart gives way and tips under the forces of its links"
     coefficient = ("along", "m/N")
-    form = (0, 1, 2, 15, 16, 17)
+    form = (0, 1, 2)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator that slides a carrier along a track."""
@@ -56,8 +56,8 @@ class CartCompliance(Effect):
         lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
         moment = np.cross(lever, pull).sum(axis=1)
         # Against the fit's own load, so that a pose does not depend on which others it is asked with.
-        (mean, _), (towards, _) = at.references.force, at.references.direction
-        usual = max(float(np.linalg.norm(mean[rods] @ towards[rods])), 1e-9)
+        mean, spread = at.references.force
+        usual = max(float(np.sqrt((mean[rods] ** 2 + spread[rods] ** 2).sum())), 1e-9)
         harder = np.linalg.norm(force, axis=1) / usual - 1.0
         waves = [np.cos(np.pi / 2.0 * k * (at.travel[:, j] + 1.0)) for k in (1, 2)]
         columns, sizes = [], []

@@ -5,13 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis
-from gtpin.effects.effect import Effect, unit
+from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
+
+SCALE, WANDER = 3e-5, 1.5e-6
+"""Size of the scale, m/m, and of the seen shift where it wanders, m: some per cent of it at some metres' distance."""
 
 
 class TrackerScale(Effect):
     """dT = s (T - T_home): lengths are read too long where s > 0. About what point they grow is a shift, which geometry takes.
+
+    Where the scale wanders with the time or goes with the air's temperature, everything that is seen comes and goes along
+    the line of sight; as the instrument's place need not be known, that is a shift in any direction.
 
     Parameters: ``scale`` s, m/m.
 
@@ -33,7 +39,15 @@ class TrackerScale(Effect):
         return ("position",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Growth of the measured positions about home."""
-        twist = np.zeros((len(at), 6, 1))
+        """Growth of the measured positions about home, and shifts as the scale wanders."""
+        waves = []
+        if at.has("time"):
+            t = np.clip(at.time, -1.0, 1.0)
+            waves += [np.cos(np.pi / 2.0 * k * (t + 1.0)) / k for k in (1, 2, 3)]
+        if at.has("temp_frame"):
+            waves.append((at.covariate("temp_frame") - at.references.temperature) / 3.0)
+        twist = np.zeros((len(at), 6, 1 + 3 * len(waves)))
         twist[:, :3, 0] = at.poses.T - at.kinematics.home.T[0]
-        return Basis(unit([1.0], 3e-5), twist=twist)
+        for k, wave in enumerate(waves):
+            twist[:, :3, 1 + 3 * k : 4 + 3 * k] = np.eye(3) * wave[:, None, None]
+        return Basis(np.concatenate([[SCALE], np.full(3 * len(waves), WANDER)]), twist=twist)

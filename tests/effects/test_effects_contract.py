@@ -120,3 +120,32 @@ def test_columns_do_not_depend_on_the_order_of_the_rows_of_the_fit(name: str, si
     mixed = Situation(FIT.kinematics, FIT.q[rows], FIT.poses[rows], {n: v[rows] for n, v in FIT.covariates.items()})
     one, other = basis(name, site, FIT).displacement(FIT)[rows], basis(name, site, mixed).displacement(mixed)
     np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9 * np.abs(one).max())
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, effect in EFFECTS.items() if effect.form and name != "cart_compliance"]
+)
+def test_the_form_of_an_effect_is_its_largest_columns(name: str) -> None:
+    found, form = basis(name, second(name), FIT), list(EFFECTS[name].form)
+    moved_by = np.abs(found.displacement(FIT) * found.sigma).mean(axis=(0, 1))
+    assert moved_by[form].max() > np.delete(moved_by, form).max()
+
+
+def test_the_form_of_a_carts_compliance_is_what_its_parameters_name() -> None:
+    size = len(basis("cart_compliance", "cart2", FIT))
+    named = {"along", "across_a", "across_b"}
+    form = {
+        column
+        for column in range(size)
+        if any(EFFECTS["cart_compliance"].parameters(np.eye(size)[column], None)[name][0] for name in named)
+    }
+    assert set(EFFECTS["cart_compliance"].form) == form
+
+
+def test_what_bends_a_carts_compliance_moves_less_than_what_it_bends() -> None:
+    at = basis("cart_compliance", "cart2", FIT)
+    moved_by = np.abs(at.displacement(FIT) * at.sigma).mean(axis=(0, 1))
+    for column in range(3, 12):
+        assert moved_by[column] < moved_by[column % 3]
+    for column in (15, 16, 17):
+        assert moved_by[column] < moved_by[column - 3]

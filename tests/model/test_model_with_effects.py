@@ -275,6 +275,8 @@ def test_an_effect_of_another_package_that_fails_is_an_error_that_names_it(stran
         ("frame_shift", "frame", "session"),
         ("link_compliance", "link3a", "payload"),
         ("cart_compliance", "cart1", "fz"),
+        ("tracker_scale", "frame", "time"),  # what it was fitted to wander with
+        ("tracker_scale", "frame", "temp_frame"),
     ],
 )
 def test_a_covariate_that_an_active_effect_needs_and_that_is_missing_is_an_error(name, site, column):
@@ -285,7 +287,7 @@ def test_a_covariate_that_an_active_effect_needs_and_that_is_missing_is_an_error
 
 
 @pytest.mark.parametrize(
-    ("name", "site"), [("linearity", "cart1"), ("tracker_scale", "frame"), ("joint_runout", "link1")]
+    ("name", "site"), [("linearity", "cart1"), ("target_offset", "platform"), ("joint_runout", "link1")]
 )
 def test_covariates_that_no_active_effect_needs_are_not_asked_for(name, site):
     model = with_effect(name, site)
