@@ -1,6 +1,6 @@
 """Draws the pictures of docs/effects: three machines' own case of each effect, and what the first does to the platform.
 
-python examples/effects/pictures.py docs/effects
+python examples/effects/pictures.py docs/effects [EFFECT ...]
 """
 
 from __future__ import annotations
@@ -172,13 +172,13 @@ def draw(name: str, folder: Path) -> Path:
     return path
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, names: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "gtpin", "font.family": "sans-serif"})
-    for name in catalogue():
+    for name in names or catalogue():
         path = draw(name, folder)
         print(f"{path.name:24s} {path.stat().st_size / 1024.0:.0f} kB")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("docs/effects"))
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("docs/effects"), sys.argv[2:])

@@ -52,15 +52,16 @@ def test_every_page_has_its_picture() -> None:
         assert 1_000 < (PAGES / f"{name}.svg").stat().st_size < LARGEST
 
 
-def test_the_script_draws_all_pictures_anew(tmp_path: Path) -> None:
+def test_the_script_draws_pictures_anew(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
+    some_names = ["backlash", "joint_clearance", "frame_shift"]
     script = ROOT / "examples" / "effects" / "pictures.py"
     subprocess.run(
-        [sys.executable, str(script), str(tmp_path)],
+        [sys.executable, str(script), str(tmp_path), *some_names],
         check=True,
         capture_output=True,
         env={**os.environ, "MPLBACKEND": "agg"},
     )
     drawn = {path.stem: path.stat().st_size for path in tmp_path.glob("*.svg")}
-    assert set(drawn) == set(EFFECTS)
+    assert set(drawn) == set(some_names)
     assert max(drawn.values()) < LARGEST
