@@ -26,8 +26,8 @@ class Explanation(Protocol):
     def site(self) -> str:
         """Where it acts."""
 
-    def coordinates(self, robot: Robot) -> frozenset[str]:
-        """What it goes with, in the words of covariates and commands."""
+    def drivers(self, robot: Robot) -> frozenset[str]:
+        """What it goes with first of all, in the words of covariates and commands."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,10 @@ class Candidate:
     def coordinates(self, robot: Robot) -> frozenset[str]:
         """What it goes with, in the words of covariates and commands."""
         return frozenset(self.effect.coordinates(robot, self.site))
+
+    def drivers(self, robot: Robot) -> frozenset[str]:
+        """Its covariates, where it needs any; else its coordinates."""
+        return frozenset(self.effect.covariates(robot, self.site)) or self.coordinates(robot)
 
 
 @dataclass(frozen=True)
@@ -73,17 +77,33 @@ class Free:
         """Its coordinates, as reports name them."""
         return ",".join(self.over)
 
-    def coordinates(self, robot: Robot) -> frozenset[str]:
-        """What it goes with."""
+    def drivers(self, robot: Robot) -> frozenset[str]:
+        """Its coordinates."""
         return frozenset(self.over)
 
 
 def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
-    """Whether a departure of one from its form could pass for the other: at the same place, or by the same clock or load."""
-    if a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site):
-        return True
-    mine, others = a.coordinates(robot), b.coordinates(robot)
+    """Whether a departure of one from its form could pass for the other.
+
+    At the same place, where both go with commands and load, or with moves, or by the clock; elsewhere, where both go by the
+    same clock or load.
+    """
+    mine, others = a.drivers(robot), b.drivers(robot)
+    if same_place(robot, a, b):
+        return bool({_kind(word) for word in mine} & {_kind(word) for word in others})
     return any(mine & set(kind) and others & set(kind) for kind in (CLOCK, LOAD))
+
+
+def same_place(robot: Robot, a: Explanation, b: Explanation) -> bool:
+    """Whether two act at one site, or one at a part of the other's."""
+    return a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site)
+
+
+def _kind(word: str) -> str:
+    """Of a coordinate: what is known of one tells of others of its kind."""
+    if word in CLOCK:
+        return "clock"
+    return "moves" if word.startswith(("approach", "speed")) else "place"
 
 
 def same_motion(robot: Robot, free: Free, candidate: Candidate, basis: Basis) -> bool:

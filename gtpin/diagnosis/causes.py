@@ -36,5 +36,6 @@ def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[f
     low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
     said = active.effect.parameters(active.coefficients, active.setting)
     return {
-        name: (float(middle[i]), float(high[i] - low[i]) / 2.0, unit) for i, (name, (_, unit)) in enumerate(said.items())
+        name: (float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
+        for i, (name, (_, unit)) in enumerate(said.items())
     }

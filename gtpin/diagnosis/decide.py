@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
-from gtpin.diagnosis.candidates import Free, related
+from gtpin.diagnosis.candidates import Free, related, same_place
 from gtpin.diagnosis.evidence import NOTHING, Posterior, tuned, without
 from gtpin.diagnosis.pool import STRANGER, Pool
 from gtpin.diagnosis.result import Member, Verdict
@@ -75,6 +75,7 @@ def decide(pool: Pool) -> Decision:
             pool.groups, (*named.names, *(f.name for f in strangers)), (*named.scale, *(1.0 for _ in strangers))
         )
         named = pool.only(better, _apart(pool, better))
+    named = _led(pool, named)
     classes = {name: _class(pool, named, name) for name in named.names}
     if unknown > 0.5:
         named = pool.only(named, (n for n in named.names if classes[n][0].probability >= SURE))
@@ -123,6 +124,19 @@ def _temperature(evidence: float) -> float:
     return min(TEMPERATURE + WARMING * evidence, WARMEST)
 
 
+def _led(pool: Pool, named: Posterior) -> Posterior:
+    """The model with the leader of each class in the place of its cause, where the evidence is for it."""
+    for name in named.names:
+        first = _class(pool, named, name)[0]
+        leader = f"{first.effect}@{first.site}"
+        if leader not in named.names:
+            pool.adopt(leader)
+            rest = without(pool.groups, named, name, sweeps=1)
+            trial = tuned(pool.groups, (*rest.names, leader), (*rest.scale, 1.0))
+            named = trial if trial.log_evidence > named.log_evidence else named
+    return named
+
+
 def _apart(pool: Pool, model: Posterior) -> tuple[str, ...]:
     """Causes that have nothing to do with the free motions beside them, and are far beyond doubt."""
     robot = pool.design.situation.robot
@@ -133,7 +147,9 @@ def _apart(pool: Pool, model: Posterior) -> tuple[str, ...]:
         if name in pool.free:
             continue
         loss = model.log_evidence - without(pool.groups, model, name).log_evidence
-        if not any(related(robot, pool.explanation(name), free) for free in frees) and loss > 2.0 * costs[name]:
+        own = pool.explanation(name)
+        apart = not any(same_place(robot, own, free) or related(robot, own, free) for free in frees)
+        if apart and loss > 2.0 * costs[name]:
             sure.append(name)
     return tuple(sure)
 

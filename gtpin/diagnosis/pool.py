@@ -72,7 +72,7 @@ class Pool:
     def share(self, name: str, stronger: str) -> float:
         """Share of a stronger explanation's evidence that another must be worth beside it."""
         robot, a, b = self.design.situation.robot, self.explanation(name), self.explanation(stronger)
-        if a.site == b.site and a.coordinates(robot) & b.coordinates(robot):
+        if a.site == b.site and a.drivers(robot) & b.drivers(robot):
             return SAME
         return RELATED if related(robot, a, b) else OTHER
 
