@@ -74,6 +74,14 @@ class Scene:
         with redirect_stdout(StringIO()):  # viser talks
             self.server.stop()
 
+    def _try(self, q: Floats) -> str:
+        """Bring the machine to a command if it can go there; else say why not, and stay."""
+        try:
+            self.show(q)
+        except GtpinError as error:
+            return f"The machine can't be shown there: {error.what}."
+        return ""
+
     def _load(self) -> Any:
         from pinocchio.visualize import ViserVisualizer
 
@@ -108,11 +116,7 @@ class Scene:
         note = self.server.gui.add_markdown("")
 
         def moved(_: object) -> None:
-            try:
-                self.show(np.array([slider.value for slider in sliders]))
-                note.content = ""
-            except GtpinError as error:
-                note.content = f"can't be reached: {error.what}"
+            note.content = self._try(np.array([slider.value for slider in sliders]))
 
         for slider in sliders:
             slider.on_update(moved)
@@ -133,8 +137,8 @@ class Scene:
 
         def here(_: object = None) -> None:
             i = 0 if place is None else int(place.value)
-            self.show(gap.q[i])
-            told.content = f"pose {gap.pose[i]}: off by {1e6 * gap.length[i]:.1f} µm".replace("<", "&lt;")
+            trouble = self._try(gap.q[i])
+            told.content = f"pose {gap.pose[i]}: off by {1e6 * gap.length[i]:.1f} µm. {trouble}".replace("<", "&lt;")
             self._draw_pose(gap, i, float(larger.value))
 
         def scaled(_: object) -> None:
@@ -157,7 +161,7 @@ class Scene:
             i = int(place.value)
             j = (i + 1) % len(gap.q)
             for s in np.linspace(0.0, 1.0, BETWEEN, endpoint=False)[1:]:
-                self.show((1.0 - s) * gap.q[i] + s * gap.q[j])
+                self._try((1.0 - s) * gap.q[i] + s * gap.q[j])
                 rest.wait(STEP)
             place.value = j
 
