@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.blind.truth import Hidden, Kind, TruePoses, Truth
+from gtpin.plant.build import known_robot
 from gtpin.plant.bulk import draw_case
 from gtpin.plant.case import make_case
-from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED
+from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED, possible
 from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case
 
+ROBOT = "gantry_tau"
 SHARES: dict[Kind, float] = {
     "one": 0.46,
     "none": 0.11,
@@ -33,23 +35,25 @@ GOLDEN = (5**0.5 - 1) / 2
 
 @dataclass(frozen=True)
 class Draft:
-    """A case to be made: what sort it is, the plant's seed, effects (sites are drawn), and poses where they are fixed."""
+    """A case to be made: its sort, the plant's seed, effects (sites are drawn), poses where they are fixed, and the robot."""
 
     name: str
     kind: Kind
     seed: int
     effects: tuple[str, ...] = ()
     poses: int | None = None
+    robot: str = ROBOT
 
 
-def drafts(cases: int, seed: int) -> Iterator[Draft]:
+def drafts(cases: int, seed: int, robot: str = ROBOT) -> Iterator[Draft]:
     """The cases of a check; the first of a larger check of the same seed are those of a smaller one.
 
     Sorts come in their shares in any stretch of cases, and single effects in turn, so that each has its cases; sites,
-    energies, poses, conditions and forms are the plant's to draw.
+    energies, poses, conditions and forms are the plant's to draw. Effects are those that the robot's parts can have.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
-    listed, unlisted = ([kind.name for kind in kinds] for kinds in (CATALOGUE, UNLISTED))
+    parts = known_robot(robot)
+    listed, unlisted = ([kind.name for kind in possible(kinds, parts)] for kinds in (CATALOGUE, UNLISTED))
     edges = np.cumsum(list(SHARES.values()))
     start = rng.random()
     turns: dict[Kind, list[str]] = {
@@ -71,15 +75,16 @@ def drafts(cases: int, seed: int) -> Iterator[Draft]:
             effects = (str(own.choice(listed)), str(own.choice(unlisted)))
         poses = POWER_POSES[count[kind] % len(POWER_POSES)] if kind == "power" else None
         count[kind] += 1
-        yield Draft(f"case{number:05d}", kind, int(own.integers(2**31)), tuple(map(str, effects)), poses)
+        yield Draft(f"case{number:05d}", kind, int(own.integers(2**31)), tuple(map(str, effects)), poses, robot)
 
 
 def made(draft: Draft) -> Case:
     """Let the plant make a case."""
     if draft.kind == "rough":
-        return draw_case(draft.seed, rough=True)
+        return draw_case(draft.seed, rough=True, robot=draft.robot)
     energy = POWER_ENERGY if draft.kind == "power" else None
-    return make_case(draft.seed, effects=[(name, None) for name in draft.effects], poses=draft.poses, energy=energy)
+    effects = [(name, None) for name in draft.effects]
+    return make_case(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
 
 
 def truth_of(case: Case, kind: Kind) -> Truth:

@@ -34,6 +34,8 @@ class Settings:
         How many, and drawn from which seed; the seed is None where somebody else made them.
     source
         Digest of the cases that somebody else made, or None.
+    robot
+        Whose cases were drawn, or None where somebody else made them.
     plant, diagnosis
         Digests of the sources that made the cases, and of those that diagnose them.
     """
@@ -41,6 +43,7 @@ class Settings:
     cases: int
     seed: int | None
     source: str | None
+    robot: str | None
     plant: str | None
     diagnosis: str
 

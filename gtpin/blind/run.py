@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Protocol
 
-from gtpin.blind.draw import Draft, drafts, made, truth_of
+from gtpin.blind.draw import ROBOT, Draft, drafts, made, truth_of
 from gtpin.blind.folder import CheckFolder, Settings, diagnosis_digest
 from gtpin.blind.judge import judge
 from gtpin.blind.judged import Judged
@@ -50,12 +50,12 @@ class Watch(Protocol):
         """A piece of work is done."""
 
 
-def check(output: Path, cases: int, seed: int, watch: Watch, address: str | None = None) -> Checked:
+def check(output: Path, cases: int, seed: int, watch: Watch, address: str | None = None, robot: str = ROBOT) -> Checked:
     """Make cases, diagnose them, open the seals, and judge; go on where the same check was stopped."""
     folder = CheckFolder(output)
-    settings = Settings(cases, seed, None, plant_digest(), diagnosis_digest())
+    settings = Settings(cases, seed, None, robot, plant_digest(), diagnosis_digest())
     folder.claim(settings)
-    asked = list(drafts(cases, seed))
+    asked = list(drafts(cases, seed, robot))
     if not folder.manifest.exists():
         waiting = {draft.name: draft for draft in asked if not folder.sealed(draft.name).exists()}
         watch.begin("making cases", len(asked), len(asked) - len(waiting))
@@ -77,7 +77,7 @@ def check_given(output: Path, source: Path, watch: Watch, address: str | None = 
     """
     cases = given(source)
     folder = CheckFolder(output)
-    settings = Settings(len(cases), None, source_digest(cases), None, diagnosis_digest())
+    settings = Settings(len(cases), None, source_digest(cases), None, None, diagnosis_digest())
     folder.claim(settings)
     if not folder.manifest.exists():
         watch.begin("sealing", len(cases), 0)

@@ -26,6 +26,10 @@ def blind(
         int | None, typer.Option("--cases", help=f"Number of cases; {CASES} where left out.", min=1)
     ] = None,
     seed: Seed = 0,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="Name of a robot, or the path of a URDF; the Gantry-Tau where left out."),
+    ] = None,
     source: Annotated[
         Path | None,
         typer.Option("--from", help="Score cases that somebody else made: NAME/ and NAME.truth.json in a folder."),
@@ -37,18 +41,20 @@ def blind(
 ) -> None:
     """Make machines with hidden effects, seal the truth, diagnose the data, open the seals, and score."""
     # Much that other commands need not wait for.
+    from gtpin.blind.draw import ROBOT
     from gtpin.blind.page import score_page
     from gtpin.blind.run import check, check_given
     from gtpin.blind.score import score
 
-    if source is not None and cases is not None:
-        raise GtpinError("--cases and --from", hint="--from takes all cases of its folder: leave --cases out")
+    if source is not None and (cases is not None or robot is not None):
+        one = "--cases" if cases is not None else "--robot"
+        raise GtpinError(f"{one} and --from", hint=f"--from takes all cases of its folder: leave {one} out")
     with _watched() as watch:
         if source is not None:
             checked = check_given(output, source, watch, cluster)
         else:
             typer.echo(f"plant {digest()}", err=True)
-            checked = check(output, cases or CASES, seed, watch, cluster)
+            checked = check(output, cases or CASES, seed, watch, cluster, robot or ROBOT)
     result = score(checked.cases, checked.about)
     with writing(output):
         write_json(output / "judged.json", [case.model_dump(mode="json", exclude_none=True) for case in checked.cases])

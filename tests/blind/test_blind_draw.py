@@ -69,3 +69,12 @@ def test_the_sort_of_somebody_elses_case_follows_from_its_effects() -> None:
     assert kind_of(["hose", "backlash"]) == "known_and_unlisted"
     assert kind_of(["linearity", "backlash", "rack_step"]) == "three"
     assert kind_of(["hose", "chain"]) == "many"
+
+
+def test_another_machine_has_the_effects_that_its_parts_can_have() -> None:
+    some = list(drafts(400, 0, "stewart"))
+    named = {effect for draft in some for effect in draft.effects}
+    assert {draft.robot for draft in some} == {"stewart"}
+    assert not named & {"straightness", "cart_rotation", "cart_compliance", "cable_chain", "guide_whip"}
+    assert {"linearity", "zero_shift", "link_compliance", "hose_drag"} <= named
+    assert made(next(draft for draft in some if draft.kind == "one")).dataset.robot == "stewart"

@@ -186,7 +186,7 @@ def test_a_case_of_the_plant_goes_all_the_way(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(gtpin.blind.run, "workers", workers)
     monkeypatch.setattr(gtpin.blind.run, "_taken_out", lambda truths: {})
     draft = Draft("only", "one", 5, ("encoder_scale",), 60)
-    monkeypatch.setattr(gtpin.blind.run, "drafts", lambda cases, seed: [draft])
+    monkeypatch.setattr(gtpin.blind.run, "drafts", lambda cases, seed, robot: [draft])
     (case,) = check(tmp_path / "out", 1, 0, Quiet(), "processes").cases
     assert case.error is None
     assert case.said is not None
