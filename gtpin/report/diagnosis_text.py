@@ -8,7 +8,7 @@ from rich.table import Table
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Member
 from gtpin.report.verdict import verdict
-from gtpin.report.words import percent
+from gtpin.report.words import chance, percent
 
 SHOWN = 3
 """Parameters of a cause that are listed; the report has all."""
@@ -36,9 +36,9 @@ def _causes(diagnosis: Diagnosis) -> Table:
         values = [_value(name, *told) for name, told in cause.parameters.items()]
         more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
         name = f"{cause.effect} at {cause.site}"
-        table.add_row(name, percent(cause.probability), "\n".join(values[:SHOWN] + more), percent(cause.shrinkage))
+        table.add_row(name, chance(cause.probability), "\n".join(values[:SHOWN] + more), percent(cause.shrinkage))
         for member in _others(cause):
-            table.add_row(f"  or {member.effect} at {member.site}", percent(member.probability))
+            table.add_row(f"  or {member.effect} at {member.site}", chance(member.probability))
     return table
 
 
