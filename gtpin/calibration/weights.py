@@ -93,7 +93,7 @@ class Tails:
         z = ((cut**2).mean() - expected.mean()) / (expected.std() / np.sqrt(count))
         if z < TAIL_Z:
             return Tails()
-        found = [(_t_likelihood(norms, freedom, c), freedom) for freedom in FREEDOMS]
+        found = [(t_likelihood(norms, freedom, c), freedom) for freedom in FREEDOMS]
         (_, scale), freedom = max(found)
         return Tails(freedom, scale)
 
@@ -122,11 +122,11 @@ class Tails:
         return float(components * f.isf(tail, components, self.freedom))
 
 
-def _t_likelihood(norms: Floats, freedom: float, c: int) -> tuple[float, float]:
+def t_likelihood(norms: Floats, freedom: float, c: int) -> tuple[float, float]:
     """Log likelihood of squared norms under a t distribution, and the scale that maximises it."""
     scale2 = float(np.median(norms) / chi2.median(c))
     for _ in range(50):
         scale2 = float(((freedom + c) * norms / (freedom + norms / scale2)).mean() / c)
-    constant = gammaln((freedom + c) / 2.0) - gammaln(freedom / 2.0) - c / 2.0 * np.log(freedom)
+    constant = gammaln((freedom + c) / 2.0) - gammaln(freedom / 2.0) - c / 2.0 * np.log(freedom * np.pi)
     terms = constant - c / 2.0 * np.log(scale2) - (freedom + c) / 2.0 * np.log1p(norms / (freedom * scale2))
     return float(terms.sum()), float(np.sqrt(scale2))

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import calibrate, measured_poses
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
@@ -18,7 +17,7 @@ from gtpin.diagnosis.decide import Decision, decide, rough_guess, split, with_fi
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.fit import Observed, fit_together
 from gtpin.diagnosis.next_experiment import plan
-from gtpin.diagnosis.noise import asked_again
+from gtpin.diagnosis.noise import asked_again, gross_errors
 from gtpin.diagnosis.pool import Pool
 from gtpin.diagnosis.result import Cause, Considered, Diagnosis
 from gtpin.diagnosis.shrinkage import Gap, gap
@@ -88,19 +87,26 @@ def diagnose(
     found, design, pool = evidence.found, evidence.design, evidence.pool
     names = found.named.names
     candidates = [pool.candidates[name] for name in names]
-    everything = replace(everything, noise=evidence.noise)
-    if len(rows) == len(kept):
-        everything = evidence.observed
+    told = evidence.observed.noise
+    noise = replace(
+        everything.noise,
+        position_sigma=told.position_sigma,
+        orientation_sigma=told.orientation_sigma,
+        repeatability=told.repeatability,
+    )
+    rows = rows[evidence.used]
+    searched = kept.take(rows)
+    everything = evidence.observed if len(searched) < MOST_POSES else replace(everything, noise=noise)
     model = fit_together(everything, baseline.model, candidates, found.named.scale, design.situation.references)
     columns = {n: pool.groups.columns[n] * s for n, s in zip(names, found.named.scale, strict=True)}
-    whole, shares = _gaps(kept.take(rows), evidence, columns, rng)
+    whole, shares = _gaps(searched, evidence, columns, rng)
     found_causes = [
         cause(model, candidate, found.classes[name], (whole.shrinkage or 0.0) - (shares[name].shrinkage or 0.0))
         for name, candidate in zip(names, candidates, strict=True)
     ]
     causes = sorted(found_causes, key=lambda c: -c.shrinkage)
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
-    regions = by_region(kept.take(rows), max(2, min(REGIONS, int(kept.take(rows).visits.max()) + 1)))
+    regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     return Diagnosis(
         verdict=found.verdict,
         causes=tuple(causes),
@@ -138,27 +144,34 @@ def _standings(pool: Pool, found: Decision, causes: list[Cause]) -> list[Standin
 
 @dataclass(frozen=True)
 class _Evidence:
-    """A search's result, with what it was found on."""
+    """A search's result, with what it was found on: ``used`` (N,) are the poses that were not set aside."""
 
     observed: Observed
+    used: npt.NDArray[np.bool_]
     design: Design
     pool: Pool
     found: Decision
     untestable: tuple[Considered, ...]
 
-    @property
-    def noise(self) -> Noise:
-        return self.observed.noise
-
 
 def _searched(
     observed: Observed, model: Model, instrument: Instrument, exclude: Collection[str], false_alarm: float
 ) -> _Evidence:
-    """Search, with the noise asked again once a first look has told what is none."""
+    """Search, with gross errors and the noise asked again once a first look has told what is none."""
     declared = (instrument.position_sigma is not None, instrument.orientation_sigma is not None)
     design = observed.design(model)
     pool, untestable = make_pool(design, exclude, false_alarm)
-    asked = asked_again(observed, pool, rough_guess(pool), declared)
+    guess = rough_guess(pool)
+    # Beside a large cause a calibration can't see them.
+    used = ~gross_errors(pool, guess)
+    if not used.all() and guess.names:
+        observed = observed.take(used)
+        design = observed.design(model)
+        pool, untestable = make_pool(design, exclude, false_alarm)
+        guess = rough_guess(pool)
+    else:
+        used[:] = True
+    asked = asked_again(observed, pool, guess, declared)
     if asked.matters:
         observed, design = asked.observed, asked.observed.design(model)
         pool, untestable = make_pool(design, exclude, false_alarm)
@@ -166,7 +179,7 @@ def _searched(
     if not found.strangers:
         fine = asked_again(observed, pool, found.named, declared).fine
         found = found if fine is None else with_fine(pool, found, fine)
-    return _Evidence(observed, design, pool, found, untestable)
+    return _Evidence(observed, used, design, pool, found, untestable)
 
 
 def _gaps(

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 
 from gtpin.calibration.noise import LEAST_CONTRASTS, SHOWN, SMALLEST, Noise, contrasts
-from gtpin.calibration.weights import Tails
+from gtpin.calibration.weights import Tails, gross, robust_scale, square_norms, t_likelihood
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Posterior
 from gtpin.diagnosis.fit import Observed
@@ -25,6 +25,8 @@ RESTLESS = 6.0
 """Standard deviations by which an actuator must err more than the noise before that is called a motion."""
 LEFT = 0.15
 """Share of what is explained that forms leave at most."""
+ABSURD = 15.0
+"""Standard deviations of the bulk, beyond which a pose is set aside whatever the tails."""
 
 
 def left_over(pool: Pool, model: Posterior) -> tuple[Floats, float]:
@@ -37,6 +39,13 @@ def left_over(pool: Pool, model: Posterior) -> tuple[Floats, float]:
     normal = J.T @ J
     both = np.linalg.solve(normal + np.diag(prior), np.column_stack([J.T @ design.y, normal]))
     return (design.y - J @ both[:, 0]).reshape(-1, design.components), float(np.trace(both[:, 1:]))
+
+
+def gross_errors(pool: Pool, model: Posterior) -> npt.NDArray[np.bool_]:
+    """(N,) poses that neither a model nor any noise of the size and tails of the others explains."""
+    left, _ = left_over(pool, model)
+    absurd = square_norms(left) > (ABSURD * robust_scale(left)) ** 2
+    return gross(left, ~absurd) | absurd
 
 
 @dataclass(frozen=True)
@@ -76,10 +85,15 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
     scatter, rows = contrasts(visits, np.einsum("nij,nj->ni", colour, left))
     left = left * np.sqrt(left.size / max(left.size - taken, 1.0))
     errors = np.einsum("nij,nj->ni", colour, left)
-    tails = Tails.of(left)
-    weight = tails.weigh(left)
     J, c = design.situation.command_jacobian, design.components
-    found = _likeliest(observed.noise, errors, weight, design, declared)
+    even = np.ones(len(left))
+    found, weight = _likeliest(observed.noise, errors, even, design, declared), even
+    whitened = _whitened(observed.noise, errors, design)
+    tails = Tails.of(whitened)
+    # Scatter that differs from pose to pose looks like tails, and the reverse: the likelier of the two it is.
+    if tails.heavy and _of_tails(observed.noise, whitened, tails, design) > _of_scatter(found, errors, design):
+        weight = tails.weigh(whitened)
+        found = _likeliest(observed.noise, errors, weight * tails.scale**2, design, declared)
     fine = None
     if len(scatter) >= LEAST_CONTRASTS:
         most = _most_repeatability(found, scatter, J[rows])
@@ -87,10 +101,32 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
             found = replace(found, repeatability=most)
             fine = _most_restless(found, errors, design, model.log_evidence) if all(declared) else None
             if fine is not None:
-                weight = np.ones(len(left))  # what is no noise has no tails either
+                weight = even  # what is no noise has no tails either
     before, after = (np.trace(n.covariance(J, c)[:, :3, :3], axis1=1, axis2=2).mean() for n in (observed.noise, found))
     changed = abs(after / before - 1.0) > MATTERS or float(np.abs(weight - observed.weight).mean()) > MATTERS
     return Asked(replace(observed, noise=found, weight=weight), bool(changed), fine)
+
+
+def _whitened(noise: Noise, errors: Floats, design: Design) -> Floats:
+    whitening = noise.whitening(design.situation.command_jacobian, design.components)
+    return np.asarray(np.einsum("nij,nj->ni", whitening, errors))
+
+
+def _log_volume(noise: Noise, design: Design) -> float:
+    whitening = noise.whitening(design.situation.command_jacobian, design.components)
+    return float(np.log(np.diagonal(whitening, axis1=1, axis2=2)).sum())
+
+
+def _of_scatter(noise: Noise, errors: Floats, design: Design) -> float:
+    """Log likelihood of errors (N, c), m and rad, of Gaussian noise."""
+    whitened = _whitened(noise, errors, design)
+    gaussian = -0.5 * (whitened**2).sum() - 0.5 * whitened.size * np.log(2.0 * np.pi)
+    return float(gaussian) + _log_volume(noise, design)
+
+
+def _of_tails(noise: Noise, whitened: Floats, tails: Tails, design: Design) -> float:
+    """Log likelihood of errors (N, c), whitened by a noise, of that noise with heavy tails."""
+    return t_likelihood(square_norms(whitened), tails.freedom, whitened.shape[1])[0] + _log_volume(noise, design)
 
 
 def _most_repeatability(noise: Noise, scatter: Floats, J: Floats) -> float:
@@ -146,9 +182,10 @@ def _likeliest(noise: Noise, errors: Floats, weight: Floats, design: Design, dec
         logs = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
         return float(logs + 0.5 * (weight * (whitened**2).sum(axis=1)).sum())
 
-    start = np.array([0.02] + [0.0] * len(open_))
-    with_it = minimize(cost, start, bounds=[(0.0, 1e3)] + [(-5.0, 5.0)] * len(open_), method="L-BFGS-B")
-    without = np.zeros(len(start))
+    bounds = [(0.0, 1e3)] + [(-5.0, 5.0)] * len(open_)
+    starts = [np.array([0.02] + [0.0] * len(open_)), np.array([1.0] + [-0.7] * len(open_))]
+    with_it = min((minimize(cost, x, bounds=bounds, method="L-BFGS-B") for x in starts), key=lambda r: float(r.fun))
+    without = np.zeros(len(bounds))
     if open_:
         without = minimize(cost, without, bounds=[(0.0, 0.0)] + [(-5.0, 5.0)] * len(open_), method="L-BFGS-B").x
     shown = 2.0 * (cost(without) - float(with_it.fun)) > SHOWN
