@@ -39,6 +39,8 @@ REGIONS = 12
 """Boxes that the workspace is cut into."""
 TOGETHER = 4
 """Neighbouring poses that are left out together."""
+ROUNDS = 2
+"""Times that the noise is asked again: a first guess beside too little noise explains some of it away."""
 MOST_POSES = 3000
 """Poses that a search is made on; more make it slower, and hardly surer. The causes are then fitted to all."""
 
@@ -171,10 +173,13 @@ def _searched(
         guess = rough_guess(pool)
     else:
         used[:] = True
-    asked = asked_again(observed, pool, guess, declared)
-    if asked.matters:
+    for _ in range(ROUNDS):
+        asked = asked_again(observed, pool, guess, declared)
+        if not asked.matters:
+            break
         observed, design = asked.observed, asked.observed.design(model)
         pool, untestable = make_pool(design, exclude, false_alarm)
+        guess = rough_guess(pool)
     found = decide(pool)
     if not found.strangers:
         fine = asked_again(observed, pool, found.named, declared).fine
