@@ -148,7 +148,9 @@ def _boxes(residuals: Residuals, name: str, causes: bool) -> Plot:
     traces = [told | {"y": "#{layer} {component}", "marker": {"color": "@data"}}]
     if causes:
         traces.append(told | {"y": "#{layer} fit {component}", "marker": {"color": "@fit"}})
-    return _plot(residuals, name, traces, {"type": "category", "categoryorder": "category ascending", "automargin": "height"})
+    return _plot(
+        residuals, name, traces, {"type": "category", "categoryorder": "category ascending", "automargin": "height"}
+    )
 
 
 def _plot(residuals: Residuals, name: str, traces: list[dict[str, Any]], axis: dict[str, Any]) -> Plot:
