@@ -102,7 +102,17 @@ def with_scales(mechanism: Mechanism, model: Model) -> tuple[Mechanism, set[str]
             scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.setting)["scale"][0]
             carried.add(active.name)
     drives = tuple(replace(drive, scale=scales[drive.site]) for drive in mechanism.drives)
-    return replace(mechanism, drives=drives), carried | {"drive scales"}
+    by_joint = {drive.joint: drive.scale for drive in drives}
+    bodies = tuple(
+        replace(body, joints=tuple(_scaled(joint, by_joint.get(joint.name, 1.0)) for joint in body.joints))
+        for body in mechanism.bodies
+    )
+    return replace(mechanism, drives=drives, bodies=bodies), carried | {"drive scales"}
+
+
+def _scaled(joint: Joint, scale: float) -> Joint:
+    """A joint whose range is told in commands."""
+    return replace(joint, lower=joint.lower * scale, upper=joint.upper * scale)
 
 
 def _stretch(model: Model, effects: Collection[ActiveEffect], force: Floats) -> Floats:

@@ -96,7 +96,7 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """An actuator: the site that it moves, its joint, range and command at home, travel per unit of command."""
+    """An actuator: the site that it moves, its joint, the range of its commands, its travel at home and per unit of command."""
 
     site: str
     joint: str

@@ -126,7 +126,7 @@ def _actuators(root: Element, mechanism: Mechanism) -> None:
             told["ctrlrange"] = numbers(drive.lower, drive.upper)
         SubElement(actuators, "position", told)
     keyframe = SubElement(root, "keyframe")
-    ctrl = numbers(*(drive.home for drive in mechanism.drives))
+    ctrl = numbers(*(drive.home / drive.scale for drive in mechanism.drives))
     SubElement(keyframe, "key", name="home", qpos=numbers(*_qpos(mechanism)), ctrl=ctrl)
 
 

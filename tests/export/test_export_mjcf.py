@@ -101,7 +101,7 @@ def test_drive_scales_are_held(gantry: Drawn, tmp_path: Path) -> None:
     geometry = gtpin.Geometry.nominal(robot, scale="actuator")
     off = np.array([1e-3 if p.kind == "scale" else 0.0 for p in geometry.parameters])
     geometry = geometry.with_values(geometry.values + off)
-    scale = active(gtpin.Model(geometry), gantry.q, "encoder_scale", "cart2", scale=5e-4)
+    scale = active(gtpin.Model(geometry), gantry.q, "encoder_scale", "cart2", first=5e-4)
     model = gtpin.Model(geometry, effects=(scale,))
     with warnings.catch_warnings():
         warnings.simplefilter("error", GtpinWarning)
@@ -109,6 +109,22 @@ def test_drive_scales_are_held(gantry: Drawn, tmp_path: Path) -> None:
     T, R = Rest(tmp_path / "scaled.xml", "tcp").poses(gantry.q[:10])
     assert apart(T, R, model.predict(gantry.q[:10]))[0] < 1e-5
     assert apart(T, R, gtpin.Model(gtpin.Geometry.nominal(robot)).predict(gantry.q[:10]))[0] > 1e-4
+
+
+def test_ranges_are_those_of_the_commands_where_drives_are_scaled(
+    drawn_of: Callable[[str], Drawn], tmp_path: Path
+) -> None:
+    """A leg that goes six per cent too far goes beyond the range of its joint in the URDF."""
+    robot = drawn_of("stewart").model.robot
+    geometry = gtpin.Geometry.nominal(robot, scale="actuator")
+    off = np.array([0.06 if p.kind == "scale" else 0.0 for p in geometry.parameters])
+    model = gtpin.Model(geometry.with_values(geometry.values + off))
+    export(model, tmp_path / "scaled.xml")
+    q = np.array([robot.upper, robot.home_q])
+    T, R = Rest(tmp_path / "scaled.xml", robot.tcp_frame).poses(q)
+    position, turn = apart(T, R, model.predict(q))
+    assert position < 1e-5
+    assert turn < 1e-5
 
 
 def test_what_it_can_not_hold_is_named(gantry: Drawn, tmp_path: Path) -> None:

@@ -1,0 +1,110 @@
+"""gtpin export: what it writes, what it says, what it refuses."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import Run
+
+import gtpin
+from gtpin.data import Commands
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.situation import Situation
+
+
+@pytest.fixture(scope="module")
+def erring(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model folder whose second drive errs by its scale, and whose plate's target is off."""
+    model = gtpin.read_model("gantry_tau")
+    at = Situation(model.kinematics, np.zeros((1, 3)), model.kinematics.home, {})  # type: ignore[arg-type]
+    effects = []
+    for name, site, value in (("encoder_scale", "cart2", 3e-4), ("target_offset", "platform", 1e-3)):
+        size = len(catalogue()[name].basis(at, site))
+        coefficients = value * (np.arange(size) == 0)
+        effects.append(ActiveEffect(catalogue()[name], site, None, coefficients, np.zeros((size, size)), at.references))
+    folder = tmp_path_factory.mktemp("models") / "erring"
+    gtpin.write_model(replace(model, effects=tuple(effects)), folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("file", "written"),
+    [
+        ("robot.urdf", ["robot.urdf"]),
+        ("robot.yaml", ["robot.urdf", "robot.yaml"]),
+        ("robot.sdf", ["robot.sdf"]),
+        ("robot.xml", ["robot.xml"]),
+    ],
+)
+def test_each_suffix_is_a_format(run: Run, file: str, written: list[str], tmp_path: Path) -> None:
+    ran = run("export", "linear_delta", "-o", tmp_path / "new" / file)
+    assert (ran.code, ran.err) == (0, "")
+    assert sorted(f.name for f in (tmp_path / "new").iterdir()) == written
+    assert all(name in ran.out for name in written)
+
+
+def test_a_format_can_have_another_suffix(run: Run, tmp_path: Path) -> None:
+    assert run("export", "tau", "-o", tmp_path / "model.world", "--format", "sdf").code == 0
+    assert "<sdf" in (tmp_path / "model.world").read_text(encoding="utf-8")
+
+
+def test_json_tells_what_was_written_and_what_is_not_held(run: Run, erring: Path, tmp_path: Path) -> None:
+    ran = run("export", erring, "-o", tmp_path / "robot.urdf", "--json")
+    told = json.loads(ran.out)
+    assert told["written"] == [str(tmp_path / "robot.urdf")]
+    assert "does not hold encoder_scale@cart2, target_offset@platform" in told["warnings"][0]
+    assert "gtpin: warning: robot.urdf does not hold" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["gantry_tau", "-o", "robot.step"], "no format has the suffix '.step'; use .urdf, .yaml"),
+        (["gantry_tau", "-o", "robot"], "no format has the suffix ''"),
+        (["gantry_tau", "-o", "."], "this is a folder"),
+        (["gantry_tau", "-o", "drives.csv"], "nothing that a controller's tables can correct"),
+        (["gantry_tau", "-o", "drives.comp", "--session", "2"], "knows no session '2'"),
+        (["no_robot", "-o", "robot.xml"], "no_robot"),
+        (["gantry_tau", "-o", "q.csv", "--controller", "tau"], "--controller without --commands"),
+        (["gantry_tau", "-o", "q.urdf", "--commands", "commands.csv"], "corrected commands are a table"),
+        (["gantry_tau", "-o", "q.csv", "--commands", "missing.csv"], "missing"),
+    ],
+)
+def test_what_can_not_be_is_one_line_and_leaves_nothing(
+    run: Run, arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert message in run("export", *arguments).failed()
+    assert not list(tmp_path.iterdir())
+
+
+def test_commands_are_written_again_so_that_the_tcp_goes_where_it_was_meant(
+    run: Run, erring: Path, tmp_path: Path
+) -> None:
+    q = np.random.default_rng(0).uniform(-0.3, 0.3, (12, 3))
+    ids = np.array([f"p{k}" for k in range(12)], dtype=object)
+    Commands(ids, q, {"payload": np.arange(12.0)}).write(tmp_path / "commands.csv")
+    ran = run("export", erring, "-o", tmp_path / "new.csv", "--commands", tmp_path / "commands.csv")
+    assert ran.code == 0
+    assert "target_offset@platform" in ran.err  # the instrument's, not the machine's
+    new = pd.read_csv(tmp_path / "new.csv")
+    assert list(new.columns) == ["pose", "q1", "q2", "q3", "payload"]
+    assert list(new.pose) == list(ids)
+    # The drive goes by 3e-4 too far: it must be told as much less, and nothing of the others changes.
+    np.testing.assert_allclose(new.q2 * (1.0 + 3e-4), q[:, 1], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(new[["q1", "q3"]], q[:, [0, 2]], rtol=0, atol=1e-8)
+
+
+def test_a_table_of_corrections_is_what_to_command(run: Run, erring: Path, tmp_path: Path) -> None:
+    ran = run("export", erring, "-o", tmp_path / "drives.csv")
+    assert "drives.csv does not hold target_offset@platform" in ran.err
+    table = pd.read_csv(tmp_path / "drives.csv")
+    assert set(table.actuator) == {"cart2"}
+    np.testing.assert_allclose(table.forward * (1.0 + 3e-4), table.nominal, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(table.forward, table.reverse)

@@ -1,0 +1,5 @@
+"""MuJoCo is an optional dependency."""
+
+import pytest
+
+pytest.importorskip("mujoco")

@@ -1,0 +1,51 @@
+"""The plant's compliance against MuJoCo's: forces, springs, levers and closures are each other's check."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from soft_machines import Day
+from spring_machine import Springs
+
+RIGID = [0.0] * 6
+SOFT = {
+    "links": Springs([5e-8] * 6),
+    "one link": Springs([0.0, 0.0, 0.0, 3e-7, 0.0, 0.0]),
+    "a cart along": Springs(RIGID, {1: [1e-7, 0.0, 0.0, 0.0, 0.0, 0.0]}),
+    "a cart across": Springs(RIGID, {2: [0.0, 1e-7, 5e-8, 0.0, 0.0, 0.0]}),
+    "a cart tips": Springs(RIGID, {2: [0.0, 0.0, 0.0, 1e-6, 2e-6, 3e-6]}),
+    "all": Springs([5e-8] * 6, {c: [1e-7, 5e-8, 5e-8, 5e-7, 5e-7, 5e-7] for c in (1, 2)}),
+}
+RESIDUE = 2e-7
+"""m and rad by which MuJoCo's own loops, which are a little soft, are open."""
+
+
+@pytest.fixture(scope="module")
+def day() -> Day:
+    return Day.draw(7, 10)
+
+
+def size(difference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.linalg.norm(difference[:, :3], axis=1), np.linalg.norm(difference[:, 3:], axis=1)
+
+
+def test_a_rigid_machine_is_where_its_geometry_says(day: Day) -> None:
+    assert np.abs(day.by_mujoco(Springs(RIGID)).minus(day.rigid)).max() < RESIDUE
+
+
+@pytest.mark.parametrize("name", SOFT)
+def test_poses_at_rest_agree(day: Day, name: str) -> None:
+    found, expected = day.by_mujoco(SOFT[name]), day.by_plant(SOFT[name], rods_weigh=True)
+    for off, bent in zip(size(found.minus(expected)), size(expected.minus(day.rigid)), strict=True):
+        assert off.max() < 0.03 * bent.max() + RESIDUE
+    assert size(expected.minus(day.rigid))[0].max() > 2e-6
+
+
+@pytest.mark.parametrize("name", ["links", "a cart across", "all"])
+def test_what_loads_change_agrees_for_the_plant_as_it_is(day: Day, name: str) -> None:
+    """Of the rods' weight on the carts, which the plant leaves out, nothing is left in the change."""
+    springs = SOFT[name]
+    found = day.by_mujoco(springs).minus(day.unloaded.by_mujoco(springs))
+    expected = day.by_plant(springs).minus(day.unloaded.by_plant(springs))
+    assert size(expected)[0].max() > 1e-5
+    assert size(found - expected)[0].max() < 0.02 * size(expected)[0].max()
