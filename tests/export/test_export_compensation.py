@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import Drawn
+from drawn_machines import Drawn
 from with_effects import active
 
 import gtpin

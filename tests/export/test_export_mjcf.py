@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Drawn
+from drawn_machines import Drawn
 from scipy.spatial.transform import Rotation
 from with_effects import active
 

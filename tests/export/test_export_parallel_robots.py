@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pinocchio as pin
 import pytest
-from conftest import Drawn
+from drawn_machines import Drawn
 from pinocchio_loops import Loops
 
 import gtpin

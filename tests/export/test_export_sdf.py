@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pytest
-from conftest import Drawn
+from drawn_machines import Drawn
 from rod_graph import GraphRod, Moves, Placed, solve, worst
 
 from gtpin.export import export

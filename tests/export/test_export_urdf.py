@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import yourdfpy
-from conftest import Drawn
+from drawn_machines import Drawn
 from pinocchio_loops import Loops, anchor
 from rod_graph import Placed
 

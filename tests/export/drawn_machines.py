@@ -1,0 +1,34 @@
+"""Shipped robots with geometries drawn from their tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import gtpin
+from gtpin.plant.simulate import draw_commands, draw_machine
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A model, commands (50, n) all over its range, and its poses there."""
+
+    model: gtpin.Model
+    q: np.ndarray
+    poses: gtpin.Poses
+
+
+def without_scales(model: gtpin.Model) -> gtpin.Model:
+    """Drive scales have no place in most formats."""
+    geometry = model.geometry
+    kept = [p.nominal if p.kind == "scale" else v for p, v in zip(geometry.parameters, geometry.values, strict=True)]
+    return gtpin.Model(geometry.with_values(np.array(kept)))
+
+
+def draw(name: str) -> Drawn:
+    """A shipped robot with a geometry of its own, and fifty commands."""
+    rng = np.random.default_rng(len(name))
+    model = without_scales(draw_machine(gtpin.load_robot(name), rng))
+    q = draw_commands(model, 50, rng)
+    return Drawn(model, q, model.predict(q))
