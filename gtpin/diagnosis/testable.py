@@ -37,7 +37,8 @@ def check_excluded(exclude: Collection[str], robot: Robot) -> Collection[str]:
         if named not in known or (at and not place):
             raise ModelError(f"no effect is called {word!r}", hint=f"effects are {', '.join(known)}")
         if place and place not in known[named].sites(robot):
-            raise ModelError(f"{named} has no site {place!r}", hint=f"use {', '.join(known[named].sites(robot))}")
+            sites = ", ".join(known[named].sites(robot))
+            raise ModelError(f"no effect is called {word!r}", hint=f"sites of {named} are {sites}")
     return exclude
 
 

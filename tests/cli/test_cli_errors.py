@@ -250,7 +250,7 @@ def test_a_demo_that_does_not_converge_leaves_nothing(run, tmp_path, tree, monke
     def fail(*_, **__):
         raise ConvergenceError("the fit has not converged")
 
-    monkeypatch.setattr("gtpin.commands.demo.calibrate", fail)
+    monkeypatch.setattr("gtpin.commands.demo.diagnose", fail)
     run("demo", "-o", tmp_path / "demo").failed(1)
     assert tree(tmp_path) == {}
 
