@@ -14,9 +14,10 @@ from gtpin.diagnosis.where import Where
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.effect_curves import Curve, curves
 from gtpin.report.evidence import Bar, NamedCause, evidence_bars, named_causes, testable_count, untestable
+from gtpin.report.experiments import experiments
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.maps import maps
-from gtpin.report.page import Plot, Table, render
+from gtpin.report.page import Plot, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import quality
 from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_covariates, commanded, components, leading, over_two
@@ -24,11 +25,12 @@ from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
 from gtpin.report.verdict import verdict
-from gtpin.report.words import coordinate_words, length, percent, site_words, whole
+from gtpin.report.words import coordinate_words, length, percent, short, site_words, whole
 
 CONTENTS = (
     ("where", "Where it lies"),
     ("causes", "The causes"),
+    ("left", "What is left"),
     ("maps", "Over the workspace"),
     ("covariates", "Against what was recorded"),
     ("evidence", "Evidence"),
@@ -84,9 +86,9 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         others=others,
         tested=testable_count(diagnosis),
         unexplained=_unexplained(diagnosis),
-        correlates=[(site_words(s), coordinate_words(c), f"{p:.1e}") for s, c, p in diagnosis.unexplained.correlates],
+        correlates=[(site_words(s), coordinate_words(c), _rare(p)) for s, c, p in diagnosis.unexplained.correlates],
         doubtful=[cause for cause in named if len(cause.members) > 1],
-        next_experiment=_experiments(diagnosis),
+        next_experiment=experiments(diagnosis),
         untestable=untestable(diagnosis.candidates),
         moved=moved,
         parameters=parameters,
@@ -145,12 +147,12 @@ def _curves(
 def _where_bars(where: Where) -> list[tuple[str, list[Bar]]]:
     """Shares by site, rod, axis and coordinate, those that there are."""
     groups = (
-        ("By site", {site_words(k): v for k, v in where.site.items()}),
+        ("By site", {short(site_words(k)): v for k, v in where.site.items()}),
         ("By rod", where.rod),
         ("By axis", where.axis),
         (
             "By what it goes with, the most telling as 100 %",
-            {coordinate_words(k): v for k, v in where.covariate.items()},
+            {short(coordinate_words(k)): v for k, v in where.covariate.items()},
         ),
     )
     return [(title, bars) for title, shares in groups if (bars := _bars(shares))]
@@ -177,23 +179,18 @@ def _regions(where: Where) -> list[Bar]:
     ]
 
 
-def _experiments(d: Diagnosis) -> list[dict[str, Any]]:
-    """What to measure next, its commands as a table."""
-    head = tuple(f"q{j + 1}" for j in range(d.model.robot.n_actuators))
-    return [
-        step | {"table": Table(head, [[f"{value:.4f}" for value in q] for q in step["poses"]])}
-        for step in d.to_json()["next_experiment"]
-    ]
-
-
 def _box(box: npt.NDArray[np.float64]) -> str:
     """A box of the workspace in words."""
     return ", ".join(whole(f"{a} {low:.2f} to {high:.2f}") for a, low, high in zip("xyz", *box, strict=True)) + " m"
 
 
+def _rare(chance: float) -> str:
+    """A chance, which nobody knows to many digits where it is tiny."""
+    return "less than 10⁻⁹" if chance < 1e-9 else f"{chance:.2g}"
+
+
 def _unexplained(d: Diagnosis) -> str:
-    chance = "less than 1 in 10,000" if d.unexplained.p_value < 1e-4 else f"{d.unexplained.p_value:.2g}"
     return (
         f"{percent(d.unexplained.share)} of what geometry alone leaves beyond noise is left unexplained; "
-        f"noise alone would leave as much with a chance of {chance}."
+        f"noise alone would leave as much with a chance of {_rare(d.unexplained.p_value)}."
     )

@@ -61,10 +61,8 @@ def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
     if sure:
         headline += f" Sure beside it: {joined([phrase(c.effect, c.site).clause for c in sure])}."
     advice = [_shrinks(d), "Which of them it is makes no difference to what the model predicts near these poses."]
-    told = d.to_json()["next_experiment"]
-    if told:
-        advice.append(str(told[0]["measure"]))
-    return headline, [*_actions(sure), *advice]
+    members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
+    return headline, [*_actions(sure), *advice, *_next(d, members)]
 
 
 def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
@@ -86,7 +84,13 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
         advice.append(
             "The corrected model is the calibrated geometry alone: no known effect is sure enough to be in it."
         )
-    return headline, advice
+    return headline, [*advice, *_next(d, {"unknown"})]
+
+
+def _next(d: Diagnosis, separates: set[str]) -> list[str]:
+    """The first measurement that would tell some things apart."""
+    steps = (step for step in d.to_json()["next_experiment"] if separates & set(step["separates"]))
+    return [str(step["measure"]) for step in steps][:1]
 
 
 def _by_doubt(causes: tuple[Cause, ...]) -> tuple[list[Cause], list[Cause]]:
@@ -124,7 +128,7 @@ def _shrinks(d: Diagnosis) -> str:
             f"The gap, {before}, is below the noise that these data are taken to have, {floor}: how far it shrinks can't "
             f"be told well. The corrected model leaves {after}."
         )
-    interval = f" (95 % interval {_range(gap.interval)})" if gap.interval else ""
+    interval = f" (95\u00a0% interval {_range(gap.interval)})" if gap.interval else ""
     return (
         f"On poses that it was not fitted to, the corrected model brings the gap from {before} to {after}, where noise alone "
         f"gives {floor}: {percent(gap.shrinkage)} of its power beyond noise{interval}."

@@ -90,6 +90,11 @@ def whole(text: str) -> str:
     return text.replace(" ", "\u00a0").replace("-", "−")
 
 
+def short(words: str) -> str:
+    """Words as a label: without their article."""
+    return words.removeprefix("the ")
+
+
 def percent(share: float) -> str:
     """A share: ``86 %``; what is not quite nothing or all is not rounded to it."""
     if 0.0 < share < 0.005:

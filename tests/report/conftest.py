@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from report_findings import Found, ambiguous, unknown
 
@@ -18,12 +19,13 @@ def _found(effects: list[tuple[str, str]], **options: object) -> Found:
 
 @pytest.fixture(scope="session")
 def single() -> Found:
-    """One cause: a periodic rack. Two pose ids and a session want to be more than text."""
+    """One cause: a periodic rack. Pose ids and a session want to be more than text."""
     dataset = make_case(7, effects=[("rack_periodic", "cart2")], energy=900.0, poses=150, held_out=1).dataset
     pose = dataset.pose.copy()
     for wanted, hostile in (("3", "<script>alert(1)</script>"), ("5", "<b>#@${component}</b>&amp;")):
         pose[dataset.pose.astype(str) == wanted] = hostile
-    found = replace(dataset, pose=pose)
+    session = np.where(dataset.q[:, 2] > 0.0, "<i>one</i>", "two").astype(object)
+    found = replace(dataset, pose=pose, covariates={**dataset.covariates, "session": session})
     return Found(diagnose(found), found)
 
 

@@ -102,13 +102,20 @@ def test_digests_are_those_of_the_files_that_were_read(single, tmp_path):
 
 def test_a_next_experiment_is_told_with_its_commands(findings, monkeypatch):
     found = findings["ambiguous"]
-    step = {"measure": "Weigh <20 kg> on it", "separates": ["rack_periodic", "linearity"], "poses": [[0.1, 0.2, 0.3]]}
+    step = {
+        "measure": "Weigh <20 kg> on it.",
+        "separates": ["rack_periodic@cart2", "linearity@cart2"],
+        "poses": [[0.1, 0.2, 0.3]],
+        "covariates": {"payload": [20.0], "session": ["next"]},
+        "expected_gain": 4.25,
+        "random_gain": 0.5,
+    }
     told = type(found.diagnosis).to_json
     monkeypatch.setattr(type(found.diagnosis), "to_json", lambda self: told(self) | {"next_experiment": [step]})
     seen = text(of(found))
-    assert "Weigh <20 kg> on it" in seen
-    assert "rack_periodic from linearity" in seen
-    assert "0.1000 0.2000 0.3000" in seen
+    assert seen.count("Weigh <20 kg> on it.") == 2  # on the first screen, and with its commands
+    assert "q1 q2 q3 payload (kg) session 0.1000 0.2000 0.3000 20 next" in seen
+    assert "4.2, where as many random poses bring 0.5" in seen
 
 
 def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
