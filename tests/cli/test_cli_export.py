@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import Run
 
 import gtpin
 from gtpin.data import Commands
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.situation import Situation
+
+Run = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")
