@@ -20,7 +20,7 @@ playwright = pytest.importorskip("playwright.sync_api", reason="playwright is no
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
 KINDS = ("none", "explained", "unknown", "calibration")
 DRAWN = """[...document.querySelectorAll('div.plot')].map(
-    (plot) => [plot.id, (plot._fullData || []).reduce((count, trace) => count + (trace._length || 0), 0)])"""
+    (plot) => [plot.id, (plot._fullData || []).reduce((count, trace) => count + (trace._length || (trace.z || []).length), 0)])"""
 """Names of the plots, and how many points plotly has drawn in each."""
 INK = "getComputedStyle(document.body).color"
 TICKS = "getComputedStyle(document.querySelector('.plot .xtick text')).fill"
