@@ -19,8 +19,10 @@ CHROMIUM = next((found for name in BROWSERS if (found := shutil.which(name))), N
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
 KINDS = ("none", "explained", "unknown", "calibration")
-DRAWN = """[...document.querySelectorAll('div.plot')].map(
-    (plot) => [plot.id, (plot._fullData || []).reduce((count, trace) => count + (trace._length || (trace.z || []).length), 0)])"""
+DRAWN = """[...document.querySelectorAll('div.plot')].map((plot) => [
+    plot.id,
+    (plot._fullData || []).reduce((count, trace) => count + (trace._length || (trace.z || []).length), 0),
+])"""
 """Names of the plots, and how many points plotly has drawn in each."""
 INK = "getComputedStyle(document.body).color"
 TICKS = "getComputedStyle(document.querySelector('.plot .xtick text')).fill"
