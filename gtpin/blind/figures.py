@@ -46,6 +46,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     weak = [c for c in one if c.leaves <= VISIBLE]
     rough = [c for c in of_kind(cases, "rough") if len(c.truth) == 1 and c.energy > VISIBLE and c.testable and c.listed]
     two, three = of_kind(cases, "two"), of_kind(cases, "three")
+    plain = [c for c in two if all((effect.energy or 0.0) > VISIBLE for effect in c.truth)]
     both = of_kind(cases, "known_and_unlisted")
     return [
         Figure("detected, E > 63", rate(c.detected for c in seen), least=0.97),
@@ -65,6 +66,8 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         ),
         Figure("no effect: silent", rate(c.said is not None and not c.detected for c in none), least=0.99),
         Figure("two effects: F1 of the set", mean(c.f1 for c in two), least=0.95),
+        Figure("two effects, E > 63 of each: F1 of the set", mean(c.f1 for c in plain), least=0.95),
+        Figure("two effects, E > 63 of each: F1 of the classes", mean(c.class_f1 for c in plain)),
         Figure("three effects: F1 of the set", mean(c.f1 for c in three)),
         *_outside(cases),
         Figure("known and unlisted together: unknown", rate(_unknown(c) for c in both)),

@@ -141,3 +141,13 @@ class Judged(BaseModel):
         """F1 of the set of causes: 2 right / (named + true)."""
         named = frozenset(self.said.names) if self.said else frozenset()
         return 2.0 * len(named & self.names) / max(len(named) + len(self.names), 1)
+
+    @property
+    def class_f1(self) -> float:
+        """F1 of the classes: a cause is right whose class holds a true one, and a true one is found that a class holds."""
+        if self.said is None:
+            return 0.0
+        right = sum(bool(self.names & cause.members.keys()) for cause in self.said.causes)
+        found = len(self.names & self.said.members)
+        precision, recall = right / max(len(self.said.causes), 1), found / max(len(self.names), 1)
+        return 2.0 * precision * recall / (precision + recall) if right else 0.0

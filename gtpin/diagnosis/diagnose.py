@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.calibrate import calibrate, measured_poses
-from gtpin.calibration.result import Calibration
+from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
+from gtpin.diagnosis.believed import MOST_POSES, believed
 from gtpin.diagnosis.causes import cause
 from gtpin.diagnosis.decide import Decision, decide, rough_guess, split, with_fine
 from gtpin.diagnosis.design import Design
@@ -41,8 +41,6 @@ TOGETHER = 4
 """Neighbouring poses that are left out together."""
 ROUNDS = 2
 """Times that the noise is asked again: a first guess beside too little noise explains some of it away."""
-MOST_POSES = 3000
-"""Poses that a search is made on; more make it slower, and hardly surer. The causes are then fitted to all."""
 
 
 def diagnose(
@@ -79,12 +77,12 @@ def diagnose(
     baseline = calibrate(dataset, nominal, progress=progress)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
-    kept = dataset.take(~np.isin(dataset.pose.astype(str), baseline.rejected))
+    report = progress or _silent
+    report("searching for causes", 0, float(np.sqrt(baseline.chi2_per_dof)))
+    kept = dataset.take(believed(dataset, baseline, excluded, false_alarm))
     rng = np.random.default_rng(seed)
     rows = np.sort(rng.permutation(len(kept))[:MOST_POSES])
-    if progress is not None:
-        progress("searching for causes", 0, float(np.sqrt(baseline.chi2_per_dof)))
-    everything = _observed(kept, baseline)
+    everything = Observed.of(kept, baseline)
     evidence = _searched(everything.take(rows), baseline.model, dataset.instrument, excluded, false_alarm)
     found, design, pool = evidence.found, evidence.design, evidence.pool
     names = found.named.names
@@ -98,9 +96,14 @@ def diagnose(
     )
     rows = rows[evidence.used]
     searched = kept.take(rows)
-    everything = evidence.observed if len(searched) < MOST_POSES else replace(everything, noise=noise)
+    if len(kept) <= MOST_POSES:
+        kept, everything = searched, evidence.observed
+    else:
+        everything = replace(everything, noise=noise)
+    report("fitting causes and geometry together", 0, float("nan"))
     model = fit_together(everything, baseline.model, candidates, found.named.scale, design.situation.references)
     columns = {n: pool.groups.columns[n] * s for n, s in zip(names, found.named.scale, strict=True)}
+    report("how far the gap shrinks", 0, float("nan"))
     whole, shares = _gaps(searched, evidence, columns, rng)
     found_causes = [
         cause(model, candidate, found.classes[name], (whole.shrinkage or 0.0) - (shares[name].shrinkage or 0.0))
@@ -109,6 +112,7 @@ def diagnose(
     causes = sorted(found_causes, key=lambda c: -c.shrinkage)
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
+    report("what to measure next", 0, float("nan"))
     return Diagnosis(
         verdict=found.verdict,
         causes=tuple(causes),
@@ -118,6 +122,7 @@ def diagnose(
         unexplained=unexplained(pool, found.named),
         baseline=baseline,
         model=model,
+        set_aside=tuple(str(pose) for pose in dataset.pose[~np.isin(dataset.row, kept.row)]),
         next_experiment=plan(
             evidence.observed,
             baseline.model,
@@ -128,6 +133,10 @@ def diagnose(
             rng=rng,
         ),
     )
+
+
+def _silent(step: str, number: int, value: float) -> None:
+    """Tell nobody of progress."""
 
 
 def _standings(pool: Pool, found: Decision, causes: list[Cause]) -> list[Standing]:
@@ -202,18 +211,6 @@ def _gaps(
         return whole, {name: gap(design, none, floor, blocks, rng) for name in columns}
     less = {name: np.hstack([none, *(v for n, v in columns.items() if n != name)]) for name in columns}
     return whole, {name: gap(design, others, floor, blocks, rng) for name, others in less.items()}
-
-
-def _observed(dataset: Dataset, baseline: Calibration) -> Observed:
-    measured = measured_poses(dataset)
-    return Observed(
-        measured=measured,
-        covariates=dataset.covariates,
-        noise=replace(baseline.noise, repeatability=0.0),  # told by visits that causes may have set apart
-        weight=np.ones(len(dataset)),
-        temperature=dataset.conditions.reference_temperature,
-        free_frame=dataset.instrument.frame == "free",
-    )
 
 
 def _considered(pool: Pool, found: Decision) -> list[Considered]:

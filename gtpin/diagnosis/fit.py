@@ -8,8 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.noise import Noise
+from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.noise import Noise, line_of_sight
 from gtpin.calibration.problem import Measured
+from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
 from gtpin.diagnosis.candidates import Candidate
 from gtpin.diagnosis.design import Design
 from gtpin.effects.active import ActiveEffect, with_effects
@@ -50,6 +53,23 @@ class Observed:
     weight: Floats
     temperature: float
     free_frame: bool
+
+    @staticmethod
+    def of(dataset: Dataset, baseline: Calibration) -> Observed:
+        """The poses of a dataset with the noise that a calibration found, repeatability left out."""
+        measured, station = measured_poses(dataset), dataset.instrument.station
+        noise = replace(baseline.noise, repeatability=0.0)  # told by visits that causes may have set apart
+        if noise.sight is not None and station is not None:
+            sight, reach = line_of_sight(measured.T, np.array(station))
+            noise = replace(noise, sight=sight, reach=reach)
+        return Observed(
+            measured=measured,
+            covariates=dataset.covariates,
+            noise=noise,
+            weight=np.ones(len(dataset)),
+            temperature=dataset.conditions.reference_temperature,
+            free_frame=dataset.instrument.frame == "free",
+        )
 
     def take(self, rows: npt.NDArray[np.generic]) -> Observed:
         """Some of the poses."""

@@ -88,6 +88,8 @@ class Diagnosis:
     ----------
     model
         Predicts with the causes in; ``baseline.model`` without.
+    set_aside
+        Ids of the poses that were taken for gross errors, beside the causes.
     next_experiment
         What to measure to tell more.
     """
@@ -100,6 +102,7 @@ class Diagnosis:
     unexplained: Unexplained
     baseline: Calibration
     model: Model
+    set_aside: tuple[str, ...] = ()
     next_experiment: tuple[Experiment, ...] = ()
 
     def to_json(self) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +25,8 @@ class Quality:
     set_aside: Table
 
 
-def quality(dataset: Dataset, calibration: Calibration) -> Quality:
-    """Judge a dataset by its calibration."""
+def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] | None = None) -> Quality:
+    """Judge a dataset by its calibration; ``aside`` are the ids of the poses set aside, the calibration's by default."""
     visits = len(np.unique(dataset.visits))
     repeats = len(dataset) - visits
     facts = [
@@ -42,7 +43,11 @@ def quality(dataset: Dataset, calibration: Calibration) -> Quality:
         _noise(calibration),
         _fit(calibration),
     ]
-    return Quality(tuple(fact for fact in facts if fact), _ranges(dataset), _set_aside(dataset, calibration))
+    return Quality(
+        tuple(fact for fact in facts if fact),
+        _ranges(dataset),
+        _set_aside(dataset, calibration, calibration.rejected if aside is None else aside),
+    )
 
 
 def _noise(c: Calibration) -> str:
@@ -86,9 +91,9 @@ def _range(name: str, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]])
     return [label, f"{low:.4g}", "does not vary" if low == high else f"{high:.4g}"]
 
 
-def _set_aside(dataset: Dataset, c: Calibration) -> Table:
+def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[str]) -> Table:
     """The poses that were set aside, by how far they lie from the calibrated geometry."""
-    rows = np.flatnonzero(np.isin(dataset.pose.astype(str), c.rejected))
+    rows = np.flatnonzero(np.isin(dataset.pose.astype(str), list(aside)))
     head = ("pose", "line", "off by")
     if not len(rows):
         return Table(head, [])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -47,15 +47,19 @@ class Residuals:
     sigma: Floats
 
     @staticmethod
-    def of(dataset: Dataset, baseline: Calibration, model: Model | None = None) -> Residuals:
-        """Of the poses that a calibration did not set aside.
+    def of(
+        dataset: Dataset, baseline: Calibration, model: Model | None = None, aside: Collection[str] | None = None
+    ) -> Residuals:
+        """Of the poses that were not set aside.
 
         Parameters
         ----------
         model
             With the causes; the baseline's own where there are none.
+        aside
+            Ids of the poses that were; the baseline's by default.
         """
-        kept = dataset.take(~np.isin(dataset.pose.astype(str), baseline.rejected))
+        kept = dataset.take(~np.isin(dataset.pose.astype(str), list(baseline.rejected if aside is None else aside)))
         measured = measured_poses(kept if baseline.residual.shape[1] == 6 else replace(kept, orientation=None))
         before = measured.minus(baseline.model.predict(kept.q))
         after = before if model is None else measured.minus(model.predict(kept.q, kept.covariates))
