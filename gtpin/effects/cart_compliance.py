@@ -6,6 +6,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
 from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
+from gtpin.effects.hysteresis import FRICTION, approach
 from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
@@ -16,6 +17,10 @@ TIP = 5e-7
 """Size of the compliances in turning, rad/(N m)."""
 LEVER = 0.1
 """Usual distance of the pull from the mean of the cart's joints, m."""
+SOFTER, PLACES = 0.1, 4
+"""Share by which places of a track differ, and half waves along it that tell them apart."""
+TIPS = 3 * (3 + PLACES)
+"""Coefficients of the compliances along and across, before those in turning."""
 
 
 class CartCompliance(Effect):
@@ -23,7 +28,7 @@ class CartCompliance(Effect):
 
     F is the rods' pull on the cart (a rod in tension pulls its cart towards the platform) and M its moment about the mean m
     of the cart's joints. Forces come from the closures' Jacobian: gravity of plate, links and payload, the tool's force. The
-    cart stiffens with the load, and is softer in some places of its track than in others.
+    cart stiffens with the load, is softer in some places of its track than in others, and friction holds back a little of it.
 
     Parameters: ``along``, ``across_a``, ``across_b``: c_e, m/N, positive where the cart gives way to the pull; where it
     carries more than one joint ``roll``, ``tip_a``, ``tip_b``: k_e, rad/(N m), positive where it turns with the moment;
@@ -59,16 +64,17 @@ class CartCompliance(Effect):
         mean, spread = at.references.force
         usual = max(float(np.sqrt((mean[rods] ** 2 + spread[rods] ** 2).sum())), 1e-9)
         harder = np.linalg.norm(force, axis=1) / usual - 1.0
-        waves = [np.cos(np.pi / 2.0 * k * (at.travel[:, j] + 1.0)) for k in (1, 2)]
+        softer = [(np.cos(np.pi / 2.0 * k * (at.travel[:, j] + 1.0)), SOFTER / k) for k in range(1, PLACES + 1)]
+        came = approach(at, j)
         columns, sizes = [], []
-        for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (waves[0], 0.1), (waves[1], 0.05)]:
+        for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (came, FRICTION), *softer]:
             for axis, size in zip(axes, GIVE, strict=True):
                 given = (factor * (force @ axis))[:, None] * axis
                 columns.append(np.broadcast_to(given[:, None, :], lever.shape))
                 sizes.append(share * size)
         if len(rods) > 1:
             strength = np.linalg.norm(moment, axis=1)
-            for factor, share in [(np.ones(len(at)), 1.0), (strength / (LEVER * usual) - 1.0, 0.2)]:
+            for factor, share in [(np.ones(len(at)), 1.0), (strength / (LEVER * usual) - 1.0, 0.2), *softer]:
                 for axis in axes:
                     columns.append(np.cross(axis, lever) * (factor * (moment @ axis))[:, None, None])
                     sizes.append(share * TIP)
@@ -80,5 +86,5 @@ class CartCompliance(Effect):
         """Compliances along, across and in turning."""
         names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
-        tips = coefficients[12:15]
+        tips = coefficients[TIPS : TIPS + 3]
         return found | {n: (float(c), "rad/(N m)") for n, c in zip(("roll", "tip_a", "tip_b"), tips, strict=False)}

@@ -6,6 +6,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.effect import Effect, Floats, arm_and_links, unit
+from gtpin.effects.hysteresis import FRICTION, approach
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -17,13 +18,14 @@ class LinkCompliance(Effect):
     """dL = c F, F the link's axial force, tension positive: a link in tension gets longer, by c for every newton.
 
     Forces come from the closures' Jacobian: gravity of plate, links and payload, the tool's force. A link stiffens with the
-    load, may give way otherwise in compression than in tension, and at ``arm`` each differs a little from the others. A leg of
-    variable length may give way the more the farther it is drawn out.
+    load, may give way otherwise in compression than in tension, friction in its joints holds back a little of it, and at
+    ``arm`` each differs a little from the others. A leg of variable length may give way the more the farther it is drawn out.
 
     Parameters: ``compliance`` c, m/N, at ``arm`` the mean of all links; ``stiffening``: by how much c rises, m/N, as the
     force becomes twice the usual, negative where it stiffens; ``tension_less_compression``: c in tension less c in
-    compression, m/N; at ``arm`` ``spread`` of c from link to link (rms), m/N; of legs of variable length ``drawn_out``: by
-    how much c rises, m/N, from the middle of the range to its upper end.
+    compression, m/N; ``hysteresis``: by how much c is larger where the link's actuator came to rest moving upwards, m/N; at
+    ``arm`` ``spread`` of c from link to link (rms), m/N; of legs of variable length ``drawn_out``: by how much c rises, m/N,
+    from the middle of the range to its upper end.
 
     Typical size 4e-8 m/N, that is 25 N/um. Two metres of steel tube with 5 cm^2 of section give way by L / (E A) =
     2.04 / (210e9 * 5e-4) = 1.9e-8 m/N, and the two ball joints by about as much again. Where links are of another kind, the
@@ -49,8 +51,10 @@ class LinkCompliance(Effect):
         force = at.force[:, rods]
         mean, spread = at.references.force
         usual = np.maximum(np.abs(mean[rods]) + spread[rods], 1e-9)
-        columns = [force, force * (np.abs(force) / usual - 1.0), np.abs(force) / 2.0]
-        sizes = [1.0, 0.2, 0.2]
+        drivers = [rod.carrier if rod.extension is None else rod.extension for rod in at.robot.rods]
+        came = np.stack([approach(at, drivers[i]) for i in rods], axis=1)
+        columns = [force, force * (np.abs(force) / usual - 1.0), np.abs(force) / 2.0, force * came]
+        sizes = [1.0, 0.2, 0.2, FRICTION]
         if len(rods) > 1:
             columns += [force * (np.arange(len(rods)) == i) for i in range(len(rods))]
             sizes += [0.2] * len(rods)
@@ -62,14 +66,15 @@ class LinkCompliance(Effect):
 
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
         """Compliance, how it goes with the load, and how links differ."""
-        whole, stiffening, pulled = (float(c) for c in coefficients[:3])
-        own = coefficients[3 : 3 + LINKS] if len(coefficients) >= 3 + LINKS else coefficients[:0]
-        drawn = coefficients[3 + len(own) :]
+        whole, stiffening, pulled, held = (float(c) for c in coefficients[:4])
+        own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]
+        drawn = coefficients[4 + len(own) :]
         mean = float(own.mean()) if own.size else 0.0
         found = {
             "compliance": (whole + mean, "m/N"),
             "stiffening": (stiffening, "m/N"),
             "tension_less_compression": (pulled, "m/N"),
+            "hysteresis": (held, "m/N"),
         }
         found |= {"spread": (float(own.std()), "m/N")} if own.size else {}
         return found | ({"drawn_out": (float(drawn[0]), "m/N")} if drawn.size else {})

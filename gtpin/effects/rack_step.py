@@ -11,6 +11,9 @@ from gtpin.effects.effect import Effect, Floats, carts, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
+FEWEST = 3
+"""Commands beyond a step at least: of fewer it can't be told from a gross error."""
+
 
 class RackStep(Effect):
     """dq = h + m (q - p) where q > p, else 0: beyond the place p the cart is farther along by h, and farther with every metre.
@@ -35,7 +38,7 @@ class RackStep(Effect):
         """Places between neighbouring commands, away from the ends."""
         q = np.unique(at.q[:, at.robot.sites.index(site)])
         between = (q[1:] + q[:-1]) / 2.0
-        edge = max(3, len(between) // 25)
+        edge = max(FEWEST, len(between) // 100)
         inner = between[edge:-edge]
         return [float(place) for place in inner[:: max(1, len(inner) // 100)]]
 

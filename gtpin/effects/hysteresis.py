@@ -1,0 +1,19 @@
+"""Friction in guides and joints: what gives way under a load comes back short of where it was."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.effects.effect import Floats, number
+from gtpin.effects.situation import Situation
+
+FRICTION = 0.05
+"""Share of a deflection that friction holds back, to either side."""
+
+
+def approach(at: Situation, actuator: int | None) -> Floats:
+    """(N,) -1 to 1: the direction in which an actuator came to rest; zero where that is not told, or there is none."""
+    if actuator is None:
+        return np.zeros(len(at))
+    name = f"approach{number(at.robot, at.robot.sites[actuator])}"
+    return at.covariate(name) if name in at.covariates else np.zeros(len(at))

@@ -1,0 +1,52 @@
+"""What looks like gross errors beside geometry, and is none beside its cause, is given back."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosed import classes
+from scipy.spatial.transform import Rotation
+
+import gtpin
+from gtpin.data import Dataset
+from gtpin.plant import make_case
+
+
+def diagnosed(dataset: Dataset) -> gtpin.Diagnosis:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)
+        return gtpin.diagnose(dataset)
+
+
+def moved(dataset: Dataset, rows: np.ndarray, offset: np.ndarray) -> Dataset:
+    """The dataset with the poses of some rows where commands larger by ``offset`` (k, 3), m, have them."""
+    model = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+    there, here = model.predict(dataset.q[rows] + offset), model.predict(dataset.q[rows])
+    position, orientation = dataset.position.copy(), dataset.orientation.copy()
+    position[rows] += there.T - here.T
+    turned = Rotation.from_matrix(there.R @ np.swapaxes(here.R, 1, 2))
+    orientation[rows] = (turned * Rotation.from_quat(orientation[rows], scalar_first=True)).as_quat(scalar_first=True)
+    return replace(dataset, position=position, orientation=orientation)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_poses_beyond_a_joint_near_a_tracks_end_are_a_step_and_no_gross_errors(seed):
+    dataset = make_case(seed, effects=[], poses=200).dataset
+    beyond = np.argsort(dataset.q[:, 0])[-6:]
+    found = diagnosed(moved(dataset, beyond, np.array([2.5e-4, 0.0, 0.0])))
+    assert len(found.baseline.rejected) >= 3
+    assert len(found.set_aside) < 3
+    assert ("rack_step", "cart1") in classes(found)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_poses_that_are_off_at_random_are_set_aside(seed):
+    rng = np.random.default_rng(seed)
+    dataset = make_case(seed, effects=[], poses=200).dataset
+    off = rng.choice(len(dataset), 6, replace=False)
+    position = dataset.position.copy()
+    position[off] += 3e-4 * rng.standard_normal((6, 3))
+    found = diagnosed(replace(dataset, position=position))
+    assert found.verdict == "none"
+    assert set(dataset.pose[off].astype(str)) <= set(found.set_aside)
