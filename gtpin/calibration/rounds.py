@@ -25,7 +25,7 @@ Progress = Callable[[str, int, float], None]
 
 MAX_ROUNDS = 30
 FREE_ROUNDS = 8
-"""Rounds after which no more poses are set aside and tails only become heavier, lest two readings of the data take turns."""
+"""Rounds after which no more poses are set aside, and tails and noise only grow, lest two readings of the data take turns."""
 ROUGH = 5e-6
 """Sigma, m and rad, that the rough fit goes down to: with less, the cost is a narrow curved valley far from its minimum."""
 ROUGHLY = 1e-4
@@ -142,6 +142,7 @@ class Rounds:
             if number > FREE_ROUNDS:
                 now_used = now_used | used
                 now_tails = min(tails, now_tails, key=lambda t: t.freedom)
+                now_noise = now_noise.at_least_that_of(noise)
             settled = (now_used == used).all() and now_tails.freedom == tails.freedom and _same(noise, now_noise)
             if number > 1 and settled:
                 return Settled(outcome, used, noise, tails, steps)
