@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.noise import Noise, line_of_sight
-from gtpin.calibration.problem import Measured
+from gtpin.calibration.problem import Measured, in_frame
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.candidates import Candidate
@@ -58,7 +58,7 @@ class Observed:
     def of(dataset: Dataset, baseline: Calibration) -> Observed:
         """The poses of a dataset with the noise that a calibration found, repeatability left out."""
         measured, station = measured_poses(dataset), dataset.instrument.station
-        noise = replace(baseline.noise, repeatability=0.0)  # told by visits that causes may have set apart
+        noise = _without_repeatability(dataset, baseline)
         if noise.sight is not None and station is not None:
             sight, reach = line_of_sight(measured.T, np.array(station))
             noise = replace(noise, sight=sight, reach=reach)
@@ -92,6 +92,24 @@ class Observed:
         """The linear problem about a model's geometry."""
         at = self.situation(model, fixed)
         return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame)
+
+
+def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:
+    """A calibration's noise without repeatability, which is told by visits that causes may have set apart.
+
+    Sigmas that were not declared carry all of the scatter then: what causes do to repeated visits makes the instrument's share
+    in it look small.
+    """
+    noise, instrument, model = baseline.noise, dataset.instrument, baseline.model
+    if noise.repeatability > 0.0:
+        poses = model.kinematics.forward(dataset.q)
+        J = in_frame(model.kinematics.command_jacobian(dataset.q, poses), model.frame)
+        own = noise.repeatability**2 * (J**2).sum(axis=2).mean(axis=0)
+        if instrument.position_sigma is None:
+            noise = replace(noise, position_sigma=float(np.sqrt(noise.position_sigma**2 + own[:3].mean())))
+        if instrument.orientation_sigma is None:
+            noise = replace(noise, orientation_sigma=float(np.sqrt(noise.orientation_sigma**2 + own[3:].mean())))
+    return replace(noise, repeatability=0.0)
 
 
 def fit_together(

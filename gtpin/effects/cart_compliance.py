@@ -65,6 +65,8 @@ class CartCompliance(Effect):
         usual = max(float(np.sqrt((mean[rods] ** 2 + spread[rods] ** 2).sum())), 1e-9)
         harder = np.linalg.norm(force, axis=1) / usual - 1.0
         softer = [(np.cos(np.pi / 2.0 * k * (at.travel[:, j] + 1.0)), SOFTER / k) for k in range(1, PLACES + 1)]
+        # Less, and over longer stretches: tipping that changes along the track at will would pass for a track's own twist.
+        tips_softer = [(wave, 0.5 * share) for wave, share in softer[:2]]
         came = approach(at, j)
         columns, sizes = [], []
         for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (came, FRICTION), *softer]:
@@ -74,7 +76,7 @@ class CartCompliance(Effect):
                 sizes.append(share * size)
         if len(rods) > 1:
             strength = np.linalg.norm(moment, axis=1)
-            for factor, share in [(np.ones(len(at)), 1.0), (strength / (LEVER * usual) - 1.0, 0.2), *softer]:
+            for factor, share in [(np.ones(len(at)), 1.0), (strength / (LEVER * usual) - 1.0, 0.2), *tips_softer]:
                 for axis in axes:
                     columns.append(np.cross(axis, lever) * (factor * (moment @ axis))[:, None, None])
                     sizes.append(share * TIP)
