@@ -217,7 +217,25 @@ class Rounds:
             # A few repeats tell the noise roughly, all the residuals well: theirs holds unless it is larger.
             fitted = self._from_residuals(noise, outcome)
             return told if _larger(fitted, told) else fitted
-        return noise if all(self._declared) else self._from_residuals(noise, outcome)
+        if all(self._declared):
+            return noise
+        fitted = self._from_residuals(noise, outcome)
+        # Positions alone hardly tell drives' scatter from an instrument's.
+        if len(contrast) or self.measured.components < 6:
+            return fitted
+        return self._with_repeatability(fitted, outcome, left[used], J[used])
+
+    def _with_repeatability(self, noise: Noise, outcome: Fit, left: Floats, J: Floats) -> Noise:
+        """The same sigmas, or others with the machine's own scatter, where nothing was visited twice and residuals show it.
+
+        An instrument's noise does not know where the drives point: residuals that lie along the motions of single drives
+        are the machine's. They are counted up for the freedoms that the fit took.
+        """
+        whole = left * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))
+        told = noises.from_repeats(noise, whole, J, self._declared)
+        if told.repeatability == 0.0:
+            return noise
+        return replace(told, source="residuals", dof=outcome.residual.size / 2.0)
 
     def _from_residuals(self, noise: Noise, outcome: Fit) -> Noise:
         """Undeclared sigmas by the residuals' squares, over the freedoms that the fit left in each kind of component."""

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import ModelReference
+from gtpin.commands.terminal import AsJson, ModelReference, tell
 from gtpin.data import Dataset
 from gtpin.model_folder import read_model
 from gtpin.view.gap import gap_of
@@ -26,18 +26,19 @@ def view(
     ] = None,
     host: Annotated[str, typer.Option("--host", help="Address that the page is served at.")] = "localhost",
     port: Annotated[int, typer.Option("--port", help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,
+    as_json: AsJson = False,
 ) -> None:
     """Show the robot in 3-D in the browser: along the poses, errors magnified, rods by their share of the gap."""
     found = read_model(model)
     gap = None if dataset is None else gap_of(found, Dataset.read(dataset))
     if output is not None:
         write_still(output, found, gap)
-        typer.echo(f"Written: {output}")
+        tell({"written": str(output)}, f"Written: {output}", as_json)
         return
     from gtpin.view.scene import Scene  # its page is served by an extra
 
     scene = Scene(found, gap, host, port)
-    typer.echo(f"Open {scene.address} (Ctrl-C ends)")
+    tell({"address": scene.address}, f"Open {scene.address} (Ctrl-C ends)", as_json)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:

@@ -1,0 +1,27 @@
+"""Something is seen in pure noise no more often than was asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_problems import calibrated
+from scipy.stats import binom
+
+from gtpin.diagnosis.decide import rough_guess
+from gtpin.diagnosis.testable import make_pool
+
+MACHINES = 25
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.05])
+def test_noise_and_geometry_alone_raise_an_alarm_no_more_often_than_asked_for(rate):
+    observed, baseline = calibrated(poses=60)
+    design = observed.design(baseline.model)
+    rng = np.random.default_rng(1)
+    alarms = 0
+    for _ in range(MACHINES):
+        off = np.concatenate([rng.standard_normal(design.n_geometry), np.zeros(design.B.shape[1] - design.n_geometry)])
+        y = design.B @ off + rng.standard_normal(len(design.y))
+        pool, _ = make_pool(replace(design, y=y), (), rate)
+        alarms += bool(rough_guess(pool).names)
+    assert alarms <= binom.ppf(0.999, MACHINES, rate)
