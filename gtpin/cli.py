@@ -88,7 +88,9 @@ def _say(kind: str, text: Any) -> None:
 def main() -> None:
     """Run the command line: exit 2 with one line on standard error for bad input, 1 where a solver did not converge."""
     kept: list[str] = []
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # processes at work for this one end with it, as by Ctrl-C
+    signal.signal(
+        signal.SIGTERM, signal.default_int_handler
+    )  # processes at work for this one end with it, as by Ctrl-C
     warnings.showwarning = lambda message, *_, **__: kept.append(str(message))
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", GtpinWarning)

@@ -72,8 +72,8 @@ def shown(name: str) -> tuple[str, Floats, Situation, str, float]:
         return "speed2 [m/s]", speed, situation(still, speed2=speed), "along the track [µm]", 1e-6
     if name == "cross_coupling":
         ahead = still.copy()
-        ahead[:, 0] = 0.3 * GRID
-        return "q1 − q2 [m]", ahead[:, 0], situation(ahead), "along the track [µm]", 1e-6
+        ahead[:, 0] = 0.67 * GRID
+        return "q1 [m]", ahead[:, 0], situation(ahead), "along the track [µm]", 1e-6
     if name in ("zero_shift", "frame_shift"):
         member = np.repeat(SESSIONS, 80)
         what = "along the track [µm]" if name == "zero_shift" else "x [µm]"

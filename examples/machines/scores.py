@@ -1,4 +1,4 @@
-"""The blind check of every machine but the Gantry-Tau: the table of docs/machines.md. python scores.py FOLDER [CASES [SEED]]."""
+"""The blind check of every machine but the Gantry-Tau, for docs/machines.md: python scores.py FOLDER [CASES [SEED]]."""
 
 from __future__ import annotations
 

@@ -2,39 +2,41 @@
 
 from __future__ import annotations
 
-from itertools import combinations_with_replacement
-from math import comb
+from itertools import product
 
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, carts, unit
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import wave
 from gtpin.robot.robot import Robot
 
-AHEAD = 0.3
-"""How far another cart may be ahead, m or rad, over which the deviation bends."""
+ORDERS = {1: 8, 2: 5}
+"""Sum of the orders of waves that are multiplied, by the number of other actuators."""
 MANY = 2
-"""Other actuators beyond which there are no products of more than two of them: they would be too many."""
+"""The same where there are more: products of three and more would be too many."""
+DECAY, OWN = 1.5, 0.3
+"""How fast sizes decay with that sum; share of the deviation that changes along the actuator's own track."""
 
 
 class CrossCoupling(Effect):
-    """dq_j = f(q_k - q_j, q_k), k the other actuators: by how far each is ahead, and by where it is on its own track.
+    """dq_j = f(q_k, q_l, ...), smooth, k, l, ... the other actuators; a part of f changes along the actuator's own track.
 
-    f is a polynomial of the third degree in the leads, and of the fourth in the places (of the second in both where there are
-    many actuators), of which a part grows along the actuator's own track.
+    f is a sum of products of cosines over the ranges of travel, of an order of five in all (less where there are many
+    actuators), whose sizes decay with their order.
 
-    Parameters: ``slope[k]``, m/m, of the k-th of the other actuators in their order: how much farther along its track the
-    actuator is where that one is farther along by a metre.
+    Parameters: ``end_to_end[k]``, m, of the k-th of the other actuators in their order: how much farther along its track the
+    actuator is, in the mean, where that one is at the upper end of its range and not at the lower.
 
-    Typical size 50 um where another cart is 0.3 m ahead: that of the errors along the track of cart 2 in Dressler et al. 2010,
-    which at one command varied significantly where the other two carts stood elsewhere (section V; they suppose a lack of
-    stiffness).
+    Typical size 50 um from one end of the others' tracks to the other: that of the errors along the track of cart 2 in
+    Dressler et al. 2010, which at one command varied significantly where the other two carts stood elsewhere (section V; they
+    suppose a lack of stiffness).
     """
 
     id = "cross_coupling"
     title = "deviation along the track that goes with where the other carts are"
-    coefficient = ("slope[1]", "m/m")
+    coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator of a robot with two or more."""
@@ -45,32 +47,39 @@ class CrossCoupling(Effect):
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Slopes over the others' lead first, then those over their place, then curvatures."""
+        """Waves over each of the others first, then products of them, then changes along the actuator's own track."""
         j = at.robot.sites.index(site)
-        lead = np.delete(at.q - at.q[:, [j]], j, axis=1) / AHEAD
-        place = np.delete(at.q - at.robot.home_q, j, axis=1) / (2.0 * AHEAD)
-        parts = [_products(lead, 1), _products(place, 1), _products(lead, 2), _products(place, 2)]
-        if lead.shape[1] <= MANY:
-            parts += [_products(lead, 3), _products(place, 3), _products(place, 4)]
-        decays = [1.0, 1.0, 0.4, 0.6, 0.16, 0.36, 0.2]
-        size = np.concatenate([np.full(part.shape[1], decay) for part, decay in zip(parts, decays, strict=False)])
-        columns, own = np.hstack(parts), at.travel[:, j, None]
-        return along_track(at, site, np.hstack([columns, own * columns]), unit(np.append(size, 0.3 * size), 5e-5))
+        others = np.delete(at.travel, j, axis=1)
+        chosen, sums = _orders(others.shape[1])
+        most = int(sums.max())
+        columns = np.stack(
+            [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen], axis=1
+        )
+        lower = sums < most
+        size = np.concatenate([sums**-DECAY, OWN * sums[lower] ** -DECAY])
+        whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
+        return along_track(at, site, whole, unit(1.5 * size / np.linalg.norm(size), 5e-5))
 
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
-        """Slope over each of the others."""
-        others = next(n for n in range(1, len(coefficients) + 1) if 2 * _count(n) >= len(coefficients))
-        by_lead, by_place = coefficients[:others] / AHEAD, coefficients[others : 2 * others] / (2.0 * AHEAD)
-        return {f"slope[{k + 1}]": (float(slope), "m/m") for k, slope in enumerate(by_lead + by_place)}
+        """How far each of the others takes the actuator from end to end of its range."""
+        others = next(n for n in range(1, len(coefficients) + 1) if _count(n) >= len(coefficients))
+        single = coefficients[: others * _most(others)].reshape(others, -1)
+        # A wave of odd order falls from 1 to -1, one of even order ends where it began.
+        return {f"end_to_end[{k + 1}]": (-2.0 * float(own[::2].sum()), "m") for k, own in enumerate(single)}
 
 
-def _products(x: Floats, degree: int) -> Floats:
-    """(N, m) products of columns of x (N, n), as many as the degree."""
-    chosen = combinations_with_replacement(range(x.shape[1]), degree)
-    return np.stack([np.prod(x[:, list(columns)], axis=1) for columns in chosen], axis=1)
+def _most(others: int) -> int:
+    return ORDERS.get(others, MANY)
+
+
+def _orders(others: int) -> tuple[list[tuple[int, ...]], Floats]:
+    """Orders of the waves in each product, and (m,) their sums; single waves first, actuator by actuator."""
+    rows = [row for row in product(range(_most(others) + 1), repeat=others) if 1 <= sum(row) <= _most(others)]
+    rows.sort(key=lambda row: (sum(o > 0 for o in row) > 1, [-int(o > 0) for o in row], row))
+    return rows, np.array([float(sum(row)) for row in rows])
 
 
 def _count(others: int) -> int:
-    """Number of products of leads and places of so many others."""
-    degrees = (1, 1, 2, 2, 3, 3, 4) if others <= MANY else (1, 1, 2, 2)
-    return sum(comb(others + degree - 1, degree) for degree in degrees)
+    """Number of coefficients."""
+    sums = _orders(others)[1]
+    return len(sums) + int((sums < sums.max()).sum())

@@ -11,6 +11,11 @@ GRID = np.linspace(-1.0, 1.0, 201)
 """Where a curve is looked at to say how large it is."""
 
 
+def wave(x: Floats, order: int) -> Floats:
+    """Cosine of an order over x (any shape) in [-1, 1]; of mean zero from order 1 on."""
+    return np.asarray(np.cos(np.pi / 2.0 * order * (x + 1.0)))
+
+
 def cosines(x: Floats, first: int, last: int, decay: float = 1.0) -> tuple[Floats, Floats]:
     """(N, m) cosines of orders first to last over x (N,) in [-1, 1], and (m,) their sizes, of unit total variance."""
     orders = np.arange(first, last + 1)
