@@ -24,7 +24,8 @@ def told(row: dict[str, float]) -> str:
     """A rate with its 95 % bounds and what it is of."""
     if row["value"] is None:
         return "no case"
-    return f"{row['value']:.2f} ({row['low']:.2f} to {row['high']:.2f}) of {row['of']}"
+    bounds = "" if row["low"] is None else f" ({row['low']:.2f} to {row['high']:.2f})"
+    return f"{row['value']:.2f}{bounds} of {row['of']}"
 
 
 def main(folder: Path, cases: int, seed: int) -> None:

@@ -96,15 +96,6 @@ class Noise:
             orientation_sigma=max(self.orientation_sigma, sigma),
         )
 
-    def at_least_that_of(self, other: Noise) -> Noise:
-        """The same noise, no sigma smaller than another's."""
-        return replace(
-            self,
-            position_sigma=max(self.position_sigma, other.position_sigma),
-            orientation_sigma=max(self.orientation_sigma, other.orientation_sigma),
-            repeatability=max(self.repeatability, other.repeatability),
-        )
-
     def take(self, rows: npt.NDArray[np.generic]) -> Noise:
         """The noise of some of the poses."""
         if self.sight is None or self.reach is None:

@@ -32,6 +32,8 @@ ROUGHLY = 1e-4
 """Relative decrease of the cost at which the rough fit is good enough: its weights may go on taking turns below that."""
 ROUGH_STEPS = 15
 """Steps after which the rough fit is near enough to tell gross errors: reweighting can creep."""
+ENOUGH = 3000
+"""Poses that residuals tell the machine's own scatter by; more make it slower, and hardly surer."""
 SETTLED = 1e-3
 """Relative change of an estimated sigma at which it has settled."""
 NEAREST = 0.1
@@ -142,7 +144,7 @@ class Rounds:
             if number > FREE_ROUNDS:
                 now_used = now_used | used
                 now_tails = min(tails, now_tails, key=lambda t: t.freedom)
-                now_noise = now_noise.at_least_that_of(noise)
+                now_noise = max(noise, now_noise, key=lambda n: self._volume(n, J))
             settled = (now_used == used).all() and now_tails.freedom == tails.freedom and _same(noise, now_noise)
             if number > 1 and settled:
                 return Settled(outcome, used, noise, tails, steps)
@@ -220,22 +222,28 @@ class Rounds:
         if all(self._declared):
             return noise
         fitted = self._from_residuals(noise, outcome)
-        # Positions alone hardly tell drives' scatter from an instrument's.
-        if len(contrast) or self.measured.components < 6:
+        # Positions alone, or beside a sigma that is declared, hardly tell drives' scatter from an instrument's.
+        if any(self._declared):
             return fitted
-        return self._with_repeatability(fitted, outcome, left[used], J[used])
+        told = self._with_repeatability(fitted.take(used), outcome, left[used], J[used])
+        return replace(told, sight=noise.sight, reach=noise.reach)
 
     def _with_repeatability(self, noise: Noise, outcome: Fit, left: Floats, J: Floats) -> Noise:
-        """The same sigmas, or others with the machine's own scatter, where nothing was visited twice and residuals show it.
+        """The same sigmas, or others with the machine's own scatter, where few poses were visited twice and residuals show it.
 
         An instrument's noise does not know where the drives point: residuals that lie along the motions of single drives
         are the machine's. They are counted up for the freedoms that the fit took.
         """
-        whole = left * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))
-        told = noises.from_repeats(noise, whole, J, self._declared)
+        some = np.arange(len(left))[:: 1 + len(left) // ENOUGH]
+        whole = left[some] * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))
+        told = noises.from_repeats(noise.take(some), whole, J[some], self._declared)
         if told.repeatability == 0.0:
             return noise
-        return replace(told, source="residuals", dof=outcome.residual.size / 2.0)
+        return replace(told, sight=noise.sight, reach=noise.reach, source="residuals", dof=outcome.residual.size / 2.0)
+
+    def _volume(self, noise: Noise, J: Floats) -> float:
+        """How much a noise admits: the mean log determinant of its covariance."""
+        return float(np.linalg.slogdet(noise.covariance(J, self.measured.components))[1].mean())
 
     def _from_residuals(self, noise: Noise, outcome: Fit) -> Noise:
         """Undeclared sigmas by the residuals' squares, over the freedoms that the fit left in each kind of component."""

@@ -71,10 +71,14 @@ class Design:
         return _whitened(self.whitening, in_frame(basis.displacement(self.situation) * basis.sigma, self.model.frame))
 
     @cached_property
+    def command_jacobian(self) -> Floats:
+        """(N, 6, n) derivative of the poses by the commands, instrument's frame."""
+        return in_frame(self.situation.command_jacobian, self.model.frame)
+
+    @cached_property
     def by_command(self) -> Floats:
         """(N, c, n) whitened motion by the commands."""
-        J = in_frame(self.situation.command_jacobian, self.model.frame)
-        return np.asarray(self.whitening @ J[:, : self.components])
+        return np.asarray(self.whitening @ self.command_jacobian[:, : self.components])
 
     @property
     def n_geometry(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
 from gtpin.diagnosis.believed import MOST_POSES, believed
@@ -79,11 +80,11 @@ def diagnose(
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
     report = progress or _silent
     report("searching for causes", 0, float(np.sqrt(baseline.chi2_per_dof)))
-    kept = dataset.take(believed(dataset, baseline, excluded, false_alarm))
     rng = np.random.default_rng(seed)
-    rows = np.sort(rng.permutation(len(kept))[:MOST_POSES])
-    everything = Observed.of(kept, baseline)
-    evidence = _searched(everything.take(rows), baseline.model, dataset.instrument, excluded, false_alarm)
+    believable, sure = believed(dataset, baseline, excluded, false_alarm)
+    kept, rows, everything, evidence = _sought(dataset.take(believable), baseline, excluded, false_alarm, rng)
+    if not evidence.found.named.names and (believable != sure).any():
+        kept, rows, everything, evidence = _sought(dataset.take(sure), baseline, excluded, false_alarm, rng)
     found, design, pool = evidence.found, evidence.design, evidence.pool
     names = found.named.names
     candidates = [pool.candidates[name] for name in names]
@@ -94,12 +95,12 @@ def diagnose(
         orientation_sigma=told.orientation_sigma,
         repeatability=told.repeatability,
     )
-    rows = rows[evidence.used]
-    searched = kept.take(rows)
+    searched = kept.take(rows[evidence.used])
     if len(kept) <= MOST_POSES:
         kept, everything = searched, evidence.observed
     else:
-        everything = replace(everything, noise=noise)
+        good = ~np.isin(np.arange(len(kept)), rows[~evidence.used])
+        kept, everything = kept.take(good), replace(everything, noise=noise).take(good)
     report("fitting causes and geometry together", 0, float("nan"))
     model = fit_together(everything, baseline.model, candidates, found.named.scale, design.situation.references)
     columns = {n: pool.groups.columns[n] * s for n, s in zip(names, found.named.scale, strict=True)}
@@ -122,7 +123,7 @@ def diagnose(
         unexplained=unexplained(pool, found.named),
         baseline=baseline,
         model=model,
-        set_aside=tuple(str(pose) for pose in dataset.pose[~np.isin(dataset.row, kept.row)]),
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[~np.isin(dataset.row, kept.row)])),
         next_experiment=plan(
             evidence.observed,
             baseline.model,
@@ -165,6 +166,16 @@ class _Evidence:
     untestable: tuple[Considered, ...]
 
 
+def _sought(
+    kept: Dataset, baseline: Calibration, exclude: Collection[str], false_alarm: float, rng: np.random.Generator
+) -> tuple[Dataset, npt.NDArray[np.intp], Observed, _Evidence]:
+    """The same poses, which of them (k,) the search was made on, all as they were observed, and what was found."""
+    rows = np.sort(rng.permutation(len(kept))[:MOST_POSES])
+    everything = Observed.of(kept, baseline)
+    found = _searched(everything.take(rows), baseline.model, kept.instrument, exclude, false_alarm)
+    return kept, rows, everything, found
+
+
 def _searched(
     observed: Observed, model: Model, instrument: Instrument, exclude: Collection[str], false_alarm: float
 ) -> _Evidence:
@@ -203,7 +214,7 @@ def _gaps(
     design, noise = evidence.design, evidence.observed.noise
     poses = int(dataset.visits.max()) + 1
     blocks = by_region(dataset, max(2, poses // TOGETHER))
-    covariance = noise.covariance(design.situation.command_jacobian, design.components)
+    covariance = noise.covariance(design.command_jacobian, design.components)
     floor = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
     none = np.zeros((len(design.y), 0))
     whole = gap(design, np.hstack([none, *columns.values()]), floor, blocks, rng)

@@ -85,7 +85,7 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
     scatter, rows = contrasts(visits, np.einsum("nij,nj->ni", colour, left))
     left = left * np.sqrt(left.size / max(left.size - taken, 1.0))
     errors = np.einsum("nij,nj->ni", colour, left)
-    J, c = design.situation.command_jacobian, design.components
+    J, c = design.command_jacobian, design.components
     even = np.ones(len(left))
     found, weight = _likeliest(observed.noise, errors, even, design, declared), even
     whitened = _whitened(observed.noise, errors, design)
@@ -108,12 +108,12 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
 
 
 def _whitened(noise: Noise, errors: Floats, design: Design) -> Floats:
-    whitening = noise.whitening(design.situation.command_jacobian, design.components)
+    whitening = noise.whitening(design.command_jacobian, design.components)
     return np.asarray(np.einsum("nij,nj->ni", whitening, errors))
 
 
 def _log_volume(noise: Noise, design: Design) -> float:
-    whitening = noise.whitening(design.situation.command_jacobian, design.components)
+    whitening = noise.whitening(design.command_jacobian, design.components)
     return float(np.log(np.diagonal(whitening, axis1=1, axis2=2)).sum())
 
 
@@ -149,7 +149,7 @@ def _most_restless(noise: Noise, errors: Floats, design: Design, explained: floa
     explained
         Log evidence of what is explained, part of which may be left by forms that depart from the machine's.
     """
-    J, c = design.situation.command_jacobian, design.components
+    J, c = design.command_jacobian, design.components
     covariance = noise.covariance(J, c)
     seen = np.linalg.solve(covariance, J[:, :c])
     score = (np.einsum("nci,nc->ni", seen, errors)) ** 2
@@ -163,7 +163,7 @@ def _most_restless(noise: Noise, errors: Floats, design: Design, explained: floa
 
 def _likeliest(noise: Noise, errors: Floats, weight: Floats, design: Design, declared: tuple[bool, bool]) -> Noise:
     """Noise that makes errors (N, c), m and rad, likeliest; repeatability only where they show it."""
-    J, c = design.situation.command_jacobian, design.components
+    J, c = design.command_jacobian, design.components
     open_ = [i for i in range(2) if not declared[i] and (i == 0 or c == 6)]
     gain = float(np.sqrt((J[:, :3] ** 2).sum(axis=(1, 2)).mean() / 3.0))
     unit = noise.position_sigma / max(gain, 1e-12)

@@ -102,7 +102,7 @@ class Diagnosis:
     unexplained: Unexplained
     baseline: Calibration
     model: Model
-    set_aside: tuple[str, ...] = ()
+    set_aside: tuple[str, ...]
     next_experiment: tuple[Experiment, ...] = ()
 
     def to_json(self) -> dict[str, Any]:

@@ -71,7 +71,9 @@ class CartCompliance(Effect):
         columns, sizes = [], []
         for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (came, FRICTION), *softer]:
             for axis, size in zip(axes, GIVE, strict=True):
-                given = (factor * (force @ axis))[:, None] * axis
+                # Friction goes with how hard the cart is pulled, whichever way.
+                along = np.abs(force @ axis) if factor is came else force @ axis
+                given = (factor * along)[:, None] * axis
                 columns.append(np.broadcast_to(given[:, None, :], lever.shape))
                 sizes.append(share * size)
         if len(rods) > 1:

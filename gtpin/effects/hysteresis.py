@@ -12,8 +12,14 @@ FRICTION = 0.05
 
 
 def approach(at: Situation, actuator: int | None) -> Floats:
-    """(N,) -1 to 1: the direction in which an actuator came to rest; zero where that is not told, or there is none."""
+    """(N,) -1 to 1: the direction in which an actuator came to rest; zero where the data of the fit did not tell it.
+
+    Raises
+    ------
+    ModelError
+        If the data of the fit did, and these do not.
+    """
     if actuator is None:
         return np.zeros(len(at))
     name = f"approach{number(at.robot, at.robot.sites[actuator])}"
-    return at.covariate(name) if name in at.covariates else np.zeros(len(at))
+    return at.covariate(name) if at.has(name) else np.zeros(len(at))

@@ -23,9 +23,9 @@ class LinkCompliance(Effect):
 
     Parameters: ``compliance`` c, m/N, at ``arm`` the mean of all links; ``stiffening``: by how much c rises, m/N, as the
     force becomes twice the usual, negative where it stiffens; ``tension_less_compression``: c in tension less c in
-    compression, m/N; ``hysteresis``: by how much c is larger where the link's actuator came to rest moving upwards, m/N; at
-    ``arm`` ``spread`` of c from link to link (rms), m/N; of legs of variable length ``drawn_out``: by how much c rises, m/N,
-    from the middle of the range to its upper end.
+    compression, m/N; ``hysteresis``: by how much c is larger than in the mean where the link's actuator came to rest moving
+    towards larger commands, m/N; at ``arm`` ``spread`` of c from link to link (rms), m/N; of legs of variable length
+    ``drawn_out``: by how much c rises, m/N, from the middle of the range to its upper end.
 
     Typical size 4e-8 m/N, that is 25 N/um. Two metres of steel tube with 5 cm^2 of section give way by L / (E A) =
     2.04 / (210e9 * 5e-4) = 1.9e-8 m/N, and the two ball joints by about as much again. Where links are of another kind, the

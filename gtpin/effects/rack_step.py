@@ -38,7 +38,7 @@ class RackStep(Effect):
         """Places between neighbouring commands, away from the ends."""
         q = np.unique(at.q[:, at.robot.sites.index(site)])
         between = (q[1:] + q[:-1]) / 2.0
-        edge = max(FEWEST, len(between) // 100)
+        edge = max(FEWEST - 1, len(between) // 100)
         inner = between[edge:-edge]
         return [float(place) for place in inner[:: max(1, len(inner) // 100)]]
 

@@ -69,9 +69,8 @@ def _noise(c: Calibration) -> str:
     if noise.sight is not None:
         lines.append(f"  along the line of sight {noise.range_ratio:.2f} times that across it at the mean range")
     if noise.repeatability > 0.0:
-        lines.append(
-            f"  repeatability of each actuator, from repeated visits: {noise.repeatability * 1e6:.2f} um or urad"
-        )
+        how = "the residuals" if noise.source == "residuals" else "repeated visits"
+        lines.append(f"  repeatability of each actuator, from {how}: {noise.repeatability * 1e6:.2f} um or urad")
     if np.isfinite(c.freedom):
         lines.append(f"  tails heavier than Gaussian: t distribution with {c.freedom:g} degrees of freedom")
         if c.chi2_per_dof > HEAVY:

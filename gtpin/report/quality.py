@@ -34,7 +34,7 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] |
         + (
             f", {counted(repeats, 'repeated visit')}"
             if repeats
-            else ", none visited twice: repeatability can't be seen"
+            else ", none visited twice: repeatability can't be told from what geometry leaves out"
         )
         + ".",
         "Position and orientation were measured."
@@ -56,7 +56,8 @@ def _noise(c: Calibration) -> str:
     if c.residual.shape[1] == 6:
         text += f" and {quantity(noise.orientation_sigma, 'rad')} about each axis"
     if noise.repeatability > 0.0:
-        text += f"; repeatability of each actuator, from repeated visits: {length(noise.repeatability)}"
+        how = "from the residuals" if noise.source == "residuals" else "from repeated visits"
+        text += f"; repeatability of each actuator, {how}: {length(noise.repeatability)}"
     if np.isfinite(c.freedom):
         text += f"; its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)"
     return text + "."
