@@ -127,6 +127,10 @@ def test_sets_are_scored_by_f1() -> None:
     whole = judged("a", "two", truth, diagnosis("explained", cause("backlash@cart2"), cause("linearity@cart1")))
     assert [c.f1 for c in (half, site, whole)] == [2 * 1 / (1 + 2), 2 * 1 / (2 + 2), 1.0]
     assert figure([half, site, whole], "two effects: F1 of the set")[0] == pytest.approx((2 / 3 + 0.5 + 1.0) / 3)
+    assert [c.class_f1 for c in (half, site, whole)] == [2 * 1 / (1 + 2), 2 * 1 / (2 + 2), 1.0]
+    assert judged("n", "two", truth, diagnosis("none")).class_f1 == 0.0
+    weak = judged("k", "two", [truth[0], ("backlash@cart2", 40.0, 9.0)], diagnosis("none"))
+    assert figure([half, site, whole, weak], "two effects, E > 63 of each: F1 of the set")[1] == 3
     three = judged("t", "three", [*truth, ("servo_lag@cart1", 90.0, 80.0)], diagnosis("none"))
     assert score([half, three])["set_f1"] == pytest.approx(1 / 3)
 

@@ -1,8 +1,12 @@
 """What people see: help, versions, silence where nobody looks."""
 
+import contextlib
+import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -99,3 +103,48 @@ def test_a_reader_that_closes_the_pipe_is_no_fault(source, tmp_path):
     assert "Traceback" not in said
     assert "gtpin: error" not in said
     assert (tmp_path / "out" / "calibration.json").is_file()
+
+
+def test_a_still_image_is_told_as_json(run, tmp_path):
+    target = tmp_path / "still.svg"
+    ran = run("view", "gantry_tau", "-o", target, "--json")
+    assert ran.code == 0
+    assert json.loads(ran.out) == {"written": str(target)}
+    assert target.stat().st_size > 0
+
+
+def test_the_package_runs_as_the_program_does():
+    ran = subprocess.run([sys.executable, "-m", "gtpin", "--version"], capture_output=True, text=True, check=True)
+    assert ran.stdout.strip() == f"gtpin {gtpin.__version__}"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes can't be listed")
+def test_a_program_that_is_told_to_end_leaves_no_processes(tmp_path):
+    program = [sys.executable, "-m", "gtpin", "blind", "--cases", "40", "-o", str(tmp_path / "check")]
+    started = subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    try:
+        for _ in range(600):
+            if list((tmp_path / "check").glob("sealed/*")) or started.poll() is not None:
+                break
+            time.sleep(0.1)
+        started.send_signal(signal.SIGTERM)
+        assert started.wait(timeout=60) != 0
+        for _ in range(300):
+            if not _members(started.pid):
+                break
+            time.sleep(0.1)
+        assert _members(started.pid) == []
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(started.pid, signal.SIGKILL)
+
+
+def _members(group: int) -> list[int]:
+    """Processes of a group that have not ended."""
+    found = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            fields = status.read_text().rpartition(")")[2].split()
+            if int(fields[2]) == group and fields[0] != "Z":
+                found.append(int(status.parent.name))
+    return found
