@@ -233,7 +233,7 @@ def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, decla
 
 def _tamed(contrast: Floats) -> Floats:
     """Contrasts (k, c), those beyond the 97.5 % point of what the median of their size implies drawn back to it."""
-    scaled = contrast / np.maximum(np.median(np.abs(contrast), axis=0), 1e-300)
+    scaled = contrast / np.maximum(np.median(np.abs(contrast), axis=0), SMALLEST)
     norms = (scaled**2).sum(axis=1)
     c = contrast.shape[1]
     limit = chi2.ppf(0.975, c) * np.median(norms) / chi2.median(c)
