@@ -42,5 +42,8 @@ def warn_of_covariates(table: Table, taken: Collection[str]) -> None:
     alike = {name: known for name in names if (known := known_lookalike(name)) and known not in names}
     if alike:
         pairs = ", ".join(f"{name!r} is not {known!r}" for name, known in alike.items())
-        text = f"{table.file}: {pairs}: kept as covariates of their own; rename them if the known ones are meant"
+        text = (
+            f"{table.file}: {pairs}: kept as covariates of their own, which no effect of gtpin's looks at; "
+            "rename them if the known ones are meant"
+        )
         warnings.warn(text, GtpinWarning, stacklevel=2)

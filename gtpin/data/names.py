@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from difflib import get_close_matches
 from typing import Literal
 
 from gtpin.errors import DatasetError
@@ -18,6 +19,9 @@ _COVARIATE = re.compile(r"time|session|temp_frame|temp_link|payload|f[xyz]|(?:ap
 TAKEN_IN_POSES = re.compile(r"pose|q[0-9]+|[xyz]|q[wxyz]")
 TAKEN_IN_CARTS = re.compile(r"pose|cart|q|[xyz]|q[wxyz]")
 
+_PLAIN = ("time", "session", "temp_frame", "temp_link", "payload")
+LIKE = 0.8
+"""Share of their letters that names must have in common, in order, to look alike."""
 _NUMBERED = re.compile(r"(approach|speed)([0-9]+)")
 _COMMAND = re.compile(r"q([0-9]+)")
 _NUMBER = re.compile(r"q[0-9]*|[xyz]|q[wxyz]|cart|time|temp_frame|temp_link|payload|f[xyz]|(?:approach|speed)[0-9]+")
@@ -41,9 +45,15 @@ def command_names(n_actuators: int) -> list[str]:
 
 
 def known_lookalike(name: str) -> str | None:
-    """Give the known covariate that a name equals but for case, spaces and dashes; None where it is none."""
+    """Give the known covariate that a name is all but equal to: by case, spaces, dashes or a letter; None where it is none."""
     plain = re.sub(r"[\s_-]+", "_", name.strip().lower())
-    return plain if plain != name and _COVARIATE.fullmatch(plain) else None
+    if plain == name and _COVARIATE.fullmatch(name):
+        return None
+    if _COVARIATE.fullmatch(plain):
+        return plain
+    number = re.search(r"[1-9][0-9]*$", plain)
+    known = [*_PLAIN, *(f"{kind}{number[0] if number else 1}" for kind in ("approach", "speed"))]
+    return next(iter(get_close_matches(plain, known, 1, LIKE)), None)
 
 
 def is_approach(name: str) -> bool:

@@ -10,6 +10,7 @@ from scipy.special import expit
 
 from gtpin.diagnosis.candidates import Free, related, same_place
 from gtpin.diagnosis.evidence import NOTHING, Posterior, tuned, without
+from gtpin.diagnosis.hidden import odds
 from gtpin.diagnosis.pool import STRANGER, Pool
 from gtpin.diagnosis.result import Member, Verdict
 from gtpin.diagnosis.search import search
@@ -155,13 +156,20 @@ def _apart(pool: Pool, model: Posterior) -> tuple[str, ...]:
 
 
 def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
-    """Everything that could stand in for a cause, the likeliest first; a free motion only takes probability away."""
+    """Everything that could stand in for a cause, the likeliest first; a free motion only takes probability away.
+
+    What can't be tested because its covariate is missing is at most as likely as the likeliest that can.
+    """
     rest = without(pool.groups, model, name, sweeps=1)
     gains = pool.gains(rest, pool.named)
     own = gains[name]
     dear = STRANGER + DEPARTURE * max(own, 0.0)
     strange = [value - dear for value in pool.gains(rest, _others(pool, name)).values()]
     log = {n: value / _temperature(max(own, 0.0)) for n, value in gains.items()}
+    likeliest = max(log.values())
+    for n, value in pool.gains(rest, pool.hidden).items():
+        unlikely = float(np.log(odds(pool.design.situation, pool.hidden[n])))
+        log[n] = min(value / _temperature(max(own, 0.0)) + unlikely, likeliest)
     whole = np.logaddexp.reduce([*log.values(), max(strange, default=-np.inf) / _temperature(max(own, 0.0))])
     probability = {n: float(np.exp(value - whole)) for n, value in log.items()}
     least = CLASS_SHARE * max(probability.values())

@@ -117,7 +117,7 @@ def diagnose(
     return Diagnosis(
         verdict=found.verdict,
         causes=tuple(causes),
-        candidates=tuple(_considered(pool, found)) + evidence.untestable,
+        candidates=tuple(_considered(pool, found, evidence.untestable)),
         where=where(design, left, pool, found.gains, regions),
         gap=whole,
         unexplained=unexplained(pool, found.named),
@@ -148,7 +148,11 @@ def _standings(pool: Pool, found: Decision, causes: list[Cause]) -> list[Standin
         Standing(
             pool.candidates[name],
             scale[name],
-            tuple((pool.settled(f"{m.effect}@{m.site}"), m.probability) for m in found.classes[name]),
+            tuple(
+                (pool.hidden.get(key) or pool.settled(key), m.probability)
+                for m in found.classes[name]
+                for key in [f"{m.effect}@{m.site}"]
+            ),
         )
         for name in names
     ]
@@ -224,11 +228,13 @@ def _gaps(
     return whole, {name: gap(design, others, floor, blocks, rng) for name, others in less.items()}
 
 
-def _considered(pool: Pool, found: Decision) -> list[Considered]:
+def _considered(pool: Pool, found: Decision, untestable: tuple[Considered, ...]) -> list[Considered]:
+    """Everything that was tested, the likeliest first, then what could not be."""
     probability = {f"{m.effect}@{m.site}": m.probability for members in found.classes.values() for m in members}
     rows = [
         Considered(*split(name), found.gains[name], probability.get(name, 0.0), True, "")
         for name in pool.named
         if name in found.gains
     ]
-    return sorted(rows, key=lambda row: -row.log_evidence)
+    others = [replace(row, probability=probability.get(f"{row.effect}@{row.site}", 0.0)) for row in untestable]
+    return [*sorted(rows, key=lambda row: -row.log_evidence), *others]

@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.diagnosis.candidates import Candidate, Free, related, same_motion
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed
+from gtpin.diagnosis.hidden import stand_in
 from gtpin.diagnosis.scan import Scan
 from gtpin.effects.basis import Basis
 
@@ -41,6 +42,8 @@ class Pool:
         Free motions with their displacements.
     false_alarm
         Chance of naming a cause where there is none.
+    unrecorded
+        Effects that can't be tested because a covariate is missing; see :mod:`~gtpin.diagnosis.hidden`.
     """
 
     design: Design
@@ -48,6 +51,8 @@ class Pool:
     scanned: tuple[Candidate, ...]
     frees: Iterable[tuple[Free, Basis]]
     false_alarm: float
+    unrecorded: tuple[Candidate, ...] = ()
+    hidden: dict[str, Candidate] = field(default_factory=dict)
     latest: dict[str, Candidate | Free] = field(default_factory=dict)
     free: dict[str, Free] = field(default_factory=dict)
     scans: dict[str, Scan] = field(default_factory=dict)
@@ -62,6 +67,11 @@ class Pool:
         for free, basis in self.frees:
             self.free[free.name] = free
             self.groups.set(free.name, self.design.columns(basis))
+        for candidate in self.unrecorded:
+            columns = stand_in(self.design, candidate)
+            if columns is not None:
+                self.hidden[candidate.name] = candidate
+                self.groups.set(candidate.name, columns)
         count = len(self.candidates) + len(self.scanned)
         self.threshold = float(np.log(max(count, 1)) + np.log(1.0 / self.false_alarm))
 
@@ -78,7 +88,7 @@ class Pool:
 
     def explanation(self, name: str) -> Candidate | Free:
         """What has a name."""
-        return self.free.get(name) or self.candidates.get(name) or self._to_scan[name]
+        return self.free.get(name) or self.candidates.get(name) or self.hidden.get(name) or self._to_scan[name]
 
     def costs(self, names: Sequence[str]) -> dict[str, float]:
         """What each explanation of a model must be worth in it."""

@@ -34,7 +34,8 @@ class Cause:
     effect, site, probability
         The leader of its class.
     members
-        Its class: itself and what has at least 5 % of its probability.
+        Its class: itself and what has at least 5 % of its probability; also what can't be tested for lack of a covariate, as
+        far as other columns tell that it could stand in.
     parameters
         By name: value, sigma, unit.
     shrinkage
@@ -51,7 +52,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Considered:
-    """A candidate, and what came of it."""
+    """A candidate, and what came of it; what can't be tested has a probability where it could stand in for a cause."""
 
     effect: str
     site: str

@@ -46,7 +46,7 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
     """Testable candidates, and what is said of the others."""
     at = design.situation
     marginal = Marginal(design.B)
-    plain, scanned, untestable = {}, [], []
+    plain, scanned, untestable, unrecorded = {}, [], [], []
     for effect in catalogue().values():
         for site in effect.sites(at.robot):
             if effect.id in exclude or f"{effect.id}@{site}" in exclude:
@@ -55,11 +55,14 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
             reason = effect.untestable(at, site) or ("" if many else _absorbed(design, marginal, effect, site))
             if reason:
                 untestable.append(Considered(effect.id, site, 0.0, 0.0, False, reason))
+                unrecorded.append(Candidate(effect, site))
             elif many:
                 scanned.append(Candidate(effect, site))
             else:
                 plain[f"{effect.id}@{site}"] = Candidate(effect, site)
-    return Pool(design, plain, tuple(scanned), tuple(free_motions(at)), false_alarm), tuple(untestable)
+    return Pool(design, plain, tuple(scanned), tuple(free_motions(at)), false_alarm, tuple(unrecorded)), tuple(
+        untestable
+    )
 
 
 def _absorbed(design: Design, marginal: Marginal, effect: Effect, site: str) -> str:

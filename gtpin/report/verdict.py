@@ -60,9 +60,23 @@ def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
     headline = " ".join(sentence(_either(cause)) for cause in doubtful)
     if sure:
         headline += f" Sure beside it: {joined([phrase(c.effect, c.site).clause for c in sure])}."
-    advice = [_shrinks(d), "Which of them it is makes no difference to what the model predicts near these poses."]
+    advice = [_shrinks(d), *_not_recorded(d, doubtful)]
+    if len(advice) == 1:
+        advice.append("Which of them it is makes no difference to what the model predicts near these poses.")
     members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
     return headline, [*_actions(sure), *advice, *_next(d, members)]
+
+
+def _not_recorded(d: Diagnosis, causes: list[Cause]) -> list[str]:
+    """What members of a class can't be tested for lack of a covariate, and how to mend that."""
+    reasons = {(c.effect, c.site): c.reason for c in d.candidates if not c.testable}
+    members = dict.fromkeys((m.effect, m.site) for cause in causes for m in cause.members)
+    return [
+        f"{effect} at {site_words(site)} can't be ruled out, because {reasons[effect, site]}: record it, or fill it in "
+        "(a speed is 0 where the machine stood still), and diagnose again."
+        for effect, site in members
+        if (effect, site) in reasons
+    ]
 
 
 def _unknown(d: Diagnosis) -> tuple[str, list[str]]:

@@ -170,11 +170,21 @@ def test_covariates_that_do_not_vary_are_named_in_one_warning(make):
     assert len(caught) == 1
 
 
-def test_a_name_that_is_known_but_for_its_case_is_warned_of(with_column):
-    folder = with_column("Temp Link", "20", "21", "22", "23")
-    with pytest.warns(GtpinWarning, match="'Temp Link' is not 'temp_link'"):
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [("Temp Link", "temp_link"), ("Approach2", "approach2"), ("approch3", "approach3"), ("speed", "speed1")],
+)
+def test_a_name_that_is_nearly_a_known_one_is_warned_of(with_column, name, known):
+    folder = with_column(name, "20", "21", "22", "23")
+    with pytest.warns(GtpinWarning, match=f"'{name}' is not '{known}'"):
         dataset = Dataset.read(folder)
-    assert "Temp Link" in dataset.covariates
+    assert name in dataset.covariates
+
+
+@pytest.mark.parametrize("name", ["temp_room", "humidity", "tool", "approach2", "operator"])
+def test_a_name_of_its_own_is_not_taken_for_a_misspelt_one(with_column, name, recwarn):
+    Dataset.read(with_column(name, "1", "-1", "1", "-1"))
+    assert not [w for w in recwarn if "is not" in str(w.message)]
 
 
 def test_a_folder_of_robot_files_is_referred_to_from_dataset_toml(make):

@@ -1,0 +1,63 @@
+"""Causes whose covariate nobody recorded: others are not blamed for them with confidence."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosed import LARGE, POSES
+
+import gtpin
+from gtpin.plant import Case, make_case
+
+CONFIDENT = 0.95
+
+
+def machine(seed: int, effect: str, site: str | None, without: tuple[str, ...] = ()) -> Case:
+    return make_case(seed, effects=[(effect, site)], energy=LARGE, poses=POSES, without=without)
+
+
+def said(case: Case, **covariates: np.ndarray) -> gtpin.Diagnosis:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of covariates that do not vary
+        dataset = replace(case.dataset, covariates={**case.dataset.covariates, **covariates})
+        return gtpin.diagnose(dataset)
+
+
+HIDDEN = [
+    ("backlash", "cart1", ("approach",)),
+    ("servo_lag", "cart2", ("speed",)),
+    ("frame_shift", "frame", ("session",)),
+    ("thermal_links", "arm", ("temp_link",)),
+]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("effect", "site", "without"), HIDDEN)
+def test_no_other_cause_is_sure_where_what_the_true_one_goes_with_was_not_recorded(effect, site, without, seed):
+    found = said(machine(seed, effect, site, without))
+    assert all(c.probability < CONFIDENT for c in found.causes)
+    rows = {(c.effect, c.site): c for c in found.candidates}
+    assert not rows[effect, site].testable
+    if found.causes:
+        assert (effect, site) in {(m.effect, m.site) for c in found.causes for m in c.members}
+        assert rows[effect, site].probability > 0.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "site", "without"),
+    [("servo_lag", "cart3", ("approach",)), ("tracker_drift", "frame", ("session",))],
+)
+def test_a_cause_that_can_be_tested_stands_where_its_imitator_can_not(effect, site, without):
+    found = said(machine(3, effect, site, without))
+    assert [(c.effect, c.site) for c in found.causes] == [(effect, site)]
+    assert found.causes[0].probability >= CONFIDENT
+
+
+def test_a_speed_of_zero_rules_out_what_goes_with_speed():
+    case = machine(1, "backlash", "cart1", ("speed",))
+    at_rest = {f"speed{j}": np.zeros(len(case.dataset)) for j in (1, 2, 3)}
+    without, with_zero = said(case), said(case, **at_rest)
+    assert ("servo_lag", "cart1") in {(m.effect, m.site) for m in without.causes[0].members}
+    assert all(m.effect != "servo_lag" for m in with_zero.causes[0].members)
+    assert with_zero.causes[0].probability > without.causes[0].probability
