@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from gtpin.commands.calibrate import write_calibration
-from gtpin.commands.diagnose import write_diagnosis
+from gtpin.commands.diagnose import corrections_hint, write_diagnosis
 from gtpin.commands.terminal import AsJson, Seed, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
@@ -21,6 +21,7 @@ from gtpin.plant.truth import Case
 from gtpin.predict import predict
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.diagnosis_text import diagnosis_summary
+from gtpin.report.words import length
 
 SCENARIO = Path(__file__).with_name("demo.toml")
 """The effects that the machine has, and how it is measured."""
@@ -50,13 +51,14 @@ def demo(
             (folder / "calibration" / "report.html").write_text(page, encoding="utf-8")
         held_out = _held_out(case, found)
     has = ", ".join(f"{truth.effect} at {truth.site}" for truth in case.effects)
-    errors = " -> ".join(f"{error * 1e6:.1f} um {name}" for name, error in held_out.items())
+    errors = " -> ".join(f"{length(error)} {name}" for name, error in held_out.items())
     text = rendered(
         f"A virtual Gantry-Tau, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
         diagnosis_summary(found),
         f"\nWhat was hidden (dataset.truth.json): the machine has {has}.",
         f"True position error on {len(case.commands)} poses that were never measured, RMS: {errors}.",
         f"Beside the report: {', '.join(str(output / name) for name in ('dataset', 'calibration', 'diagnosis.json', 'model'))}",
+        *corrections_hint(found, output),
         f"Open {output / 'report.html'}",
     )
     told = {"effects": [{"effect": truth.effect, "site": truth.site} for truth in case.effects], "true_rms": held_out}

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from gtpin.commands.terminal import AsJson, DatasetFolder, Output, Seed, progress_of, rendered, tell, write_json
+from gtpin.compensation.corrections import correctable
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
@@ -16,6 +17,7 @@ from gtpin.model_folder import write_model
 from gtpin.output import results_folder
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.diagnosis_text import diagnosis_summary
+from gtpin.report.experiments import write_experiments
 
 
 def diagnose(
@@ -43,15 +45,31 @@ def diagnose(
             found = run_diagnosis(read, exclude=exclude or (), false_alarm=false_alarm, seed=seed, progress=progress)
         result = write_diagnosis(found, read, folder, seed)
     written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
-    text = rendered(diagnosis_summary(found), f"Written: {written}", f"Open {output / 'report.html'}")
+    text = rendered(
+        diagnosis_summary(found),
+        *corrections_hint(found, output),
+        f"Written: {written}",
+        f"Open {output / 'report.html'}",
+    )
     tell(result, text, as_json)
 
 
+def corrections_hint(found: Diagnosis, output: Path) -> list[str]:
+    """The command that writes what a controller can correct by itself, where there is something."""
+    if not correctable(found.model):
+        return []
+    return [f"Corrections for the controller: gtpin export {output / 'model'} -o corrections.csv"]
+
+
 def write_diagnosis(found: Diagnosis, dataset: Dataset, folder: Path, seed: int = 0) -> dict[str, object]:
-    """Write ``baseline/``, ``model/``, ``diagnosis.json`` and ``report.html``; give what ``diagnosis.json`` holds."""
+    """Write ``baseline/``, ``model/``, ``diagnosis.json``, ``report.html`` and the next experiments' commands.
+
+    Gives what ``diagnosis.json`` holds.
+    """
     result = found.to_json()
     write_model(found.baseline.model, folder / "baseline")
     write_model(found.model, folder / "model")
     write_json(folder / "diagnosis.json", result)
+    write_experiments(found, folder)
     (folder / "report.html").write_text(diagnosis_page(found, dataset, seed=seed), encoding="utf-8")
     return result

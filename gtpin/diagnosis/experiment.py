@@ -85,7 +85,10 @@ def _setting(what: str, covariates: Mapping[str, Column], sites: Sequence[str], 
         return f"pass {passed} of them with {moved} at up to {np.abs(values).max():.2g} per second, as listed"
     if what == "force":
         size = np.linalg.norm(values, axis=1)
-        return f"push on the tool with up to {size.max():.0f} N at {np.count_nonzero(size)} of them"
+        return (
+            f"push on the tool with up to {size.max():.0f} N at {np.count_nonzero(size)} of them, along the base frame's axes "
+            "as listed, and never harder than the machine is rated for"
+        )
     if what == "temperature":
         cold = int((values[:, 0] == reference).sum())
         return f"{cold} with the machine cold, {len(values) - cold} with it warm"

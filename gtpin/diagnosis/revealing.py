@@ -133,6 +133,9 @@ def _remedy(group: _Group) -> str:
     """What is to be done differently from the measurements so far, as the beginning of a sentence."""
     if not group.lacking:
         return "These "
+    if group.lacking == ("session",):
+        named = "Name the session, that of the measurements so far too" if group.missing else "Begin another session"
+        return f"{named}: these "
     what = "Record and vary" if group.missing else "Vary"
     return f"{what} {listed(group.lacking)}: these "
 

@@ -11,7 +11,7 @@ from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.maps import maps
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
-from gtpin.report.quality import quality
+from gtpin.report.quality import quality, scatters
 from gtpin.report.residual_plots import ONE_LAYER, against_covariates, components
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
@@ -84,6 +84,13 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
             "The noise was not declared and taken from the residuals, so they can't judge the fit: declare the sigmas."
         ]
         return "accent", "fit not judged", headline, advice
+    if hidden := scatters(c):
+        return (
+            "accent",
+            "fits within its scatter",
+            headline,
+            [hidden, "gtpin diagnose tells whether there is more to it."],
+        )
     return "good", "fits", headline, ["What is left is what instrument and repeatability alone would leave."]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.calibration.result import Calibration
+from gtpin.report.quality import scatters
 
 HEAVY = 1.5
 """Chi-square per degree of freedom from which heavy tails are not taken for granted."""
@@ -71,6 +72,10 @@ def _noise(c: Calibration) -> str:
     if noise.repeatability > 0.0:
         how = "the residuals" if noise.source == "residuals" else "repeated visits"
         lines.append(f"  repeatability of each actuator, from {how}: {noise.repeatability * 1e6:.2f} um or urad")
+    if scatters(c):
+        lines.append(
+            "  That is much: backlash and whatever else comes and goes between visits may hide in it. gtpin diagnose tells."
+        )
     if np.isfinite(c.freedom):
         lines.append(f"  tails heavier than Gaussian: t distribution with {c.freedom:g} degrees of freedom")
         if c.chi2_per_dof > HEAVY:

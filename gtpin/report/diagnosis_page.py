@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.compensation.corrections import correctable
 from gtpin.data import Dataset
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.diagnosis.where import Where
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.effect_curves import Curve, curves
 from gtpin.report.evidence import Bar, NamedCause, evidence_bars, named_causes, testable_count, untestable
-from gtpin.report.experiments import experiments
+from gtpin.report.experiments import confirmation, experiments
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.maps import maps
 from gtpin.report.page import Plot, render
@@ -25,7 +26,7 @@ from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
 from gtpin.report.verdict import verdict
-from gtpin.report.words import coordinate_words, length, percent, short, site_words, whole
+from gtpin.report.words import coordinate_words, joined, length, percent, short, site_words, whole
 
 CONTENTS = (
     ("where", "Where it lies"),
@@ -40,6 +41,9 @@ CONTENTS = (
     ("data", "Data"),
     ("provenance", "Provenance"),
 )
+
+CHANCE = 0.01
+"""Chance from which noise alone is enough."""
 
 
 def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> str:
@@ -88,6 +92,8 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         unexplained=_unexplained(diagnosis),
         correlates=[(site_words(s), coordinate_words(c), _rare(p)) for s, c, p in diagnosis.unexplained.correlates],
         doubtful=[cause for cause in named if len(cause.members) > 1],
+        corrected=_corrected(diagnosis),
+        confirm=confirmation(diagnosis),
         next_experiment=experiments(diagnosis),
         untestable=untestable(diagnosis.candidates),
         moved=moved,
@@ -107,6 +113,12 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
         numbers.append((percent(d.gap.shrinkage), f"of the power beyond noise goes away{between}"))
     return numbers
+
+
+def _corrected(d: Diagnosis) -> str:
+    """Which causes a controller can correct by a table for each actuator."""
+    found = [f"{active.effect.id} at {site_words(active.site)}" for active in correctable(d.model)]
+    return f"A controller can correct {joined(found)} by itself." if found else ""
 
 
 def _sketch(d: Diagnosis) -> str | None:
@@ -190,7 +202,11 @@ def _rare(chance: float) -> str:
 
 
 def _unexplained(d: Diagnosis) -> str:
-    return (
-        f"{percent(d.unexplained.share)} of what geometry alone leaves beyond noise is left unexplained; "
-        f"noise alone would leave as much with a chance of {_rare(d.unexplained.p_value)}."
+    left, p = percent(d.unexplained.share), _rare(d.unexplained.p_value)
+    beside = (
+        f"In units of the noise, position and orientation together, {left} of what geometry alone leaves beyond noise is not "
+        "explained. (The gap above is of positions alone, in micrometres, on poses left out of the fit.)"
     )
+    if d.unexplained.p_value >= CHANCE:
+        return f"Nothing that noise could not have left: it leaves as much with a chance of {p}. {beside}"
+    return f"{beside} Noise alone would leave as much with a chance of {p}."

@@ -8,9 +8,9 @@ from rich.table import Table
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Member
 from gtpin.report.verdict import verdict
-from gtpin.report.words import chance, percent
+from gtpin.report.words import chance, length, percent, quantity
 
-SHOWN = 3
+SHOWN = 6
 """Parameters of a cause that are listed; the report has all."""
 
 
@@ -43,13 +43,12 @@ def _causes(diagnosis: Diagnosis) -> Table:
 
 
 def _value(name: str, value: float, sigma: float, unit: str) -> str:
-    spread = f" +- {sigma:.1g}" if sigma > 0.0 else ""
-    return f"{name} {value:.3g}{spread} {unit}"
+    return f"{name.replace('_', ' ')} {quantity(value, unit, sigma)}"
 
 
 def _gap(diagnosis: Diagnosis) -> list[str]:
     gap = diagnosis.gap
-    before, after, floor = (f"{value * 1e6:.1f} um" for value in (gap.before, gap.after, gap.floor))
+    before, after, floor = (length(value) for value in (gap.before, gap.after, gap.floor))
     if diagnosis.verdict == "none":
         return [f"Held-out position error, RMS: {before}, of which noise is {floor}."]
     lines = [

@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from markupsafe import Markup
+
 from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Member
+from gtpin.effects.catalogue import catalogue
+from gtpin.report.meaning import meaning
 from gtpin.report.page import Table
 from gtpin.report.phrases import phrase, sentence
 from gtpin.report.words import chance, counted, joined, percent, quantity, site_words
@@ -36,6 +40,7 @@ class NamedCause:
     shrinkage: str
     reach: str
     parameters: Table
+    meaning: tuple[Markup, ...]
     members: tuple[Bar, ...]
 
 
@@ -85,10 +90,20 @@ def _named(key: str, c: Cause, reach: str, told: bool) -> NamedCause:
         c.site,
         chance(c.probability),
         shrinkage,
-        reach,
+        "; ".join(word for word in (_setting(c), reach) if word),
         Table(("parameter", "value"), rows),
+        meaning(c.effect),
         members,
     )
+
+
+def _setting(c: Cause) -> str:
+    """What is not linear in a cause, its period or place, in words; its parameters begin with it."""
+    known = catalogue().get(c.effect)
+    if known is None or not known.has_setting:
+        return ""
+    name, (value, _, unit) = next(iter(c.parameters.items()))
+    return f"{name.replace('_', ' ')} {quantity(value, unit)}"
 
 
 def untestable(candidates: Sequence[Considered]) -> Table:

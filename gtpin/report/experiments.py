@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from gtpin.data import Commands
+from gtpin.data.ids import normal_ids
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.page import Table
 from gtpin.report.words import covariate_unit, with_unit
@@ -13,19 +16,49 @@ from gtpin.report.words import covariate_unit, with_unit
 
 @dataclass(frozen=True)
 class Step:
-    """A proposed measurement: what to do, what it is worth, and the commands."""
+    """A proposed measurement: what to do, what it is worth, the commands, and the file that has them too."""
 
     measure: str
     worth: str
     commands: Table
+    file: str
+
+
+NEARLY = 0.9
+"""Share of a plan's gain from which random poses do as well."""
 
 
 def experiments(d: Diagnosis) -> list[Step]:
     """Everything that is worth measuring next, the most telling first."""
-    return [_step(told, d.model.robot.n_actuators) for told in d.to_json()["next_experiment"]]
+    steps = d.to_json()["next_experiment"]
+    return [_step(told, d.model.robot.n_actuators, experiment_file(i)) for i, told in enumerate(steps)]
 
 
-def _step(told: Mapping[str, Any], n_actuators: int) -> Step:
+def experiment_file(number: int) -> str:
+    """Name of the file with an experiment's commands, counted from 0, from the report's folder."""
+    return f"next_experiment/{number + 1}.csv"
+
+
+def write_experiments(d: Diagnosis, folder: Path) -> None:
+    """Write each experiment's commands with what to set beside them, as a table that ``predict`` reads too."""
+    for i, experiment in enumerate(d.next_experiment):
+        if len(experiment.poses):
+            (folder / experiment_file(i)).parent.mkdir(exist_ok=True)
+            ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(len(experiment.poses))])
+            Commands(ids, experiment.poses, dict(experiment.covariates)).write(folder / experiment_file(i))
+
+
+def confirmation(d: Diagnosis) -> str:
+    """How to see that the causes were the right ones; empty where none is named for sure."""
+    if d.verdict != "explained":
+        return ""
+    return (
+        "To confirm it: take the cause away on the machine, or load the corrections, measure as many poses of the same kind "
+        "again, and diagnose those: nothing but noise should be left."
+    )
+
+
+def _step(told: Mapping[str, Any], n_actuators: int, file: str) -> Step:
     covariates: Mapping[str, Any] = told.get("covariates") or {}
     head = [f"q{j + 1}" for j in range(n_actuators)]
     head += [with_unit(name, covariate_unit(name)) for name in covariates]
@@ -33,14 +66,18 @@ def _step(told: Mapping[str, Any], n_actuators: int) -> Step:
         [*(f"{value:.4f}" for value in q), *(_cell(values[i]) for values in covariates.values())]
         for i, q in enumerate(told["poses"])
     ]
-    return Step(told["measure"], _worth(told.get("expected_gain"), told.get("random_gain")), Table(head, rows))
+    return Step(told["measure"], _worth(told.get("expected_gain"), told.get("random_gain")), Table(head, rows), file)
 
 
 def _worth(expected: float | None, random: float | None) -> str:
     if expected is None:
         return ""
-    beside = f", where as many random poses bring {random:.1f}" if random is not None else ""
-    return f"Expected gain in log evidence: {expected:.1f}{beside}."
+    gain = f"Expected gain in log evidence: {expected:.1f}"
+    if random is None:
+        return f"{gain}."
+    if random >= NEARLY * expected:
+        return f"{gain}. Other poses would do as well ({random:.1f}): what counts is what is set beside the commands."
+    return f"{gain}, where as many random poses bring {random:.1f}."
 
 
 def _cell(value: float | str) -> str:

@@ -16,6 +16,10 @@ from gtpin.report.words import counted, covariate_unit, length, quantity, with_u
 SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
 
 
+SCATTERS = 0.5
+"""Repeatability over the instrument's sigma from which it may well hide something."""
+
+
 @dataclass(frozen=True)
 class Quality:
     """Facts about the data, the ranges of their columns, and the poses that were set aside."""
@@ -41,6 +45,7 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] |
         if dataset.orientation is not None
         else "Only positions were measured.",
         _noise(calibration),
+        scatters(calibration),
         _fit(calibration),
     ]
     return Quality(
@@ -61,6 +66,17 @@ def _noise(c: Calibration) -> str:
     if np.isfinite(c.freedom):
         text += f"; its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)"
     return text + "."
+
+
+def scatters(c: Calibration) -> str:
+    """What a repeatability that is not small may hide; empty where it is small."""
+    if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
+        return ""
+    return (
+        f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator, which calibration counts as noise: "
+        "backlash and whatever else comes and goes between visits of one pose may hide in it. Diagnosis does not take it for "
+        "granted."
+    )
 
 
 def _fit(c: Calibration) -> str:

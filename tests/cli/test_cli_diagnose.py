@@ -69,7 +69,8 @@ def errors(folder, dataset):
 def test_diagnose_writes_two_models_their_numbers_and_a_page(diagnosed):
     folder, ran = diagnosed
     assert ran.code == 0, ran.err
-    assert {path.name for path in folder.iterdir()} == {"baseline", "model", "diagnosis.json", "report.html"}
+    names = {"baseline", "model", "diagnosis.json", "report.html", "next_experiment"}
+    assert {path.name for path in folder.iterdir()} == names
     assert set(told(folder)) == KEYS
     assert "</html>" in (folder / "report.html").read_text()
     assert {path.name for path in folder.parent.iterdir()} == {"diagnosis"}
@@ -90,10 +91,24 @@ def test_people_are_told_verdict_causes_gap_and_which_file_to_open(diagnosed):
     for cause in found["causes"]:
         assert f"{cause['effect']} at {cause['site']}" in ran.out
     for value in ("position_rms_before", "position_rms_after", "noise_floor"):
-        assert f"{found['gap'][value] * 1e6:.1f} um" in ran.out
+        assert f"{found['gap'][value] * 1e6:.1f} µm" in ran.out.replace("\u00a0", " ")
+    assert f"gtpin export {folder / 'model'} -o" in ran.out
     assert lines[-1] == f"Open {folder / 'report.html'}"
     assert "\x1b" not in ran.out
     assert all(line.startswith("gtpin: warning: ") for line in ran.err.splitlines())
+
+
+def test_what_to_measure_next_is_a_table_that_can_be_predicted(run, diagnosed, tmp_path):
+    folder, _ = diagnosed
+    steps = told(folder)["next_experiment"]
+    tables = [folder / "next_experiment" / f"{i + 1}.csv" for i, step in enumerate(steps) if step["poses"]]
+    assert tables
+    assert sorted(tables) == sorted((folder / "next_experiment").iterdir())
+    for table, step in zip(tables, (step for step in steps if step["poses"]), strict=True):
+        commands = gtpin.Commands.read(table, 3)
+        np.testing.assert_allclose(commands.q, step["poses"])
+        assert set(commands.covariates) == set(step["covariates"])
+        assert run("predict", folder / "baseline", table, "-o", tmp_path / table.name).code == 0
 
 
 def test_the_model_with_the_causes_predicts_better_than_the_one_without(run, diagnosed, strong, tmp_path):

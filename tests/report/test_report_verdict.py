@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from gtpin.diagnosis.result import Considered, Member
 from gtpin.report.verdict import verdict
 
 
@@ -78,3 +79,20 @@ def test_every_verdict_has_a_badge_and_advice(findings, kind):
     assert said.badge
     assert said.advice
     assert said.headline.endswith(".")
+
+
+def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings):
+    found = findings["explained"].diagnosis
+    cause = found.causes[0]
+    members = (Member(cause.effect, cause.site, 0.5), Member("servo_lag", "cart2", 0.4))
+    lacking = Considered("servo_lag", "cart2", 0.0, 0.4, False, "the covariate speed2 is missing")
+    others = tuple(c for c in found.candidates if (c.effect, c.site) != ("servo_lag", "cart2"))
+    doubtful = replace(
+        found,
+        verdict="ambiguous",
+        causes=(replace(cause, probability=0.5, members=members),),
+        candidates=(*others, lacking),
+    )
+    advice = " ".join(verdict(doubtful).advice)
+    assert "servo_lag at cart2 can't be ruled out, because the covariate speed2 is missing" in advice
+    assert "makes no difference" not in advice
