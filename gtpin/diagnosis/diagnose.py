@@ -120,7 +120,7 @@ def diagnose(
         candidates=tuple(_considered(pool, found, evidence.untestable)),
         where=where(design, left, pool, found.gains, regions),
         gap=whole,
-        unexplained=unexplained(pool, found.named),
+        unexplained=unexplained(pool, found.named, found.verdict == "unknown"),
         baseline=baseline,
         model=model,
         set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[~np.isin(dataset.row, kept.row)])),

@@ -74,11 +74,14 @@ class Unexplained:
         Chance of a larger chi-square from noise alone.
     correlates
         Site, coordinates and p-value of free motions that go with it.
+    could_be
+        Effect and site of what can't be tested for lack of a covariate, and would account for what is unknown all the same.
     """
 
     share: float
     p_value: float
     correlates: tuple[tuple[str, str, float], ...]
+    could_be: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -157,6 +160,7 @@ class Diagnosis:
                     {"site": site, "covariate": coordinates, "p_value": p}
                     for site, coordinates, p in self.unexplained.correlates
                 ],
+                "could_be": [{"effect": effect, "site": site} for effect, site in self.unexplained.could_be],
             },
             "next_experiment": [e.to_json() for e in self.next_experiment],
         }

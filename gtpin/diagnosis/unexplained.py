@@ -13,15 +13,22 @@ CORRELATES = 5
 """Free motions that are reported at most."""
 SEEN = 1e-3
 """P-value below which one is."""
+ACCOUNTS = 0.8
+"""Share of the evidence of the best free motion from which an effect that can't be tested could be what is unknown."""
+
+SURELY = 10.0
+"""Gain in log evidence that it must bring at least."""
 
 
-def unexplained(pool: Pool, model: Posterior) -> Unexplained:
+def unexplained(pool: Pool, model: Posterior, unknown: bool) -> Unexplained:
     """Chi-square of what a model leaves, and the free motions that go with it.
 
     Parameters
     ----------
     model
         The causes that are named.
+    unknown
+        Whether something unknown is beside them.
     """
     groups, design = pool.groups, pool.design
     moment = np.concatenate([np.zeros(0), *(groups.moment(n) for n in model.names)])
@@ -40,4 +47,12 @@ def unexplained(pool: Pool, model: Posterior) -> Unexplained:
     correlates.sort(key=lambda row: row[2])
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     kept_rows = tuple(row for row in correlates[:CORRELATES] if row[2] < SEEN)
-    return Unexplained(share, float(chi2.sf(power, dof)), kept_rows)
+    return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, _could_be(pool, model) if unknown else ())
+
+
+def _could_be(pool: Pool, model: Posterior) -> tuple[tuple[str, str], ...]:
+    """What nobody could test, but accounts for the unknown nearly as well as the best free motion, the best first."""
+    best = max(pool.gains(model, pool.free).values(), default=0.0)
+    gains = pool.gains(model, pool.hidden)
+    enough = [name for name in sorted(gains, key=lambda n: -gains[n]) if gains[name] >= max(ACCOUNTS * best, SURELY)]
+    return tuple((pool.hidden[name].effect.id, pool.hidden[name].site) for name in enough)

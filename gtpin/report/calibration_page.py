@@ -16,7 +16,7 @@ from gtpin.report.residual_plots import ONE_LAYER, against_covariates, component
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
-from gtpin.report.words import counted, length, percent, quantity
+from gtpin.report.words import counted, length, percent, quantity, whole
 
 CONTENTS = (
     ("maps", "Over the workspace"),
@@ -127,12 +127,13 @@ def _learned(c: Calibration) -> list[Bar]:
 def _unobservable(c: Calibration) -> Table:
     rows = []
     for direction in c.unobservable[:SHOWN]:
-        terms = [f"{weight:+.2f} {name}" for name, weight in list(direction.weights.items())[:4]]
+        terms = [whole(f"{weight:+.2f} {name}") for name, weight in list(direction.weights.items())[:4]]
         rows.append([" ".join(terms) + (" …" if len(direction.weights) > 4 else ""), percent(direction.learned)])
     return Table(("direction, weights in tolerances", "learned"), rows)
 
 
 def _correlations(c: Calibration) -> Table:
     return Table(
-        ("parameter", "parameter", "correlation"), [[a, b, f"{rho:+.3f}"] for a, b, rho in c.correlated()[:SHOWN]]
+        ("parameter", "parameter", "correlation"),
+        [[a, b, whole(f"{rho:+.3f}")] for a, b, rho in c.correlated()[:SHOWN]],
     )

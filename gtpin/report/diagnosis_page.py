@@ -105,7 +105,8 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
 
 def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
     """The key figures under the headline."""
-    numbers = [(length(d.gap.before), "gap of the calibrated geometry, RMS")]
+    nominal = length(d.baseline.to_json()["position_rms_before"])
+    numbers = [(nominal, "nominal geometry, RMS"), (length(d.gap.before), "gap of the calibrated geometry")]
     if d.causes:
         numbers.append((length(d.gap.after), "with the causes"))
     numbers.append((length(d.gap.floor), "noise alone"))

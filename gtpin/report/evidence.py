@@ -12,7 +12,7 @@ from gtpin.effects.catalogue import catalogue
 from gtpin.report.meaning import meaning
 from gtpin.report.page import Table
 from gtpin.report.phrases import phrase, sentence
-from gtpin.report.words import chance, counted, joined, percent, quantity, site_words
+from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
 
 SHOWN = 12
 """Candidates whose bars are drawn; the others are in a table."""
@@ -53,12 +53,12 @@ def evidence_bars(d: Diagnosis) -> tuple[list[Bar], Table]:
         Bar(
             _name(c),
             max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0,
-            f"{c.log_evidence:.1f}",
+            whole(f"{c.log_evidence:.1f}"),
             (c.effect, c.site) in named,
         )
         for c in tested[:SHOWN]
     ]
-    rest = [[_name(c), f"{c.log_evidence:.1f}"] for c in tested[SHOWN:]]
+    rest = [[_name(c), whole(f"{c.log_evidence:.1f}")] for c in tested[SHOWN:]]
     return bars, Table(("candidate", "gain in log evidence"), rest)
 
 

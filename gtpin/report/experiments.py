@@ -11,7 +11,7 @@ from gtpin.data import Commands
 from gtpin.data.ids import normal_ids
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.page import Table
-from gtpin.report.words import covariate_unit, with_unit
+from gtpin.report.words import covariate_unit, whole, with_unit
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ class Step:
     file: str
 
 
+FOLDER = "next_experiment"
 NEARLY = 0.9
 """Share of a plan's gain from which random poses do as well."""
 
@@ -36,14 +37,17 @@ def experiments(d: Diagnosis) -> list[Step]:
 
 def experiment_file(number: int) -> str:
     """Name of the file with an experiment's commands, counted from 0, from the report's folder."""
-    return f"next_experiment/{number + 1}.csv"
+    return f"{FOLDER}/{number + 1}.csv"
 
 
 def write_experiments(d: Diagnosis, folder: Path) -> None:
-    """Write each experiment's commands with what to set beside them, as a table that ``predict`` reads too."""
+    """Write each experiment's commands with what to set beside them, as a table that ``predict`` reads too.
+
+    The folder is there even where nothing is in it, so that it takes the place of an older one.
+    """
+    (folder / FOLDER).mkdir()
     for i, experiment in enumerate(d.next_experiment):
         if len(experiment.poses):
-            (folder / experiment_file(i)).parent.mkdir(exist_ok=True)
             ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(len(experiment.poses))])
             Commands(ids, experiment.poses, dict(experiment.covariates)).write(folder / experiment_file(i))
 
@@ -63,7 +67,7 @@ def _step(told: Mapping[str, Any], n_actuators: int, file: str) -> Step:
     head = [f"q{j + 1}" for j in range(n_actuators)]
     head += [with_unit(name, covariate_unit(name)) for name in covariates]
     rows = [
-        [*(f"{value:.4f}" for value in q), *(_cell(values[i]) for values in covariates.values())]
+        [*(whole(f"{value:.4f}") for value in q), *(_cell(values[i]) for values in covariates.values())]
         for i, q in enumerate(told["poses"])
     ]
     return Step(told["measure"], _worth(told.get("expected_gain"), told.get("random_gain")), Table(head, rows), file)
@@ -81,4 +85,4 @@ def _worth(expected: float | None, random: float | None) -> str:
 
 
 def _cell(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.4g}"
+    return value if isinstance(value, str) else whole(f"{value:.4g}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gtpin.calibration.result import Calibration
 from gtpin.model import Model
 from gtpin.report.page import Table
-from gtpin.report.words import quantity
+from gtpin.report.words import quantity, whole
 
 MOVED = 8
 """Parameters that moved most, which are shown first."""
@@ -30,9 +30,9 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
         moved = float(value - p.nominal)
         row = [
             p.name,
-            f"{p.nominal:.6f} {p.unit}",
+            whole(f"{p.nominal:.6f} {p.unit}"),
             quantity(moved, p.unit, float(sigma)),
-            f"{moved / p.tolerance:+.1f}",
+            whole(f"{moved / p.tolerance:+.1f}"),
             f"{100.0 * learned:.0f} %",
         ]
         if model is not None:

@@ -11,7 +11,7 @@ from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.report.page import Table
-from gtpin.report.words import counted, covariate_unit, length, quantity, with_unit
+from gtpin.report.words import counted, covariate_unit, length, quantity, whole, with_unit
 
 SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
 
@@ -105,7 +105,7 @@ def _ranges(dataset: Dataset) -> Table:
 def _range(name: str, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[str]:
     low, high = float(values.min()), float(values.max())
     label = with_unit(name, covariate_unit(name))
-    return [label, f"{low:.4g}", "does not vary" if low == high else f"{high:.4g}"]
+    return [label, whole(f"{low:.4g}"), "does not vary" if low == high else whole(f"{high:.4g}")]
 
 
 def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[str]) -> Table:

@@ -10,6 +10,8 @@ from gtpin.report.words import chance, coordinate_words, counted, joined, length
 
 SURE = 0.95
 """Probability from which a cause stands alone."""
+LISTED = 3
+"""Effects that could be the unknown, of which the best are listed."""
 BADGES = {
     "none": ("no cause", "good"),
     "explained": ("cause found", "accent"),
@@ -90,7 +92,7 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
     else:
         headline = sentence(f"{what} is in these measurements: don't compensate it by name")
         look = "It goes with no single coordinate that was recorded; the maps below show where it is."
-    advice = [look]
+    advice = [look, *_could_be(d)]
     if d.causes:
         sure = joined([phrase(c.effect, c.site).clause for c in d.causes])
         advice += [f"Sure beside it: {sure}.", *_actions(d.causes), _shrinks(d)]
@@ -99,6 +101,16 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
             "The corrected model is the calibrated geometry alone: no known effect is sure enough to be in it."
         )
     return headline, [*advice, *_next(d, {"unknown"})]
+
+
+def _could_be(d: Diagnosis) -> list[str]:
+    """What could not be tested, but would account for the unknown."""
+    if not d.unexplained.could_be:
+        return []
+    reasons = {(c.effect, c.site): c.reason for c in d.candidates}
+    told = dict.fromkeys(reasons[key] for key in d.unexplained.could_be if key in reasons)
+    names = [f"{effect} at {site_words(site)}" for effect, site in d.unexplained.could_be[:LISTED]]
+    return [f"It could be {joined(names, 'or')}, which these data can't test: {joined(list(told))}."]
 
 
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:

@@ -61,3 +61,24 @@ def test_a_speed_of_zero_rules_out_what_goes_with_speed():
     assert ("servo_lag", "cart1") in {(m.effect, m.site) for m in without.causes[0].members}
     assert all(m.effect != "servo_lag" for m in with_zero.causes[0].members)
     assert with_zero.causes[0].probability > without.causes[0].probability
+
+
+def held(found: gtpin.Diagnosis) -> set[tuple[str, str]]:
+    """All that is in a class, or could be what is unknown."""
+    return {(m.effect, m.site) for c in found.causes for m in c.members} | set(found.unexplained.could_be)
+
+
+def test_what_is_found_where_it_was_recorded_is_in_sight_where_it_was_not():
+    truth, recorded = ("zero_shift", "cart3"), 0
+    for seed in range(1, 6):
+        if truth in held(said(machine(seed, *truth))):
+            recorded += 1
+            assert truth in held(said(machine(seed, *truth, without=("session",)))), seed
+    assert recorded >= 3
+
+
+@pytest.mark.parametrize("kind", ["plate_bending", "cable_chain", "thermal_twist"])
+def test_what_goes_with_what_was_recorded_is_not_laid_on_a_missing_session(kind):
+    found = said(machine(1, kind, None, ("session",)))
+    assert found.verdict == "unknown"
+    assert found.unexplained.could_be == ()

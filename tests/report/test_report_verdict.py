@@ -96,3 +96,13 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
     advice = " ".join(verdict(doubtful).advice)
     assert "servo_lag at cart2 can't be ruled out, because the covariate speed2 is missing" in advice
     assert "makes no difference" not in advice
+
+
+def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
+    found = findings["unknown"].diagnosis
+    lacking = Considered("zero_shift", "cart1", 0.0, 0.0, False, "the covariate session is missing")
+    others = tuple(c for c in found.candidates if (c.effect, c.site) != ("zero_shift", "cart1"))
+    left = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
+    advice = " ".join(verdict(replace(found, candidates=(*others, lacking), unexplained=left)).advice)
+    assert "could be zero_shift at cart1, which these data can't test: the covariate session is missing." in advice
+    assert "could be" not in " ".join(verdict(found).advice)
