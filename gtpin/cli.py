@@ -108,7 +108,8 @@ def _run() -> int:
             raise KeyboardInterrupt
         return code
     except typer.TyperException as error:  # wrong options, missing arguments
-        _say("error", f"{_message(error)} (gtpin --help tells more)")
+        if told := _message(error):  # without a command the help has been shown, and there is nothing to say
+            _say("error", f"{told} (gtpin --help tells more)")
         return 2
     except ConvergenceError as error:
         _say("error", error)

@@ -17,6 +17,7 @@ import pyarrow.csv
 from gtpin.data.cells import bad_cell, number
 from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import kind_of
+from gtpin.data.separator import check_separator
 from gtpin.data.table import Column, Table, check_header
 from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
@@ -29,7 +30,9 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table:
     Columns of words are left out.
     """
     _check_text(file, data)
-    names = _split(data[: _end_of_line(data)].decode("utf-8-sig"), file, 1)
+    header = data[: _end_of_line(data)].decode("utf-8-sig")
+    check_separator(header, file)
+    names = _split(header, file, 1)
     check_header(names, file)
     wanted = [name for name in names if name not in ignore]
     return _at_once(file, data, names, wanted) or _line_by_line(file, data, names, wanted)
@@ -151,6 +154,7 @@ def _rows(file: Path, data: bytes, width: int) -> Iterator[tuple[int, list[str]]
         cells = _split(line, file, row)
         if len(cells) != width:
             hint = "give every row one cell for each column of the header"
+            hint += ", and write a decimal point, not a comma" if len(cells) > width else ""
             what = f"the row has {len(cells)} cells, the header {width}"
             raise DatasetError(what, file=file, row=row, hint=hint)
         yield row, cells

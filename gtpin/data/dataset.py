@@ -27,11 +27,11 @@ from gtpin.data.description import (
     read_description,
     write_description,
 )
-from gtpin.data.files import find_table, placed_folder, read_table, write_table
+from gtpin.data.files import check_folder, find_table, placed_folder, read_table, write_table
 from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.table import Column, Floats
-from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.errors import GtpinWarning
 
 _OWN_FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
 
@@ -149,8 +149,7 @@ class Dataset:
         Warns of columns of words and of covariates that do not vary.
         """
         path = Path(path)
-        if path.exists() and not path.is_dir():
-            raise DatasetError("this is a file", file=path, hint="a dataset is the folder that holds dataset.toml")
+        check_folder(path, "a dataset is the folder that holds dataset.toml")
         description = read_description(path / "dataset.toml")
         file = find_table(path, "poses") or path / "poses.csv"
         table = read_table(file)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import stat
 import uuid
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
@@ -29,6 +30,20 @@ def read_bytes(file: Path) -> bytes:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DatasetError(f"the file can't be read ({reason})", file=file, hint="check the path and rights") from None
+
+
+def check_folder(folder: Path, hint: str) -> None:
+    """Raise `DatasetError` where a folder does not exist, is a file or can't be looked into."""
+    try:
+        if stat.S_ISDIR(folder.stat().st_mode):
+            return
+        what = "this is a file, not a folder"
+    except (FileNotFoundError, NotADirectoryError):
+        what, hint = "the folder does not exist", "check the path"
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        what, hint = f"the folder can't be read ({reason})", "check the path and rights"
+    raise DatasetError(what, file=folder, hint=hint)
 
 
 def find_table(folder: Path, stem: str) -> Path | None:

@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
+from gtpin.data.quaternion_order import first_misplaced, misplaced_order
 from gtpin.data.table import Floats
 from gtpin.errors import DatasetError, GtpinWarning
 
 _NEARLY_ALL = 0.95
-_ROTATION_OFF = 0.2
 
 
 def check_plausible(
@@ -83,8 +82,8 @@ def check_measurements(
     reach
         How far geometry within its tolerances may move the TCP, m.
 
-    Raises `DatasetError` for measurements that look like millimetres or quaternions that look like xyzw, and where
-    no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are let pass.
+    Raises `DatasetError` for measurements that look like millimetres or quaternions in another order than qw qx qy qz,
+    and where no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are let pass.
     """
     position, rotation = np.asarray(predicted_position, float), np.asarray(predicted_rotation, float)
     keep: NDArray[np.bool_] = np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
@@ -96,10 +95,12 @@ def check_measurements(
         hint = "divide x, y and z by 1000"
         raise DatasetError("the measured position looks like millimetres", file=dataset.file, column="x y z", hint=hint)
     at = (dataset.position[keep], position[keep]) if free else None
-    if dataset.orientation is not None and _looks_like_xyzw(dataset.orientation[keep], rotation[keep], at):
-        hint = "write them scalar first, as qw qx qy qz"
-        what = "the measured orientation looks like xyzw quaternions"
-        raise DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
+    if dataset.orientation is not None:
+        order = misplaced_order(dataset.orientation[keep], rotation[keep], at)
+        if order is not None:
+            what = f"the measured orientation looks like {order} quaternions, as if {first_misplaced(order)}"
+            hint = "give qw qx qy qz in that order of meaning, scalar first"
+            raise DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
     if not keep.all():
         text = f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}"
         warnings.warn(_located(dataset, text), GtpinWarning, stacklevel=2)
@@ -133,32 +134,6 @@ def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, f
     # Medians, so that a gross error in a few rows does not pass for a unit.
     spread = [np.median(np.linalg.norm(x - np.median(x, axis=0), axis=1)) for x in (measured, predicted)]
     return bool(500.0 * spread[1] < spread[0] < 2000.0 * spread[1])
-
-
-def _looks_like_xyzw(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> bool:
-    """Whether quaternions agree with the robot when they are read scalar last.
-
-    ``free`` holds measured and predicted positions of an instrument that stood elsewhere: they tell how it was turned.
-    """
-    expected = Rotation.from_matrix(predicted)
-    if free is not None:
-        turned = _turn(*free)
-        if turned is None:
-            return False
-        expected = turned * expected
-    off = []
-    for scalar_last in (np.roll(quaternion, -1, axis=1), quaternion):  # read as wxyz, read as xyzw
-        off.append(float(np.median((Rotation.from_quat(scalar_last) * expected.inv()).magnitude())))
-    return off[0] > _ROTATION_OFF and off[1] < off[0] / 2.0
-
-
-def _turn(measured: Floats, predicted: Floats) -> Rotation | None:
-    """Rotation that takes predicted positions to measured ones; None where they lie so that they do not tell it."""
-    a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
-    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))  # a gross error would turn it
-    if near.sum() < 3 or np.linalg.svd(a[near], compute_uv=False)[1] < 0.01:
-        return None
-    return Rotation.align_vectors(b[near], a[near])[0]
 
 
 def _poses(rows: Any, mask: NDArray[np.bool_], shown: int = 10) -> str:

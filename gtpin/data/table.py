@@ -46,10 +46,6 @@ class Table:
         return np.column_stack([self.column(name) for name in names])
 
     def _why(self, name: str) -> str:
-        if len(self.names) == 1:
-            for separator, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
-                if separator in self.names[0].strip():
-                    return f"the file looks separated by {word}; write it with commas"
         alike = [other for other in self.names if _plain(other) == _plain(name)]
         if alike:
             return f"there is {alike[0]!r}; names must match to the letter"

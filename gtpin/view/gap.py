@@ -24,8 +24,10 @@ class Gap:
 
     Parameters
     ----------
-    pose
-        (N,) their ids.
+    whose
+        Which model's errors these are, in words that follow "errors".
+    pose, row
+        (N,) their ids, and their lines in the dataset's table.
     q
         (N, n) commands.
     T
@@ -36,7 +38,9 @@ class Gap:
         Each rod's share of the gap's power beyond the declared noise, by site; empty for a robot without rods.
     """
 
+    whose: str
     pose: npt.NDArray[np.object_]
+    row: npt.NDArray[np.int64]
     q: Floats
     T: Floats
     error: Floats
@@ -46,6 +50,11 @@ class Gap:
     def length(self) -> Floats:
         """(N,) lengths of the errors, m."""
         return np.asarray(np.linalg.norm(self.error, axis=1))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the errors' lengths, m."""
+        return float(np.sqrt((self.length**2).mean()))
 
     def magnification(self) -> float:
         """A round factor that makes the usual error a tenth of the workspace; 1 where there is none."""
@@ -88,7 +97,22 @@ def gap_of(model: Model, dataset: Dataset) -> Gap:
     there, frame = predicted[reached], model.frame
     left = measured_poses(kept).minus(there)
     error = left @ np.kron(np.eye(left.shape[1] // 3), frame.R)
-    return Gap(kept.pose, kept.q, (there.T - frame.T) @ frame.R, error[:, :3], _shares(model, kept, error))
+    return Gap(
+        whose(model),
+        kept.pose,
+        kept.row,
+        kept.q,
+        (there.T - frame.T) @ frame.R,
+        error[:, :3],
+        _shares(model, kept, error),
+    )
+
+
+def whose(model: Model) -> str:
+    """What errors are called that a model leaves, in words that follow "errors"."""
+    if model.effects:
+        return "after the causes"
+    return "of the nominal model" if model.covariance is None else "of the calibrated geometry"
 
 
 def _shares(model: Model, dataset: Dataset, error: Floats) -> dict[str, float]:

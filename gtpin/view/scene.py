@@ -16,17 +16,12 @@ from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.model import Model
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import Camera
-from gtpin.view.colors import of_errors
 from gtpin.view.gap import Gap
+from gtpin.view.gap_panel import GapPanel
+from gtpin.view.parts import Part, parts
 from gtpin.view.shapes import robot_as_modelled, shapes
 
 Floats = npt.NDArray[np.float64]
-
-BLACK = np.array([0.1, 0.1, 0.1])
-BETWEEN = 12
-"""Postures shown on the way from a pose to the next."""
-STEP = 0.03
-"""Seconds between them."""
 
 
 class Scene:
@@ -38,6 +33,13 @@ class Scene:
         What is shown.
     host, port
         Where the page is served; port 0 takes any that is free.
+
+    Attributes
+    ----------
+    panel : GapPanel or None
+        What the page says of the gap.
+    labels, names : dict of Part to label, and checkbox
+        The parts' names in space, and what hides them.
 
     Raises
     ------
@@ -52,11 +54,12 @@ class Scene:
         self.server = _serve(host, port)
         self._lock = threading.Lock()
         self._visualizer = self._load()
+        self.labels = self._name_parts()
         self._look()
+        self.panel = None if gap is None else GapPanel(self.server, self.robot.name, gap, self._go)
         if gap is None:
             self._sliders()
-        else:
-            self._poses(gap)
+        self.names = self._name_box()
 
     @property
     def address(self) -> str:
@@ -68,13 +71,15 @@ class Scene:
         with self._lock:
             self.posture = self.posture.moved_to(q)
             self._visualizer.display(self.posture.configuration)
+            for part, label in self.labels.items():
+                label.position = part.place(self._visualizer.data)
 
     def stop(self) -> None:
         """Serve no longer."""
         with redirect_stdout(StringIO()):  # viser talks
             self.server.stop()
 
-    def _try(self, q: Floats) -> str:
+    def _go(self, q: Floats) -> str:
         """Bring the machine to a command if it can go there; else say why not, and stay."""
         try:
             self.show(q)
@@ -91,6 +96,14 @@ class Scene:
         visualizer.loadViewerModel(self.robot.name)
         visualizer.display(self.posture.configuration)
         return visualizer
+
+    def _name_parts(self) -> dict[Part, Any]:
+        """A label at each part, that moves with it."""
+        data = self._visualizer.data
+        return {
+            part: self.server.scene.add_label(f"/names/{part.name}", part.name, position=part.place(data))
+            for part in parts(self.robot)
+        }
 
     def _look(self) -> None:
         """From where the rods hide each other the least, at the middle of the machine."""
@@ -116,70 +129,21 @@ class Scene:
         note = self.server.gui.add_markdown("")
 
         def moved(_: object) -> None:
-            note.content = self._try(np.array([slider.value for slider in sliders]))
+            note.content = self._go(np.array([slider.value for slider in sliders]))
 
         for slider in sliders:
             slider.on_update(moved)
 
-    def _poses(self, gap: Gap) -> None:
-        """Errors, a slider along the poses, and a button that plays them."""
-        gui = self.server.gui
-        legend = ", ".join(f"{site} {100.0 * part:.0f} %" for site, part in gap.share.items())
-        gui.add_markdown(
-            f"**{self.robot.name}**: errors of the model at {len(gap.q)} poses. Rods by share of the gap: {legend}"
-        )
-        place = gui.add_slider("pose", 0, len(gap.q) - 1, 1, 0, disabled=len(gap.q) < 2) if len(gap.q) > 1 else None
-        factor = gap.magnification()
-        larger = gui.add_slider("errors magnified", factor / 10.0, 5.0 * factor, factor / 10.0, factor)
-        play = gui.add_checkbox("play", False)
-        told = gui.add_markdown("")
-        self._draw_errors(gap, factor)
+    def _name_box(self) -> Any:
+        """A box that hides the names."""
+        box = self.server.gui.add_checkbox("names", True)
 
-        def here(_: object = None) -> None:
-            i = 0 if place is None else int(place.value)
-            trouble = self._try(gap.q[i])
-            told.content = f"pose {gap.pose[i]}: off by {1e6 * gap.length[i]:.1f} µm. {trouble}".replace("<", "&lt;")
-            self._draw_pose(gap, i, float(larger.value))
+        def changed(_: object) -> None:
+            for label in self.labels.values():
+                label.visible = box.value
 
-        def scaled(_: object) -> None:
-            self._draw_errors(gap, float(larger.value))
-            here()
-
-        if place is not None:
-            place.on_update(here)
-        larger.on_update(scaled)
-        here()
-        if place is not None:
-            threading.Thread(target=self._play, args=(gap, place, play), daemon=True).start()
-
-    def _play(self, gap: Gap, place: Any, play: Any) -> None:
-        """Walk from pose to pose while the box is ticked."""
-        rest = threading.Event()
-        while not rest.wait(STEP):
-            if not play.value:
-                continue
-            i = int(place.value)
-            j = (i + 1) % len(gap.q)
-            for s in np.linspace(0.0, 1.0, BETWEEN, endpoint=False)[1:]:
-                self._try((1.0 - s) * gap.q[i] + s * gap.q[j])
-                rest.wait(STEP)
-            place.value = j
-
-    def _draw_errors(self, gap: Gap, factor: float) -> None:
-        colors = of_errors(gap.length)
-        size = max(float(np.ptp(gap.T, axis=0).max()), 0.1)
-        self.server.scene.add_point_cloud("/gap/poses", gap.T, colors, point_size=size / 150.0, point_shape="circle")
-        ends = np.stack([gap.T, gap.T + factor * gap.error], axis=1)
-        self.server.scene.add_line_segments(
-            "/gap/errors", ends, np.repeat(colors[:, None], 2, axis=1), thickness=2.0, thickness_units="screen"
-        )
-
-    def _draw_pose(self, gap: Gap, i: int, factor: float) -> None:
-        """The error of the pose that the machine is at."""
-        ends = np.stack([gap.T[i], gap.T[i] + factor * gap.error[i]])[None]
-        self.server.scene.add_line_segments(
-            "/gap/here", ends, np.broadcast_to(BLACK, (1, 2, 3)), thickness=6.0, thickness_units="screen"
-        )
+        box.on_update(changed)
+        return box
 
 
 def _serve(host: str, port: int) -> Any:

@@ -13,6 +13,7 @@ from gtpin.model_folder import calibrated_urdf
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot
 from gtpin.view.colors import of_share
+from gtpin.view.parts import rod_tip
 
 RADIUS = 0.012
 """Of rods that the URDF gives no shape, over the machine's size."""
@@ -52,9 +53,7 @@ def _cylinder(robot: Robot, loop: int, end: int, site: str, share: Mapping[str, 
     """A rod from its last joint to its end."""
     import coal
 
-    constraint = robot.constraints[loop]
-    joint = (constraint.joint1_id, constraint.joint2_id)[end]
-    tip = (constraint.joint1_placement, constraint.joint2_placement)[end].translation
+    joint, tip = rod_tip(robot, loop, end)
     length = float(np.linalg.norm(tip))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip / max(length, 1e-12)).matrix()
     shape = pin.GeometryObject(site, joint, pin.SE3(turn, tip / 2.0), coal.Cylinder(RADIUS * robot.size / 4.0, length))

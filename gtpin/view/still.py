@@ -14,8 +14,10 @@ from gtpin.model import Model
 from gtpin.output import results_folder
 from gtpin.report.skeleton import Skeleton, skeleton
 from gtpin.report.sketch import ELEVATION, Camera
+from gtpin.robot.robot import Robot
 from gtpin.view.colors import GREY, of_errors, of_share
 from gtpin.view.gap import Gap
+from gtpin.view.parts import platform_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,10 +44,10 @@ def still(model: Model, gap: Gap | None = None) -> Figure:
         raise ModelError(f"{model.robot.name} has no rods", hint="still images are of robots with rods; leave -o out")
     figure = new_figure(9.0, 7.0)
     axes: Any = figure.add_subplot(projection="3d")
-    _machine(axes, machine, model.robot.rod_sites, {} if gap is None else gap.share)
+    _machine(axes, machine, model.robot, {} if gap is None else gap.share)
     title = model.robot.name
     if gap is not None:
-        title += _errors(axes, gap)
+        title += f": position errors {gap.whose}\n{_errors(axes, gap)}"
     axes.set_title(title, fontsize=11)
     seen = machine.points if gap is None else np.vstack([machine.points, gap.T])
     _frame(axes, machine, seen)
@@ -69,14 +71,15 @@ def write_still(file: Path, model: Model, gap: Gap | None = None) -> None:
         figure.savefig(folder / file.name, metadata={"Date": None} if file.suffix.lower() == ".svg" else None)
 
 
-def _machine(axes: Any, machine: Skeleton, links: tuple[str, ...], share: dict[str, float]) -> None:
+def _machine(axes: Any, machine: Skeleton, robot: Robot, share: dict[str, float]) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+    links = robot.rod_sites
     for ends in machine.tracks.values():
         axes.plot(*ends.T, color=GREY, linewidth=5.0, alpha=0.4, solid_capstyle="round")
     for site, middle in machine.carts.items():
         axes.plot(*middle, "s", color="0.35", markersize=8)
-        axes.text(*middle, f"  {site}", fontsize=9)
+        _name(axes, middle, f"  {site}")
         for i in machine.rods_of[site]:
             axes.plot(*np.stack([middle, machine.seats[i]]).T, color="0.35", linewidth=2.0)
         if site in machine.anchors:
@@ -85,13 +88,22 @@ def _machine(axes: Any, machine: Skeleton, links: tuple[str, ...], share: dict[s
         part = share.get(links[i], 0.0)
         axes.plot(*np.stack([a, b]).T, color=of_share(part), linewidth=1.8 + 3.0 * part)
         words = f"{links[i]} {100.0 * part:.0f} %" if part >= 0.05 else links[i]
-        axes.text(*(a + 0.35 * (b - a)), words, fontsize=8, color="0.3")
+        _name(axes, a + 0.35 * (b - a), words, fontsize=8, color="0.3")
     corners = machine.joints
     hull = [
         [corners[i], corners[j], corners.mean(axis=0)] for i, j in zip(*np.triu_indices(len(corners), 1), strict=True)
     ]
     axes.add_collection3d(Poly3DCollection(hull, facecolor=(0.15, 0.35, 0.65, 0.25)))
     axes.plot(*machine.tcp, "o", color="white", markeredgecolor="black", markersize=5)
+    _name(axes, machine.tcp, f"  {platform_name(robot)}")
+
+
+def _name(axes: Any, at: Floats, words: str, **style: Any) -> None:
+    """Words in front of everything, with a white rim against what lies under them."""
+    from matplotlib.patheffects import withStroke
+
+    rim = [withStroke(linewidth=2.0, foreground="white")]
+    axes.text(*at, words, **{"fontsize": 9, "path_effects": rim, "zorder": 1000} | style)
 
 
 def _errors(axes: Any, gap: Gap) -> str:
@@ -102,8 +114,7 @@ def _errors(axes: Any, gap: Gap) -> str:
     axes.scatter(*T.T, color=colors, s=9, depthshade=False)
     for a, b, color in zip(T, ends, colors, strict=True):
         axes.plot(*np.stack([a, b]).T, color=color, linewidth=1.0)
-    rms = float(np.sqrt((gap.length**2).mean()))
-    return f": position errors of {1e6 * rms:,.0f} µm RMS at {len(gap.q)} poses, drawn {factor:,.0f} times larger"
+    return f"{1e6 * gap.rms:,.0f} µm RMS at {len(gap.q)} poses, drawn {factor:,.0f} times larger"
 
 
 def _frame(axes: Any, machine: Skeleton, points: Floats) -> None:

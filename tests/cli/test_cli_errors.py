@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import sys
 
@@ -46,6 +47,15 @@ def xyzw(frame):
     frame["qw"], frame["qx"], frame["qy"], frame["qz"] = frame["qx"].copy(), frame["qy"].copy(), frame["qz"].copy(), w
 
 
+def changed(one, other):
+    """What swaps two columns."""
+
+    def change(frame):
+        frame[[one, other]] = frame[[other, one]].to_numpy()
+
+    return change
+
+
 def toml(old, new):
     return lambda d: text(d / "dataset.toml", lambda t: t.replace(old, new) if old else t + new)
 
@@ -59,7 +69,7 @@ def one_id_two_commands(frame):
 
 
 WRONG = {
-    "no folder": (shutil.rmtree, "dataset.toml"),
+    "no folder": (shutil.rmtree, "set: the folder does not exist"),
     "no toml": (lambda d: (d / "dataset.toml").unlink(), "dataset.toml"),
     "no poses": (lambda d: (d / "poses.csv").unlink(), "poses.csv"),
     "toml that is none": (lambda d: (d / "dataset.toml").write_text("schema = \n"), "dataset.toml, row 1"),
@@ -93,6 +103,13 @@ WRONG = {
     "commands in millimetres": (scaled(["q1", "q2", "q3"], 1000.0), "millimetres"),
     "positions in millimetres": (scaled(["x", "y", "z"], 1000.0), "millimetres"),
     "xyzw": (lambda d: numbers(d, xyzw), "xyzw"),
+    "w and x changed": (lambda d: numbers(d, changed("qw", "qx")), "as if w were under qx"),
+    "y and z changed": (lambda d: numbers(d, changed("qy", "qz")), "as if y were under qz"),
+    "semicolons": (csv(lambda t: t.replace(",", ";")), "row 1: the columns are separated by ';'"),
+    "semicolons, decimal commas": (csv(lambda t: t.replace(",", ";").replace(".", ",")), "separated by ';'"),
+    "tabs": (csv(lambda t: t.replace(",", "\t")), "row 1: the columns are separated by tabs"),
+    "quoted decimal commas": (csv(lambda t: re.sub(r"(-?\d+)\.(\d+)", r'"\1,\2"', t)), "decimal point"),
+    "decimal commas": (csv(lambda t: t.replace(".", ",")), "row 2: the row has 21 cells"),
     "quaternion norm": (lambda d: spoil(d, "qw", 4, "0.9"), "row 6"),
     "not utf-8": (lambda d: (d / "poses.csv").write_bytes(b"pose,q1\n\xff\xfe,1\n"), "poses.csv"),
     "a folder for a table": (lambda d: [(d / "poses.csv").unlink(), (d / "poses.csv").mkdir()], "poses.csv"),
@@ -111,7 +128,7 @@ def test_wrong_datasets_are_refused_in_one_line_that_names_the_place(run, datase
 
 
 def test_a_dataset_given_as_its_file_is_refused(run, dataset, tmp_path):
-    assert "folder" in run("calibrate", dataset / "poses.csv", "-o", tmp_path / "out").failed()
+    assert "this is a file" in run("calibrate", dataset / "poses.csv", "-o", tmp_path / "out").failed()
 
 
 COMMANDS = {
@@ -154,6 +171,7 @@ def test_a_model_that_is_none_is_refused(run, source, tmp_path, model, monkeypat
     "arguments",
     [
         ["calibrate"],
+        ["export"],
         ["calibrate", "set"],
         ["calibrate", "set", "-o"],
         ["predict", "gantry_tau", "-o", "p.csv"],

@@ -32,8 +32,13 @@ def test_help_lists_the_commands_and_shows_an_example(run):
 
 def test_without_a_command_help_is_shown(run):
     ran = run()
-    assert "calibrate" in ran.out + ran.err
-    assert "Traceback" not in ran.err
+    assert ran.code == 2
+    assert ran.out.rstrip() == run("--help").out.rstrip()
+    assert ran.err == ""
+
+
+def test_a_command_without_its_arguments_says_which_is_missing(run):
+    assert "Missing argument 'model'" in run("export").failed()
 
 
 def test_the_version_is_told(run):

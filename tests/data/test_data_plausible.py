@@ -1,12 +1,14 @@
 """Data that can't be of the robot that they name are told apart from data that are merely bad."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from gtpin.data import Dataset, Instrument, check_commands, check_plausible
+from gtpin.data.quaternion_order import first_misplaced, misplaced_order
 from gtpin.errors import DatasetError, GtpinWarning
 
 N = 60
@@ -158,6 +160,46 @@ def test_scalar_last_quaternions_of_a_platform_that_hardly_turns_are_recognised(
     data = measured(tilt=0.001)
     with pytest.raises(DatasetError, match="looks like xyzw"):
         check(replace(data, orientation=np.roll(data.orientation, -1, axis=1)), tilt=0.001)
+
+
+@FRAMES
+@pytest.mark.parametrize("order", ["".join(order) for order in permutations("wxyz")][1:])
+def test_quaternions_in_any_other_order_are_recognised_and_the_order_is_told(frame, order):
+    data = measured(frame)
+    with pytest.raises(DatasetError, match=f"looks like {order} quaternions") as caught:
+        check(replace(data, orientation=data.orientation[:, ["wxyz".index(part) for part in order]]))
+    assert caught.value.column == "qw qx qy qz"
+    assert caught.value.hint == "give qw qx qy qz in that order of meaning, scalar first"
+
+
+@pytest.mark.parametrize(
+    ("order", "told"),
+    [
+        ("xyzw", "w were under qz"),
+        ("xwyz", "w were under qx"),
+        ("zxyw", "w were under qz"),
+        ("wyxz", "x were under qy"),
+    ],
+)
+def test_where_the_scalar_stands_is_told(order, told):
+    assert first_misplaced(order) == told
+
+
+def test_numbers_that_are_alike_may_change_places():
+    still = np.tile(Rotation.from_rotvec([np.pi / 2, 0.0, 0.0]).as_quat(scalar_first=True), (N, 1))
+    rotation = Rotation.from_quat(still, scalar_first=True).as_matrix()
+    assert misplaced_order(still[:, [1, 0, 3, 2]], rotation, None) is None
+    assert misplaced_order(still[:, [2, 3, 0, 1]], rotation, None) is not None
+
+
+@FRAMES
+def test_orientations_that_are_all_turned_by_some_angle_are_no_order(frame):
+    data = measured(frame)
+    for angle in (0.03, 0.15, 0.4):
+        turned = Rotation.from_rotvec([0.0, angle, 0.0]) * Rotation.from_quat(
+            data.orientation.copy(), scalar_first=True
+        )
+        assert check(replace(data, orientation=turned.as_quat(scalar_first=True))).all()
 
 
 @FRAMES

@@ -23,8 +23,13 @@ def with_cell(line, column, cell):
     return table(*(",".join(cells) if i == line - 2 else text for i, text in enumerate(LINES)))
 
 
-def test_a_missing_folder_and_a_missing_table_are_named(tmp_path, make, fails):
-    assert "missing" in fails(tmp_path / "nowhere", file="dataset.toml").what
+@pytest.mark.parametrize("path", ["nowhere", "no/where", "set/poses.csv/deeper"])
+def test_a_folder_that_does_not_exist_is_said_not_to(tmp_path, make, fails, path):
+    make()
+    assert "the folder does not exist" in fails(tmp_path / path, file="").what
+
+
+def test_a_missing_table_is_named(make, fails):
     folder = make()
     (folder / "poses.csv").unlink()
     assert "missing" in fails(folder).what
@@ -32,9 +37,17 @@ def test_a_missing_folder_and_a_missing_table_are_named(tmp_path, make, fails):
     assert "folder" in fails(folder).what
 
 
-def test_a_file_in_place_of_the_folder_is_refused(make):
-    with pytest.raises(DatasetError, match="folder that holds"):
-        Dataset.read(make() / "dataset.toml")
+@pytest.mark.parametrize("name", ["dataset.toml", "poses.csv"])
+def test_a_file_in_place_of_the_folder_is_said_to_be_one(make, fails, name):
+    error = fails(make() / name, file="")
+    assert "this is a file" in error.what
+    assert "folder that holds" in error.hint
+
+
+def test_a_path_that_can_t_be_one_is_refused():
+    for path in ("x" * 5000, "a\0b"):
+        with pytest.raises(DatasetError, match="folder can't be read"):
+            Dataset.read(path)
 
 
 def test_both_a_csv_and_a_parquet_table_are_refused(make):
@@ -70,9 +83,19 @@ def test_some_columns_of_an_orientation_are_not_enough(without_columns, fails):
     assert "all of qw qx qy qz" in fails(without_columns("qy"), row=1, column="qy").hint
 
 
-@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs")])
-def test_another_separator_is_recognised(make, fails, separator, word):
-    assert word in fails(make(table(*LINES).replace(",", separator)), row=1, column="pose").hint
+@pytest.mark.parametrize("decimal", [".", ","])
+@pytest.mark.parametrize(("separator", "word"), [(";", "';'"), ("\t", "tabs"), (" ", "spaces")])
+def test_another_separator_is_named_whatever_the_decimals(make, fails, separator, word, decimal):
+    text = table(*LINES).replace(",", separator).replace(".", decimal)
+    error = fails(make(text), row=1)
+    assert error.what == f"the columns are separated by {word}"
+    assert error.hint == "save with ',' between columns and '.' in numbers"
+
+
+@pytest.mark.parametrize("name", ["air temperature near the track", "humidity; %", "a\tb"])
+def test_other_separators_inside_a_column_s_name_are_let_pass(with_column, name):
+    text = (with_column("humidity", "40", "41", "42", "43") / "poses.csv").read_text().replace("humidity", name)
+    assert len(read_csv("f.csv", text.encode())) == 4
 
 
 @pytest.mark.parametrize("spelling", ["Q1", " q1", "q 1"])
@@ -126,6 +149,18 @@ def test_a_bad_cell_is_reported_with_its_line_and_column(make, fails, column, li
 
 def test_a_decimal_comma_is_recognised(make, fails):
     assert "decimal point" in fails(make(with_cell(3, "x", '"1,25"')), row=3, column="x").hint
+
+
+def test_decimal_commas_in_every_number_are_no_line_of_units(make, fails):
+    quoted = (",".join(f'"{cell}"'.replace(".", ",") for cell in line.split(",")) for line in LINES)
+    assert "decimal point" in fails(make(table(*quoted)), row=2, column="q1").hint
+    every = '"0,5",' * 14
+    assert "decimal point" in fails(make(f"{HEADER}\na,{every[:-1]}\n"), row=2, column="q1").hint
+
+
+def test_a_row_with_too_many_cells_is_asked_for_decimal_points(make, fails):
+    text = table(*(line.replace(".", ",") for line in LINES))
+    assert "decimal point" in fails(make(text), row=2).hint
 
 
 def test_the_line_of_a_bad_cell_counts_blank_lines(make, fails):

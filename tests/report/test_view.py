@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+import shutil
 import sys
 import urllib.request
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -20,11 +23,23 @@ from gtpin.kinematics.rotations import exp
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot
 from gtpin.view.colors import of_errors, of_share
-from gtpin.view.gap import gap_of
+from gtpin.view.gap import gap_of, whose
+from gtpin.view.parts import parts
 from gtpin.view.shapes import robot_as_modelled, shapes
 from gtpin.view.still import still, write_still
 
+if TYPE_CHECKING:
+    from gtpin.view.scene import Scene
+
+SLOW = 300e3
+"""Milliseconds that a busy machine may take."""
+
 NOMINAL = Model(Geometry.nominal(load_robot("gantry_tau")))
+WHOSE = (
+    (NOMINAL, "of the nominal model"),
+    (replace(NOMINAL, covariance=np.eye(len(NOMINAL.geometry.values))), "of the calibrated geometry"),
+    (replace(NOMINAL, effects=("any",)), "after the causes"),
+)
 
 
 def dataset_of(
@@ -56,6 +71,29 @@ def test_errors_are_measured_less_predicted():
     np.testing.assert_allclose(gap.error, np.tile(shift, (25, 1)), atol=1e-12)
     np.testing.assert_allclose(gap.T, NOMINAL.predict(gap.q).T, atol=1e-12)
     np.testing.assert_allclose(gap.length, np.linalg.norm(shift), atol=1e-12)
+    assert gap.rms == pytest.approx(np.linalg.norm(shift))
+
+
+def test_each_error_keeps_its_pose_and_its_row_in_the_table():
+    dataset = dataset_of(NOMINAL)
+    gap = gap_of(NOMINAL, dataset.take([3, 1, 4]))
+    assert gap.pose.tolist() == ["3", "1", "4"]
+    assert gap.row.tolist() == [5, 3, 6]
+    np.testing.assert_array_equal(gap.q, dataset.q[[3, 1, 4]])
+
+
+@pytest.mark.parametrize(("model", "told"), WHOSE, ids=[told for _, told in WHOSE])
+def test_errors_are_said_to_be_those_of_the_model_that_was_given(model, told):
+    assert whose(model) == told
+
+
+def test_the_still_image_tells_whose_errors_it_shows():
+    nominal = gap_of(NOMINAL, dataset_of(NOMINAL, np.array([1e-4, 0.0, 0.0])))
+    for _, told in WHOSE:
+        (axes,) = still(NOMINAL, replace(nominal, whose=told)).axes
+        assert f"position errors {told}" in axes.get_title()
+    (axes,) = still(NOMINAL).axes
+    assert "errors" not in axes.get_title()
 
 
 def test_errors_seen_from_elsewhere_are_told_in_the_base_frame():
@@ -135,7 +173,7 @@ def test_a_still_image_names_the_parts_and_tells_how_much_errors_are_magnified()
     gap = gap_of(NOMINAL, dataset_of(NOMINAL, np.array([1e-4, 0.0, 0.0])))
     (axes,) = still(NOMINAL, gap).axes
     told = " ".join(text.get_text() for text in axes.texts)
-    for site in (*NOMINAL.robot.rod_sites, *NOMINAL.robot.sites):
+    for site in (*NOMINAL.robot.rod_sites, *NOMINAL.robot.sites, "platform"):
         assert site in told
     assert "100 µm RMS" in axes.get_title()
     assert f"{gap.magnification():,.0f} times" in axes.get_title()
@@ -178,6 +216,91 @@ def test_rods_without_shapes_become_cylinders_from_end_to_end():
         half = M.rotation @ np.array([0.0, 0.0, shape.geometry.halfLength])
         both = np.array([M.translation - half, M.translation + half])
         np.testing.assert_allclose(both, np.array([joints[i], ends.C[0, i]]), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["gantry_tau", "tau", "stewart"])
+def test_every_cart_or_arm_every_rod_and_the_platform_has_its_name_once_where_it_is(name):
+    robot = load_robot(name)
+    model, posture, data = Model(Geometry.nominal(robot)), gtpin.home(robot), robot.model.createData()
+    pin.forwardKinematics(robot.model, data, posture.configuration)
+    where = {part.name: part.place(data) for part in parts(robot)}
+    assert len(parts(robot)) == len(where)
+    assert set(where) == {"platform", *robot.sites, *robot.rod_sites}
+    np.testing.assert_allclose(where["platform"], posture.T, atol=1e-9)
+    ends = model.kinematics.ends(robot.home_q[None])
+    joints = np.reshape(ends.P, (-1, 3))[-len(robot.rods) :] @ posture.R.T + posture.T
+    for site, joint, seat in zip(robot.rod_sites, joints, ends.C[0], strict=True):
+        off = where[site] - joint
+        assert np.linalg.norm(np.cross(off, seat - joint)) < 1e-9  # on the rod
+        assert 0.0 < off @ (seat - joint) < (seat - joint) @ (seat - joint)
+
+
+@pytest.fixture
+def scene() -> Iterator[Scene]:
+    """A page of five poses whose ids are not their rows."""
+    pytest.importorskip("viser", reason="viser is not installed")
+    from gtpin.view.scene import Scene
+
+    dataset = dataset_of(NOMINAL, np.array([1e-4, 0.0, 0.0])).take(slice(0, 5))
+    served = Scene(NOMINAL, gap_of(NOMINAL, replace(dataset, pose=["19", "32", "7", "<b>", "19b"])), port=0)
+    yield served
+    served.stop()
+
+
+def test_the_page_tells_the_id_and_the_row_of_the_pose_that_the_slider_is_at(scene):
+    for place, named in enumerate(["19 (row 2)", "32 (row 3)", "7 (row 4)", "<b> (row 5)", "19b (row 6)"], 1):
+        scene.panel.place.value = place
+        assert scene.panel.chosen.value == named
+        assert scene.panel.told.content.startswith(f"**Pose {named.replace('<', '&lt;')}**: off by 100.0 µm")
+        np.testing.assert_allclose(scene.posture.T, scene.gap.T[place - 1], atol=1e-9)
+
+
+def test_a_pose_that_is_chosen_by_its_id_is_gone_to(scene):
+    scene.panel.chosen.value = "7 (row 4)"
+    assert scene.panel.place.value == 3
+    np.testing.assert_allclose(scene.posture.T, scene.gap.T[2], atol=1e-9)
+
+
+def test_names_move_with_the_parts_and_can_be_hidden(scene):
+    scene.show(np.array([0.2, -0.1, 0.3]))
+    where = {part.name: np.array(label.position) for part, label in scene.labels.items()}
+    np.testing.assert_allclose(where["platform"], scene.posture.T, atol=1e-9)
+    scene.show(np.array([0.2, -0.1, 0.4]))
+    moved = {
+        part.name for part, label in scene.labels.items() if np.abs(label.position - where[part.name]).max() > 1e-3
+    }
+    assert moved >= {"platform", "cart3", "link3a", "link3b", "link3c"}
+    assert not moved & {"cart1", "cart2"}
+    scene.names.value = False
+    assert not any(label.visible for label in scene.labels.values())
+
+
+def test_a_single_pose_has_a_page_too(scene):
+    from gtpin.view.gap_panel import GapPanel
+
+    one = replace(scene.gap, **{k: getattr(scene.gap, k)[:1] for k in ("pose", "row", "q", "T", "error")})
+    panel = GapPanel(scene.server, "one", one, lambda _: "")
+    assert "Pose 19 (row 2)" in panel.told.content
+    assert panel.place.disabled
+
+
+def test_the_page_shows_names_ids_and_whose_errors_they_are_in_a_browser(scene):
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    found = next(
+        (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+    )
+    if found is None:
+        pytest.skip("there is no chromium")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=found, args=["--no-sandbox", "--enable-unsafe-swiftshader"])
+        tab = browser.new_page(viewport={"width": 1000, "height": 400})
+        tab.set_default_timeout(SLOW)
+        tab.goto(scene.address)
+        tab.get_by_text("position errors of the nominal model, 100 µm RMS at 5 poses").wait_for()
+        tab.get_by_text("Pose 19 (row 2)").wait_for()
+        scene.panel.place.value = 4
+        tab.get_by_text("Pose <b> (row 5)").wait_for()
+        browser.close()
 
 
 def test_the_page_is_served_and_the_machine_goes_where_it_is_told(capsys):

@@ -1,0 +1,71 @@
+"""In which order the numbers of measured quaternions stand, by what the robot's orientations must nearly be."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gtpin.data.table import Floats
+
+_AS_NAMED = "wxyz"
+_OFF = 0.05
+"""Median angle, rad, up to which quaternions are taken as they stand."""
+_FAR_BETTER = 4.0
+"""How many times nearer to the robot another order must come."""
+_AGREES = np.deg2rad(20.0)
+"""Median angle, rad, within which an order of the columns agrees with the robot."""
+_ALIKE = 0.01
+"""Orders whose median angles, rad, differ by less can't be told apart."""
+
+
+def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> str | None:
+    """What stands under qw, qx, qy and qz, such as ``xyzw``; None where they fit as named, or in no order.
+
+    Parameters
+    ----------
+    quaternion
+        (N, 4) unit quaternions as measured.
+    predicted
+        (N, 3, 3) rotations by the nominal model, base frame.
+    free
+        Of an instrument that stood elsewhere: (N, 3) measured and predicted positions, which tell how it was turned.
+    """
+    expected = Rotation.from_matrix(predicted)
+    if free is not None:
+        turned = _turn(*free)
+        if turned is None:
+            return None
+        expected = turned * expected
+    wanted = expected.as_quat(scalar_first=True)
+    as_named = _off(quaternion, wanted, _AS_NAMED)
+    if as_named <= _OFF:
+        return None
+    orders = ["xyzw", *("".join(order) for order in permutations(_AS_NAMED))]  # of orders alike, the usual one
+    off = np.array([_off(quaternion, wanted, order) for order in orders])
+    if off.min() > min(_AGREES, as_named / _FAR_BETTER):
+        return None
+    return orders[int(np.argmax(off <= off.min() + _ALIKE))]
+
+
+def first_misplaced(order: str) -> str:
+    """Say of an order where the first of w, x, y, z stands that is not in its own column."""
+    part = next(part for part, there in zip(_AS_NAMED, order, strict=True) if part != there)
+    return f"{part} were under q{_AS_NAMED[order.index(part)]}"
+
+
+def _off(quaternion: Floats, wanted: Floats, order: str) -> float:
+    """Median angle, rad, between wanted quaternions wxyz and measured ones, read in an order."""
+    read = quaternion[:, [order.index(part) for part in _AS_NAMED]]
+    # Medians, so that gross errors in a few rows decide nothing.
+    return float(np.median(2.0 * np.arccos(np.minimum(np.abs((read * wanted).sum(axis=1)), 1.0))))
+
+
+def _turn(measured: Floats, predicted: Floats) -> Rotation | None:
+    """Rotation that takes predicted positions to measured ones; None where they lie so that they do not tell it."""
+    a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
+    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))  # a gross error would turn it
+    if near.sum() < 3 or np.linalg.svd(a[near], compute_uv=False)[1] < 0.01:
+        return None
+    return Rotation.align_vectors(b[near], a[near])[0]

@@ -1,0 +1,107 @@
+"""What a page shows of a gap: errors in space, which pose the machine is at, and the way from pose to pose."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.view.colors import of_errors
+from gtpin.view.gap import Gap
+
+Floats = npt.NDArray[np.float64]
+
+BLACK = np.array([0.1, 0.1, 0.1])
+BETWEEN = 12
+"""Postures shown on the way from a pose to the next."""
+STEP = 0.03
+"""Seconds between them."""
+
+
+class GapPanel:
+    """Errors, a choice of poses by their ids, a slider along them, and a box that plays them.
+
+    Parameters
+    ----------
+    server
+        Of the page, from viser.
+    name
+        The machine's.
+    gap
+        What is shown.
+    go
+        Brings the machine to a command (n,) and says what prevented it, if anything did.
+    """
+
+    def __init__(self, server: Any, name: str, gap: Gap, go: Callable[[Floats], str]) -> None:
+        self.gap, self._scene, self._go = gap, server.scene, go
+        self.names = [f"{pose} (row {row})" for pose, row in zip(gap.pose, gap.row, strict=True)]
+        gui, factor, alone = server.gui, gap.magnification(), len(gap.q) == 1
+        gui.add_markdown(_plain(_summary(name, gap)))
+        self.chosen = gui.add_dropdown("pose", self.names, disabled=alone, hint="Its id, and its row in the table.")
+        # A slider needs an end beyond its beginning, even where there is nothing to choose.
+        self.place = gui.add_slider("one by one", 1, max(len(gap.q), 2), 1, 1, disabled=alone, hint="Along the table.")
+        self.larger = gui.add_slider("errors magnified", factor / 10.0, 5.0 * factor, factor / 10.0, factor)
+        self.play = gui.add_checkbox("play", False, disabled=alone)
+        self.told = gui.add_markdown("")
+        self.chosen.on_update(self._choose)
+        self.place.on_update(self._here)
+        self.larger.on_update(self._scaled)
+        self._scaled()
+        threading.Thread(target=self._walk, daemon=True).start()
+
+    @property
+    def index(self) -> int:
+        """Which of the gap's poses is shown."""
+        return int(self.place.value) - 1
+
+    def _choose(self, _: object) -> None:
+        self.place.value = self.names.index(self.chosen.value) + 1
+
+    def _here(self, _: object = None) -> None:
+        i = self.index
+        self.chosen.value = self.names[i]
+        trouble = self._go(self.gap.q[i])
+        self.told.content = _plain(f"**Pose {self.names[i]}**: off by {1e6 * self.gap.length[i]:,.1f} µm. {trouble}")
+        self._draw("/gap/here", slice(i, i + 1), BLACK[None], 6.0)
+
+    def _scaled(self, _: object = None) -> None:
+        gap, colors = self.gap, of_errors(self.gap.length)
+        size = max(float(np.ptp(gap.T, axis=0).max()), 0.1)
+        self._scene.add_point_cloud("/gap/poses", gap.T, colors, point_size=size / 150.0, point_shape="circle")
+        self._draw("/gap/errors", slice(None), colors, 2.0)
+        self._here()
+
+    def _draw(self, name: str, rows: slice, colors: Floats, thickness: float) -> None:
+        """Errors of some poses, as lines from where the TCP should be; colors (k, 3), thickness in pixels."""
+        start = self.gap.T[rows]
+        ends = np.stack([start, start + float(self.larger.value) * self.gap.error[rows]], axis=1)
+        both = np.repeat(colors[:, None], 2, axis=1)
+        self._scene.add_line_segments(name, ends, both, thickness=thickness, thickness_units="screen")
+
+    def _walk(self) -> None:
+        """Go from pose to pose while the box is ticked."""
+        rest, q = threading.Event(), self.gap.q
+        while not rest.wait(STEP):
+            if not self.play.value:
+                continue
+            i = self.index
+            j = (i + 1) % len(q)
+            for s in np.linspace(0.0, 1.0, BETWEEN, endpoint=False)[1:]:
+                self._go((1.0 - s) * q[i] + s * q[j])
+                rest.wait(STEP)
+            self.place.value = j + 1
+
+
+def _summary(name: str, gap: Gap) -> str:
+    told = f"**{name}**: position errors {gap.whose}, {1e6 * gap.rms:,.0f} µm RMS at {len(gap.q)} poses."
+    shares = ", ".join(f"{site} {100.0 * part:.0f} %" for site, part in gap.share.items())
+    return f"{told} Rods by share of the gap: {shares}." if shares else told
+
+
+def _plain(text: str) -> str:
+    """Markdown in which names can't be markup."""
+    return text.replace("<", "&lt;")

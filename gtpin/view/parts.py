@@ -1,0 +1,54 @@
+"""What has a name in a machine, and where the name is shown: carts or arms, rods, the platform."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A name, the Pinocchio joint it moves with, and its place (3,) in the joint's frame, m."""
+
+    name: str
+    joint: int
+    at: Floats
+
+    def place(self, data: Any) -> Floats:
+        """(3,) where it is in the base frame, m, by the joints' placements in a ``pinocchio.Data``."""
+        return np.asarray(data.oMi[self.joint].act(self.at))
+
+
+def parts(robot: Robot) -> tuple[Part, ...]:
+    """The parts of a robot: the platform at its TCP, what the actuators move at their joints, rods at their middles."""
+    found = {platform_name(robot): (robot.tcp_joint, robot.tcp_placement.translation)}
+    found |= {actuator.site: (actuator.joint_id, np.zeros(3)) for actuator in robot.actuators}
+    # A leg is both, an actuator and a rod: it has its name once, at its middle.
+    found |= {rod.site: _middle(robot, rod.loop, rod.rod_end) for rod in robot.rods}
+    return tuple(Part(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
+
+
+def platform_name(robot: Robot) -> str:
+    """The name of the link that carries the TCP."""
+    bodies = (f for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == robot.tcp_joint)
+    return str(next((frame.name for frame in bodies), robot.tcp_frame))
+
+
+def rod_tip(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
+    """A rod's last joint, and (3,) where its free end is in that joint's frame, m."""
+    constraint = robot.constraints[loop]
+    joint = (constraint.joint1_id, constraint.joint2_id)[end]
+    return int(joint), np.array((constraint.joint1_placement, constraint.joint2_placement)[end].translation)
+
+
+def _middle(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
+    joint, tip = rod_tip(robot, loop, end)
+    return joint, tip / 2.0
