@@ -10,7 +10,6 @@ from scipy.special import expit
 
 from gtpin.diagnosis.candidates import Free, related, same_place
 from gtpin.diagnosis.evidence import NOTHING, Posterior, tuned, without
-from gtpin.diagnosis.hidden import odds
 from gtpin.diagnosis.pool import STRANGER, Pool
 from gtpin.diagnosis.result import Member, Verdict
 from gtpin.diagnosis.search import search
@@ -158,7 +157,7 @@ def _apart(pool: Pool, model: Posterior) -> tuple[str, ...]:
 def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
     """Everything that could stand in for a cause, the likeliest first; a free motion only takes probability away.
 
-    What can't be tested because its covariate is missing is at most as likely as the likeliest that can.
+    What goes with something that was not recorded is at most as likely as the likeliest that goes with what was.
     """
     rest = without(pool.groups, model, name, sweeps=1)
     gains = pool.gains(rest, pool.named)
@@ -167,14 +166,15 @@ def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
     strange = [value - dear for value in pool.gains(rest, _others(pool, name)).values()]
     log = {n: value / _temperature(max(own, 0.0)) for n, value in gains.items()}
     likeliest = max(log.values())
-    for n, value in pool.gains(rest, pool.hidden).items():
-        unlikely = float(np.log(odds(pool.design.situation, pool.hidden[n])))
-        log[n] = min(value / _temperature(max(own, 0.0)) + unlikely, likeliest)
+    for key, value in pool.gains(rest, pool.hidden).items():
+        n = pool.hidden[key].candidate.name
+        unrecorded = value / _temperature(max(own, 0.0)) + float(np.log(pool.hidden[key].odds))
+        log[n] = max(log.get(n, -np.inf), min(unrecorded, likeliest))
     whole = np.logaddexp.reduce([*log.values(), max(strange, default=-np.inf) / _temperature(max(own, 0.0))])
     probability = {n: float(np.exp(value - whole)) for n, value in log.items()}
     least = CLASS_SHARE * max(probability.values())
     members = [Member(*split(n), p) for n, p in probability.items() if p >= least or n == name]
-    return tuple(sorted(members, key=lambda m: -m.probability))
+    return tuple(sorted(members, key=lambda m: (-m.probability, (m.effect, m.site) != split(name))))
 
 
 def _others(pool: Pool, name: str) -> list[str]:

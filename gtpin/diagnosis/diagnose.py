@@ -113,14 +113,15 @@ def diagnose(
     causes = sorted(found_causes, key=lambda c: -c.shrinkage)
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
+    left_over = unexplained(pool, found.named, found.verdict == "unknown")
     report("what to measure next", 0, float("nan"))
     return Diagnosis(
         verdict=found.verdict,
         causes=tuple(causes),
-        candidates=tuple(_considered(pool, found, evidence.untestable)),
+        candidates=tuple(_considered(pool, found, evidence.untestable, left_over.could_be)),
         where=where(design, left, pool, found.gains, regions),
         gap=whole,
-        unexplained=unexplained(pool, found.named, found.verdict == "unknown"),
+        unexplained=left_over,
         baseline=baseline,
         model=model,
         set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[~np.isin(dataset.row, kept.row)])),
@@ -148,11 +149,7 @@ def _standings(pool: Pool, found: Decision, causes: list[Cause]) -> list[Standin
         Standing(
             pool.candidates[name],
             scale[name],
-            tuple(
-                (pool.hidden.get(key) or pool.settled(key), m.probability)
-                for m in found.classes[name]
-                for key in [f"{m.effect}@{m.site}"]
-            ),
+            tuple((pool.settled(f"{m.effect}@{m.site}"), m.probability) for m in found.classes[name]),
         )
         for name in names
     ]
@@ -228,11 +225,15 @@ def _gaps(
     return whole, {name: gap(design, others, floor, blocks, rng) for name, others in less.items()}
 
 
-def _considered(pool: Pool, found: Decision, untestable: tuple[Considered, ...]) -> list[Considered]:
+def _considered(
+    pool: Pool, found: Decision, untestable: tuple[Considered, ...], could_be: Collection[tuple[str, str]]
+) -> list[Considered]:
     """Everything that was tested, the likeliest first, then what could not be."""
     probability = {f"{m.effect}@{m.site}": m.probability for members in found.classes.values() for m in members}
+    asked = probability.keys() | {f"{effect}@{site}" for effect, site in could_be}
+    reason = {h.candidate.name: h.reason for h in pool.hidden.values() if h.candidate.name in asked}
     rows = [
-        Considered(*split(name), found.gains[name], probability.get(name, 0.0), True, "")
+        Considered(*split(name), found.gains[name], probability.get(name, 0.0), True, reason.get(name, ""))
         for name in pool.named
         if name in found.gains
     ]

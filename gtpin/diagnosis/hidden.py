@@ -1,10 +1,10 @@
-"""Effects whose covariate was not recorded: they can't be tested, but what was recorded tells how well one could stand in."""
+"""Effects that go with what was not recorded: what was recorded tells how well they could stand in for a cause."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -18,9 +18,9 @@ from gtpin.effects.situation import Column, Situation
 
 Floats = npt.NDArray[np.float64]
 
-USUAL, ONE_SESSION = 0.2, 0.05
+USUAL, CONSTANT = 0.2, 0.05
 """Odds that an effect is there although nobody recorded what it goes with, over those of one that can be tested; the second
-for sessions where nothing tells of a pause: a dataset of one session does not name it."""
+for sessions where nothing tells of a pause, and for payloads: a column that does not vary is often left out."""
 LIKELY_SPEED = 0.1
 """Speed of a machine whose speed was not recorded, m/s or rad/s."""
 PAUSE, MOST_PAUSES = 10.0, 11
@@ -28,12 +28,72 @@ PAUSE, MOST_PAUSES = 10.0, 11
 BREAKS, TWO_BREAKS = 23, 7
 """Places in time at which one may have begun where there is no pause: where it is one, and where they are two."""
 CLOCKS = ("time", "temp_frame", "temp_link")
+PAYLOAD, SPELLS = 10.0, 12
+"""A usual payload, kg, and spells of the work in which another one may have been carried."""
+UNLOADED = "the payload may have varied without being recorded"
+"""Why an effect that goes with forces could be what it does not look like by gravity of the robot alone."""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect that could stand in.
+
+    Parameters
+    ----------
+    columns
+        (N c, m) whitened displacements by a guess of what was not recorded.
+    odds
+        How likely that is, over an effect of what was recorded.
+    reason
+        Why it could be the cause, although it can be tested by what was recorded; empty where it can't.
+    """
+
+    candidate: Candidate
+    columns: Floats
+    odds: float
+    reason: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of its group; unlike that of the same effect by what was recorded."""
+        return f"{self.candidate.name} by what was not recorded"
+
+
+def stand_ins(design: Design, untestable: Iterable[Candidate], testable: Iterable[Candidate]) -> Iterator[Hidden]:
+    """Effects that lack a covariate, and effects of forces where the payload was not recorded, as far as there is a guess."""
+    for candidate in untestable:
+        columns = stand_in(design, candidate)
+        if columns is not None:
+            yield Hidden(candidate, columns, odds(design.situation, candidate))
+    spells = _loaded(design.situation)
+    if spells:
+        for candidate in testable:
+            if "payload" in candidate.coordinates(design.situation.robot):
+                yield Hidden(candidate, _under(design, candidate, spells), CONSTANT, UNLOADED)
+
+
+def _loaded(at: Situation) -> list[Situation]:
+    """The situation with a payload in one spell of the work after the other; none where the payload was recorded."""
+    clock = next((n for n in CLOCKS if at.varies(n)), None)
+    if "payload" in at.covariates or clock is None:
+        return []
+    spell = np.argsort(np.argsort(at.covariate(clock))) * SPELLS // len(at)
+    return [_with(at, "payload", np.where(spell == k, PAYLOAD, 0.0)) for k in range(SPELLS)]
+
+
+def _under(design: Design, candidate: Candidate, spells: list[Situation]) -> Floats:
+    """An effect's displacements, and by how much more its form moves with a payload in each spell."""
+    effect, site = candidate.effect, candidate.site
+    plain = design.columns(effect.basis(design.situation, site))
+    form = list(effect.form) or list(range(plain.shape[1]))
+    more = [design.columns(effect.basis(at, site))[:, form] - plain[:, form] for at in spells]
+    return np.hstack([plain, *more])
 
 
 def odds(at: Situation, candidate: Candidate) -> float:
     """How likely an effect is without what it goes with, over one that can be tested."""
     once = _missing(at, candidate) == ["session"] and not len(_pauses(at))
-    return ONE_SESSION if once else USUAL
+    return CONSTANT if once else USUAL
 
 
 def stand_in(design: Design, candidate: Candidate) -> Floats | None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from gtpin.diagnosis.candidates import Candidate, Free, related, same_motion
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed
-from gtpin.diagnosis.hidden import stand_in
+from gtpin.diagnosis.hidden import Hidden, stand_ins
 from gtpin.diagnosis.scan import Scan
 from gtpin.effects.basis import Basis
 
@@ -52,7 +53,6 @@ class Pool:
     frees: Iterable[tuple[Free, Basis]]
     false_alarm: float
     unrecorded: tuple[Candidate, ...] = ()
-    hidden: dict[str, Candidate] = field(default_factory=dict)
     latest: dict[str, Candidate | Free] = field(default_factory=dict)
     free: dict[str, Free] = field(default_factory=dict)
     scans: dict[str, Scan] = field(default_factory=dict)
@@ -67,13 +67,16 @@ class Pool:
         for free, basis in self.frees:
             self.free[free.name] = free
             self.groups.set(free.name, self.design.columns(basis))
-        for candidate in self.unrecorded:
-            columns = stand_in(self.design, candidate)
-            if columns is not None:
-                self.hidden[candidate.name] = candidate
-                self.groups.set(candidate.name, columns)
         count = len(self.candidates) + len(self.scanned)
         self.threshold = float(np.log(max(count, 1)) + np.log(1.0 / self.false_alarm))
+
+    @cached_property
+    def hidden(self) -> dict[str, Hidden]:
+        """Effects by a guess of what was not recorded; never in a model, only beside its causes."""
+        found = {h.name: h for h in stand_ins(self.design, self.unrecorded, self.candidates.values())}
+        for name, hidden in found.items():
+            self.groups.set(name, hidden.columns)
+        return found
 
     def cost(self, name: str) -> float:
         """Gain in log evidence that an explanation must bring, beside nothing."""
@@ -88,7 +91,8 @@ class Pool:
 
     def explanation(self, name: str) -> Candidate | Free:
         """What has a name."""
-        return self.free.get(name) or self.candidates.get(name) or self.hidden.get(name) or self._to_scan[name]
+        known = self.free.get(name) or self.candidates.get(name) or self._to_scan.get(name)
+        return known or self.hidden[name].candidate
 
     def costs(self, names: Sequence[str]) -> dict[str, float]:
         """What each explanation of a model must be worth in it."""
@@ -148,7 +152,8 @@ class Pool:
 
     def settled(self, name: str) -> Candidate:
         """A candidate, with the setting that was found for it last."""
-        found = self.candidates.get(name) or self.latest[name]
+        found = self.candidates.get(name) or self.latest.get(name)
+        found = found or next(h.candidate for h in self.hidden.values() if h.candidate.name == name)
         assert isinstance(found, Candidate)
         return found
 

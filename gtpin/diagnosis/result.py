@@ -52,7 +52,10 @@ class Cause:
 
 @dataclass(frozen=True)
 class Considered:
-    """A candidate, and what came of it; what can't be tested has a probability where it could stand in for a cause."""
+    """A candidate, and what came of it; what can't be tested has a probability where it could stand in for a cause.
+
+    ``reason`` says why it can't be tested or, of what can be, why it could be the cause all the same.
+    """
 
     effect: str
     site: str

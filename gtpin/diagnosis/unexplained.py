@@ -55,4 +55,5 @@ def _could_be(pool: Pool, model: Posterior) -> tuple[tuple[str, str], ...]:
     best = max(pool.gains(model, pool.free).values(), default=0.0)
     gains = pool.gains(model, pool.hidden)
     enough = [name for name in sorted(gains, key=lambda n: -gains[n]) if gains[name] >= max(ACCOUNTS * best, SURELY)]
-    return tuple((pool.hidden[name].effect.id, pool.hidden[name].site) for name in enough)
+    candidates = [pool.hidden[name].candidate for name in enough]
+    return tuple((candidate.effect.id, candidate.site) for candidate in candidates)

@@ -70,8 +70,8 @@ def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
 
 
 def _not_recorded(d: Diagnosis, causes: list[Cause]) -> list[str]:
-    """What members of a class can't be tested for lack of a covariate, and how to mend that."""
-    reasons = {(c.effect, c.site): c.reason for c in d.candidates if not c.testable}
+    """What members of a class can't be ruled out for lack of a covariate, and how to mend that."""
+    reasons = {(c.effect, c.site): c.reason for c in d.candidates if c.reason}
     members = dict.fromkeys((m.effect, m.site) for cause in causes for m in cause.members)
     return [
         f"{effect} at {site_words(site)} can't be ruled out, because {reasons[effect, site]}: record it, or fill it in "
@@ -104,13 +104,13 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
 
 
 def _could_be(d: Diagnosis) -> list[str]:
-    """What could not be tested, but would account for the unknown."""
+    """What these data can't tell, for lack of a covariate, but would account for the unknown."""
     if not d.unexplained.could_be:
         return []
     reasons = {(c.effect, c.site): c.reason for c in d.candidates}
     told = dict.fromkeys(reasons[key] for key in d.unexplained.could_be if key in reasons)
     names = [f"{effect} at {site_words(site)}" for effect, site in d.unexplained.could_be[:LISTED]]
-    return [f"It could be {joined(names, 'or')}, which these data can't test: {joined(list(told))}."]
+    return [f"It could be {joined(names, 'or')}, which these data can't tell: {joined(list(told))}."]
 
 
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:

@@ -24,6 +24,11 @@ def said(case: Case, **covariates: np.ndarray) -> gtpin.Diagnosis:
         return gtpin.diagnose(dataset)
 
 
+def held(found: gtpin.Diagnosis) -> set[tuple[str, str]]:
+    """All that is in a class, or could be what is unknown."""
+    return {(m.effect, m.site) for c in found.causes for m in c.members} | set(found.unexplained.could_be)
+
+
 HIDDEN = [
     ("backlash", "cart1", ("approach",)),
     ("servo_lag", "cart2", ("speed",)),
@@ -44,6 +49,26 @@ def test_no_other_cause_is_sure_where_what_the_true_one_goes_with_was_not_record
         assert rows[effect, site].probability > 0.0
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_no_other_cause_is_sure_where_the_payload_was_not_recorded(seed):
+    found = said(machine(seed, "cart_compliance", "cart1", ("payload", "fx", "fy", "fz")))
+    truth = ("cart_compliance", "cart1")
+    assert all(c.probability < CONFIDENT or (c.effect, c.site) == truth for c in found.causes)
+    rows = {(c.effect, c.site): c for c in found.candidates}
+    if truth in held(found):
+        assert rows[truth].testable
+        assert "payload" in rows[truth].reason
+
+
+@pytest.mark.parametrize(
+    ("effect", "site", "without"),
+    [("tracker_drift", "frame", ("payload",)), ("link_compliance", "link2a", ())],
+)
+def test_a_payload_left_out_takes_nothing_from_what_shows_by_itself(effect, site, without):
+    found = said(machine(4, effect, site, without))
+    assert (effect, site) in {(c.effect, c.site) for c in found.causes if c.probability >= CONFIDENT}
+
+
 @pytest.mark.parametrize(
     ("effect", "site", "without"),
     [("servo_lag", "cart3", ("approach",)), ("tracker_drift", "frame", ("session",))],
@@ -61,11 +86,6 @@ def test_a_speed_of_zero_rules_out_what_goes_with_speed():
     assert ("servo_lag", "cart1") in {(m.effect, m.site) for m in without.causes[0].members}
     assert all(m.effect != "servo_lag" for m in with_zero.causes[0].members)
     assert with_zero.causes[0].probability > without.causes[0].probability
-
-
-def held(found: gtpin.Diagnosis) -> set[tuple[str, str]]:
-    """All that is in a class, or could be what is unknown."""
-    return {(m.effect, m.site) for c in found.causes for m in c.members} | set(found.unexplained.could_be)
 
 
 def test_what_is_found_where_it_was_recorded_is_in_sight_where_it_was_not():
