@@ -36,8 +36,8 @@ def curve_plots(name: str, found: Sequence[Curve]) -> tuple[dict[str, Any], list
         for k, line in enumerate(curve.lines):
             key = f"{plot_name} {k}"
             columns |= _columns(key, line, factor)
-            traces += _traces(key, curve, line, *COLORS[k % len(COLORS)])
-        plots.append(Plot(plot_name, _title(curve), traces, _layout(curve, factor, unit), height=300))
+            traces += _traces(key, curve, line, *COLORS[k % len(COLORS)], rank=2 * k + 1)
+        plots.append(Plot(plot_name, _title(curve), traces, _layout(plot_name, curve, factor, unit), height=300))
     return columns, plots
 
 
@@ -83,54 +83,51 @@ def _columns(key: str, line: Line, factor: float) -> dict[str, Any]:
     }
 
 
-def _traces(key: str, curve: Curve, line: Line, color: str, band: str) -> list[dict[str, Any]]:
+def _traces(key: str, curve: Curve, line: Line, color: str, band: str, rank: int) -> list[dict[str, Any]]:
     several = len(curve.lines) > 1
-    told = {"type": "scatter", "hoverinfo": "skip", "showlegend": False, "mode": "lines", "line": {"width": 0}}
     points = {
         "type": "scatter",
         "mode": "markers",
         "x": f"#{key} points x",
         "y": f"#{key} points y",
-        "name": "measured" if not several else f"measured, {line.label}",
-        "marker": POINTS | {"color": color if several else "@data", "opacity": 0.45},
-        "showlegend": not several,
+        "name": "measured",
+        "marker": POINTS | {"color": color if several else "@data"},
+        "legendrank": rank + 1,
+        "showlegend": len(line.points_x) > 0,
         "hoverinfo": "x+y",
     }
-    name = line.label or "effect, 95 % band"
+    effect = {
+        "type": "scatter",
+        "x": f"#{key} x",
+        "y": f"#{key} y",
+        "name": line.label or f"effect, 95 % {'band' if curve.smooth else 'bars'}",
+        "legendrank": rank,
+    }
     if not curve.smooth:
         bars = {"type": "data", "array": f"#{key} reach", "color": color, "thickness": 1, "width": 0}
-        marks = {
-            "type": "scatter",
-            "mode": "markers",
-            "x": f"#{key} x",
-            "y": f"#{key} y",
-            "error_y": bars,
-            "name": name,
-        }
-        return [points, marks | {"marker": {"color": color, "size": 5}}]
+        marks = {"mode": "markers", "marker": {"color": color, "size": 5}, "error_y": bars}
+        return [points, effect | marks]
+    # The band is filled from its lower edge to the effect and on to the upper edge: so the legend shows the effect on its band.
+    filled = {"fill": "tonexty", "fillcolor": band}
+    edge = {"type": "scatter", "mode": "lines", "hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
+    look = {"mode": "lines", "line": {"color": color, "width": 2.2}}
     return [
         points,
-        told | {"x": f"#{key} x", "y": f"#{key} low"},
-        told | {"x": f"#{key} x", "y": f"#{key} high", "fill": "tonexty", "fillcolor": band},
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "x": f"#{key} x",
-            "y": f"#{key} y",
-            "name": name,
-            "line": {"color": color, "width": 2.2},
-        },
+        edge | {"x": f"#{key} x", "y": f"#{key} low"},
+        effect | look | filled,
+        edge | filled | {"x": f"#{key} x", "y": f"#{key} high"},
     ]
 
 
-def _layout(curve: Curve, factor: float, unit: str) -> dict[str, Any]:
+def _layout(key: str, curve: Curve, factor: float, unit: str) -> dict[str, Any]:
     points = np.concatenate([line.points_y for line in curve.lines])
     ends = np.concatenate([line.y + s * WIDE * line.sigma for line in curve.lines for s in (-1.0, 1.0)])
     # A few points far out shall not flatten the curve.
     inner = np.quantile(points, (0.01, 0.99)) if len(points) else np.zeros(2)
     low, high = min(inner[0], float(ends.min())), max(inner[1], float(ends.max()))
     room = 0.06 * max(high - low, 1e-12)
-    kind = {"type": "category", "automargin": "height"} if curve.categories else {}
+    order = {"categoryorder": "array", "categoryarray": f"#{key} 0 x"}
+    kind = {"type": "category", "automargin": "height"} | order if curve.categories else {}
     return {
         "title": {
             "text": f"{escaped(curve.name)} ({unit})",
@@ -138,10 +135,14 @@ def _layout(curve: Curve, factor: float, unit: str) -> dict[str, Any]:
             "x": 0,
             "xref": "container",
             "yref": "container",
+            "y": 1,
+            "yanchor": "top",
+            "pad": {"t": 6},
         },
         "xaxis": {"title": {"text": escaped(curve.x_title)}} | kind,
         "yaxis": {"range": [factor * (low - room), factor * (high + room)]},
-        "margin": {"t": 58},
+        "legend": {"traceorder": "normal"},
+        "margin": {"t": 58 if len(curve.lines) == 1 else 70},  # room for a legend of two rows
     }
 
 

@@ -26,7 +26,7 @@ from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
 from gtpin.report.verdict import verdict
-from gtpin.report.words import coordinate_words, joined, length, percent, short, site_words, whole
+from gtpin.report.words import coordinate_words, joined, length, percent, short, site_words, typeset, whole
 
 CONTENTS = (
     ("where", "Where it lies"),
@@ -161,7 +161,7 @@ def _where_bars(where: Where) -> list[tuple[str, list[Bar]]]:
     """Shares by site, rod, axis and coordinate, those that there are."""
     groups = (
         ("By site", {short(site_words(k)): v for k, v in where.site.items()}),
-        ("By rod", where.rod),
+        ("What lands on each rod", where.rod),
         ("By axis", where.axis),
         (
             "By what it goes with, the most telling as 100 %",
@@ -199,7 +199,7 @@ def _box(box: npt.NDArray[np.float64]) -> str:
 
 def _rare(chance: float) -> str:
     """A chance, which nobody knows to many digits where it is tiny."""
-    return "less than 10⁻⁹" if chance < 1e-9 else f"{chance:.2g}"
+    return "less than 10⁻⁹" if chance < 1e-9 else typeset(f"{chance:.2g}")
 
 
 def _unexplained(d: Diagnosis) -> str:

@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Member
-from gtpin.report.verdict import verdict
+from gtpin.report.verdict import could_be, not_recorded, verdict
 from gtpin.report.words import chance, length, percent, quantity
 
 SHOWN = 6
@@ -19,7 +19,7 @@ def diagnosis_summary(diagnosis: Diagnosis) -> RenderableType:
     parts: list[RenderableType] = [verdict(diagnosis).headline]
     if diagnosis.causes:
         parts.append(_causes(diagnosis))
-    return Group(*parts, *_gap(diagnosis), *_untestable(diagnosis))
+    return Group(*parts, *not_recorded(diagnosis), *could_be(diagnosis), *_gap(diagnosis), *_untestable(diagnosis))
 
 
 def _others(cause: Cause) -> list[Member]:
@@ -49,7 +49,7 @@ def _value(name: str, value: float, sigma: float, unit: str) -> str:
 def _gap(diagnosis: Diagnosis) -> list[str]:
     gap = diagnosis.gap
     before, after, floor = (length(value) for value in (gap.before, gap.after, gap.floor))
-    if diagnosis.verdict == "none":
+    if not diagnosis.causes:
         return [f"Held-out position error, RMS: {before}, of which noise is {floor}."]
     lines = [
         f"Held-out position error, RMS: {before} by geometry alone -> {after} with the causes; noise floor {floor}."

@@ -12,12 +12,12 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
 from gtpin.report.effect_motions import Motion, motions
 from gtpin.report.residuals import Residuals
-from gtpin.report.words import coordinate_words, covariate_unit, with_unit
+from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
 
 Floats = npt.NDArray[np.float64]
 
-FINE = 401
-"""Points of a curve."""
+FINE, FINEST = 401, 1500
+"""Points of a curve; the latter of one with a setting, which may be a short period."""
 WIDE = 1.96
 """Standard deviations that a 95 % band reaches to either side."""
 
@@ -124,7 +124,7 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     others = [name for name in known if name != first]
     data = _column(residuals, first)
     assert data is not None
-    grid = np.linspace(data.min(), data.max(), FINE)
+    grid = np.linspace(data.min(), data.max(), FINEST if active.effect.has_setting else FINE)
     if not others:
         return first, [_Level("", _situation(active, residuals, {first: grid}), grid, np.arange(len(residuals)))]
     other = others[0]
@@ -135,8 +135,8 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     unit = covariate_unit(other, _angular(residuals, other))
     return first, [
         _Level(
-            f"{other} = {step:.3g} {unit}".rstrip(),
-            _situation(active, residuals, {first: grid, other: np.full(FINE, step)}),
+            typeset(f"{other} = {step:.3g} {unit}".rstrip()),
+            _situation(active, residuals, {first: grid, other: np.full(len(grid), step)}),
             grid,
             np.flatnonzero(nearest == k),
         )
@@ -156,10 +156,8 @@ def _command_of(active: ActiveEffect, residuals: Residuals) -> str:
 
 def _column(residuals: Residuals, name: str) -> Floats | None:
     """A command or numeric covariate; None where it is not there."""
-    q, known = residuals.dataset.q, residuals.dataset.covariates
-    if name.startswith("q") and name[1:].isdigit():
-        return np.asarray(q[:, int(name[1:]) - 1])
-    return np.asarray(known[name], dtype=float) if name in known and name != "session" else None
+    values = residuals.column(name)
+    return None if values is None or name == "session" else np.asarray(values, dtype=float)
 
 
 def _angular(residuals: Residuals, name: str) -> bool:

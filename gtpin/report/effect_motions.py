@@ -124,4 +124,4 @@ def _tcp(at: Situation, rods: npt.NDArray[np.intp], moved: Floats) -> Floats:
 def _towards(direction: Floats) -> str:
     """The base axis that a direction is nearest to, with its sign."""
     k = int(np.argmax(np.abs(direction)))
-    return f"{'-' if direction[k] < 0.0 else '+'}{'xyz'[k]}"
+    return f"{'−' if direction[k] < 0.0 else '+'}{'xyz'[k]}"

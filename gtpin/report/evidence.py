@@ -36,6 +36,7 @@ class NamedCause:
     words: str
     effect: str
     site: str
+    place: str
     probability: str
     shrinkage: str
     reach: str
@@ -88,6 +89,7 @@ def _named(key: str, c: Cause, reach: str, told: bool) -> NamedCause:
         words,
         c.effect,
         c.site,
+        site_words(c.site),
         chance(c.probability),
         shrinkage,
         "; ".join(word for word in (_setting(c), reach) if word),

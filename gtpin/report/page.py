@@ -16,6 +16,8 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from gtpin.report.words import typeset
+
 
 @dataclass(frozen=True)
 class Plot:
@@ -38,6 +40,8 @@ class Plot:
         Below it.
     height
         In pixels; the width is the page's.
+    whole
+        Whether it takes a row of its own among others.
     """
 
     name: str
@@ -46,6 +50,7 @@ class Plot:
     layout: Mapping[str, Any] = field(default_factory=dict)
     caption: str = ""
     height: int = 340
+    whole: bool = False
 
     @property
     def json(self) -> Markup:
@@ -141,13 +146,15 @@ def plotly_js() -> Markup | None:
 
 @cache
 def _environment() -> Environment:
-    return Environment(
+    found = Environment(
         loader=PackageLoader("gtpin.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    found.filters["typeset"] = lambda cell: cell if isinstance(cell, Markup) else typeset(str(cell))
+    return found
 
 
 def _script(content: Mapping[str, Any]) -> Markup:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,24 +16,40 @@ PACKAGES = ("gtpin", "pin", "numpy", "scipy")
 
 
 def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -> Table:
-    """Versions, seed and sha256 of the dataset's files and of the robot's URDF."""
+    """Versions, seed and sha256 of the dataset's files and of the robot's URDF.
+
+    A dataset that was read from no files is told by the digests of those that `Dataset.write` makes of it: whoever has it
+    as a folder can see that it is the same.
+    """
     rows = [[name, version(name)] for name in PACKAGES]
     rows.append(["Python", platform.python_version()])
     if seed is not None:
         rows.append(["seed", str(seed)])
     rows.append(["robot", robot.name])
     rows.append([Path(robot.description.source).name, f"sha256 {_digest(robot.description.xml.encode())}"])
-    for file in _files(dataset) if dataset else []:
-        if file is not None and file.is_file():
-            rows.append([file.name, f"sha256 {_digest(file.read_bytes())}"])
     if dataset is not None and dataset.path is None:
-        rows.append(["dataset", "made in memory, from no file"])
+        rows.append(
+            [
+                "dataset",
+                "handed over in memory, not read from files; written as a folder, its files have these digests:",
+            ]
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            dataset.write(Path(folder) / "dataset")
+            rows += _digests(sorted((Path(folder) / "dataset").iterdir()))
+    elif dataset is not None:
+        rows += _digests(_files(dataset))
     return Table(("what", "which"), rows)
 
 
-def _files(dataset: Dataset) -> list[Path | None]:
+def _files(dataset: Dataset) -> list[Path]:
     carts = dataset.carts.file if dataset.carts is not None else None
-    return [dataset.path / "dataset.toml" if dataset.path else None, dataset.file, carts]
+    files = [dataset.path / "dataset.toml" if dataset.path else None, dataset.file, carts]
+    return [file for file in files if file is not None and file.is_file()]
+
+
+def _digests(files: list[Path]) -> list[list[str]]:
+    return [[file.name, f"sha256 {_digest(file.read_bytes())}"] for file in files]
 
 
 def _digest(content: bytes) -> str:

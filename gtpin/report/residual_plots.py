@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.report.fit_along import Along, fit_along
 from gtpin.report.page import Choice, Plot, escaped
 from gtpin.report.residuals import AXES, Residuals
-from gtpin.report.words import coordinate_words, covariate_unit, with_unit
+from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,6 +25,8 @@ GROUPS = 18
 LAYERS = Choice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
 ONE_LAYER = Choice("layer", "Left by", LAYERS.options[:1])
 """Where there are no causes."""
+BEFORE = "layer=before"
+"""The choice for which a trace is drawn: the causes say nothing of the residuals that they themselves leave."""
 
 
 def shown(count: int) -> npt.NDArray[np.intp]:
@@ -87,7 +90,7 @@ def over_two(residuals: Residuals, a: str, b: str) -> Plot:
 def against_covariates(
     residuals: Residuals, share: Mapping[str, float], causes: bool
 ) -> tuple[dict[str, Any], list[Plot]]:
-    """Residuals against each command and covariate that varies.
+    """Residuals against each command and covariate that varies: those that a cause goes with first, with its line.
 
     Parameters
     ----------
@@ -99,21 +102,48 @@ def against_covariates(
     data = residuals.dataset
     known: dict[str, npt.NDArray[np.generic]] = dict(commanded(residuals))
     known |= {name: values for name, values in data.covariates.items() if bool((values != values[0]).any())}
-    columns: dict[str, Any] = {}
+    few = {name for name, values in known.items() if name == "session" or len(np.unique(values.astype(float))) <= FEW}
+    lines = {name: fit_along(residuals, name) if causes else None for name in known if name not in few}
+    columns: dict[str, Any] = {f"at {name}": q[shown(len(q))] for name, q in commanded(residuals).items()}
     plots = []
-    for name in sorted(known, key=lambda name: -share.get(name, 0.0)):
-        few = name == "session" or len(np.unique(known[name].astype(float))) <= FEW
-        values = np.array([escaped(str(v)) for v in known[name]], dtype=object) if few else known[name].astype(float)
-        columns[f"at {name}"] = values[shown(len(residuals))]
-        if not few:
-            columns |= _means(residuals, name, np.asarray(values, dtype=float))
-        plots.append(_boxes(residuals, name, causes) if few else _dots(residuals, name, causes))
+    for name in sorted(known, key=lambda name: (lines.get(name) is None, -share.get(name, 0.0))):
+        if name in few:
+            columns |= _kinds(name, known[name])
+            plots.append(_boxes(residuals, name, causes))
+        else:
+            columns |= _numbers(residuals, name, known[name].astype(float), lines[name])
+            plots.append(_dots(residuals, name, causes, lines[name] is not None))
     return columns, plots
 
 
+def _kinds(name: str, values: npt.NDArray[np.generic]) -> dict[str, Any]:
+    """A column of few values: those of the poses, in words, and each once, in order."""
+    words = [escaped(str(v) if name == "session" else typeset(f"{float(v):g}")) for v in values.tolist()]
+    order = dict.fromkeys(words[i] for i in np.argsort(values, kind="stable"))
+    return {f"kind of {name}": [words[i] for i in shown(len(words))], f"kinds of {name}": list(order)}
+
+
+def _numbers(residuals: Residuals, name: str, values: Floats, line: Along | None) -> dict[str, Any]:
+    """A column of numbers, and over it the means of neighbouring poses or the causes' line.
+
+    The line stands in the place of the means, which would smooth a short period away.
+    """
+    columns = {f"at {name}": values[shown(len(residuals))]} | _means(residuals, name, values)
+    if line is not None:
+        columns[f"along {name}"] = line.x
+        for component in residuals.component_names:
+            factor, _ = scale_of(residuals.component(component, residuals.before), residuals.unit(component))
+            columns[f"before {component} along {name}"] = factor * line.fit[component]
+            columns[f"after {component} along {name}"] = []
+            columns[f"before {component} over {name}"] = []
+    return columns
+
+
 def _means(residuals: Residuals, name: str, values: Floats) -> dict[str, Any]:
-    """Means of groups of neighbouring poses."""
-    groups = np.array_split(np.argsort(values, kind="stable"), min(GROUPS, max(1, len(values) // 6)))
+    """Means of groups of neighbouring poses; poses of one value are never parted."""
+    count = min(GROUPS, max(1, len(values) // 6))
+    group = np.searchsorted(np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1])), values)
+    groups = [np.flatnonzero(group == k) for k in np.unique(group)]
     columns: dict[str, Any] = {f"at {name} mean": np.array([values[rows].mean() for rows in groups])}
     for component in residuals.component_names:
         for layer, left in (("before", residuals.before), ("after", residuals.after)):
@@ -123,44 +153,49 @@ def _means(residuals: Residuals, name: str, values: Floats) -> dict[str, Any]:
     return columns
 
 
-def _dots(residuals: Residuals, name: str, causes: bool) -> Plot:
+def _dots(residuals: Residuals, name: str, causes: bool, line: bool) -> Plot:
     told = {"x": f"#at {name}", "type": "scatter", "mode": "markers", "text": "#pose"}
-    hover = {"hovertemplate": f"%{{y:.3g}} at {escaped(name)} = %{{x:.4g}}<br>pose %{{text}}<extra></extra>"}
-    traces: list[dict[str, Any]] = [told | hover | {"y": "#{layer} {component}", "marker": POINTS | {"color": "@data"}}]
+    told["hovertemplate"] = f"%{{y}} at {escaped(name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
+    traces: list[dict[str, Any]] = [
+        told | {"y": "#{layer} {component}", "name": "residual", "marker": POINTS | {"color": "@data"}}
+    ]
     if causes:
-        traces.append(told | hover | {"y": "#{layer} fit {component}", "marker": POINTS | {"color": "@fit"}})
-    mean = {"color": "@ink", "width": 1.6, "shape": "spline", "smoothing": 0.6}
-    traces.append(
-        {
-            "x": f"#at {name} mean",
-            "y": f"#{{layer}} {{component}} over {name}",
-            "type": "scatter",
-            "mode": "lines",
-            "line": mean,
-            "hoverinfo": "skip",
-        }
-    )
-    return _plot(residuals, name, traces, {})
+        look = {"name": "what the causes make of it", "meta": BEFORE, "marker": POINTS | {"color": "@fit"}}
+        traces.append(told | look | {"y": "#{layer} fit {component}"})
+    plain = {"type": "scatter", "mode": "lines", "hoverinfo": "skip"}
+    if line:
+        look = {"name": "the same along the column, all else at its middle", "meta": BEFORE}
+        ends = {"x": f"#along {name}", "y": f"#{{layer}} {{component}} along {name}"}
+        traces.append(plain | look | ends | {"line": {"color": "@fit", "width": 1.4}})
+    ends = {"x": f"#at {name} mean", "y": f"#{{layer}} {{component}} over {name}"}
+    traces.append(plain | ends | {"name": "mean of neighbouring poses", "line": {"color": "@ink", "width": 1.6}})
+    return _plot(residuals, name, traces, {}, whole=line)
 
 
 def _boxes(residuals: Residuals, name: str, causes: bool) -> Plot:
-    told = {"x": f"#at {name}", "type": "box", "boxpoints": False, "hoverinfo": "y"}
-    traces = [told | {"y": "#{layer} {component}", "marker": {"color": "@data"}}]
+    told = {"x": f"#kind of {name}", "type": "box", "boxpoints": False, "hoverinfo": "y"}
+    look: dict[str, Any] = {"name": "residuals of one value: median, quartiles, ends", "marker": {"color": "@data"}}
+    traces = [told | look | {"y": "#{layer} {component}"}]
     if causes:
-        traces.append(told | {"y": "#{layer} fit {component}", "marker": {"color": "@fit"}})
-    return _plot(
-        residuals, name, traces, {"type": "category", "categoryorder": "category ascending", "automargin": "height"}
-    )
+        look = {"name": "what the causes make of them", "meta": BEFORE, "marker": {"color": "@fit"}}
+        traces.append(told | look | {"y": "#{layer} fit {component}"})
+    order = {"categoryorder": "array", "categoryarray": f"#kinds of {name}"}
+    return _plot(residuals, name, traces, {"type": "category", "automargin": "height"} | order)
 
 
-def _plot(residuals: Residuals, name: str, traces: list[dict[str, Any]], axis: dict[str, Any]) -> Plot:
+def _plot(
+    residuals: Residuals, name: str, traces: list[dict[str, Any]], axis: dict[str, Any], whole: bool = False
+) -> Plot:
     number = name[1:] if name.startswith("q") else ""
     turns = number.isdigit() and residuals.model.robot.actuators[int(number) - 1].revolute
+    x_title = escaped(with_unit(name, covariate_unit(name, turns)))
+    # Numbers are told in the axes' formats: unlike those of a hover template, they have a true minus sign.
     layout = {
-        "xaxis": {"title": {"text": escaped(with_unit(name, covariate_unit(name, turns)))}} | axis,
-        "yaxis": {"title": {"text": "${component}"}},
+        "xaxis": {"title": {"text": x_title}, "hoverformat": ".4g"} | axis,
+        "yaxis": {"title": {"text": "${component}"}, "hoverformat": ".3g"},
         "showlegend": False,
         "boxmode": "group",
         "margin": {"t": 10},
     }
-    return Plot(f"against-{name}", f"Residuals against {coordinate_words(name)}", traces, layout, height=230)
+    title = f"Residuals against {coordinate_words(name)}"
+    return Plot(f"against-{name}", title, traces, layout, height=280 if whole else 230, whole=whole)

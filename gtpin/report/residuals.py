@@ -98,12 +98,18 @@ class Residuals:
         power = np.einsum("nc,nc->n", u, u)
         return np.asarray(np.einsum("nc,nc->n", u, residual / self.sigma) / np.maximum(power, 1e-300))
 
-    def component(self, name: str, residual: Floats) -> Floats:
-        """(N,) residuals along an axis (``x``, ``rx``) or along the travel of an actuator (``cart2``), m or rad."""
+    def component(self, name: str, residual: Floats, by_command: Floats | None = None) -> Floats:
+        """(N,) residuals along an axis (``x``, ``rx``) or along the travel of an actuator (``cart2``), m or rad.
+
+        Parameters
+        ----------
+        by_command
+            As the property of this name, of the poses that the residuals are of; by default the dataset's.
+        """
         if name in AXES:
             return np.asarray(residual[:, AXES.index(name)])
         actuator = self.model.robot.sites.index(name)
-        return self.along(residual, self.by_command[:, :, actuator])
+        return self.along(residual, (self.by_command if by_command is None else by_command)[:, :, actuator])
 
     @property
     def component_names(self) -> tuple[str, ...]:
@@ -115,3 +121,9 @@ class Residuals:
         if name in AXES:
             return "rad" if name.startswith("r") else "m"
         return "rad" if self.model.robot.actuators[self.model.robot.sites.index(name)].revolute else "m"
+
+    def column(self, name: str) -> Column | None:
+        """(N,) a command (``q1``) or covariate; None where there is none."""
+        if name[:1] == "q" and name[1:].isdigit():
+            return np.asarray(self.dataset.q[:, int(name[1:]) - 1])
+        return self.dataset.covariates.get(name)

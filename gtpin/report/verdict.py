@@ -62,17 +62,17 @@ def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
     headline = " ".join(sentence(_either(cause)) for cause in doubtful)
     if sure:
         headline += f" Sure beside it: {joined([phrase(c.effect, c.site).clause for c in sure])}."
-    advice = [_shrinks(d), *_not_recorded(d, doubtful)]
+    advice = [_shrinks(d), *not_recorded(d)]
     if len(advice) == 1:
         advice.append("Which of them it is makes no difference to what the model predicts near these poses.")
     members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
     return headline, [*_actions(sure), *advice, *_next(d, members)]
 
 
-def _not_recorded(d: Diagnosis, causes: list[Cause]) -> list[str]:
+def not_recorded(d: Diagnosis) -> list[str]:
     """What members of a class can't be ruled out for lack of a covariate, and how to mend that."""
     reasons = {(c.effect, c.site): c.reason for c in d.candidates if c.reason}
-    members = dict.fromkeys((m.effect, m.site) for cause in causes for m in cause.members)
+    members = dict.fromkeys((m.effect, m.site) for cause in _by_doubt(d.causes)[1] for m in cause.members)
     return [
         f"{effect} at {site_words(site)} can't be ruled out, because {reasons[effect, site]}: record it, or fill it in "
         "(a speed is 0 where the machine stood still), and diagnose again."
@@ -92,7 +92,7 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
     else:
         headline = sentence(f"{what} is in these measurements: don't compensate it by name")
         look = "It goes with no single coordinate that was recorded; the maps below show where it is."
-    advice = [look, *_could_be(d)]
+    advice = [look, *could_be(d)]
     if d.causes:
         sure = joined([phrase(c.effect, c.site).clause for c in d.causes])
         advice += [f"Sure beside it: {sure}.", *_actions(d.causes), _shrinks(d)]
@@ -103,7 +103,7 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
     return headline, [*advice, *_next(d, {"unknown"})]
 
 
-def _could_be(d: Diagnosis) -> list[str]:
+def could_be(d: Diagnosis) -> list[str]:
     """What these data can't tell, for lack of a covariate, but would account for the unknown."""
     if not d.unexplained.could_be:
         return []

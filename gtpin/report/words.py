@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n"}
 """Of the units that are shown in thousandths."""
-SITES = {"arm": "all links", "frame": "the measurement frame", "platform": "the platform"}
+SITES = {"arm": "all links", "frame": "the instrument", "platform": "the platform"}
 """What sites are that no machine names itself."""
 COORDINATES = {
     "time": "time",
@@ -20,10 +21,15 @@ COORDINATES = {
 }
 UNITS = {"time": "s", "temp_frame": "°C", "temp_link": "°C", "payload": "kg", "fx": "N", "fy": "N", "fz": "N"}
 """Of the covariates that have names of their own."""
+MINUS = re.compile(r"(?<![\w.-])-(?=\.?\d)")
+"""A hyphen that begins a number, and none that joins words or digits, or begins an option of a command."""
+POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-])0*(\d+)\b")
+"""A number as computers write large and small ones."""
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")
 
 
 def site_words(site: str) -> str:
-    """A site: ``cart2``, ``the measurement frame``."""
+    """A site: ``cart2``, ``the instrument``."""
     return SITES.get(site, site)
 
 
@@ -88,6 +94,11 @@ def _digits(value: float, significant: int) -> int:
 def whole(text: str) -> str:
     """Text that no line break parts, with a true minus sign."""
     return text.replace(" ", "\u00a0").replace("-", "−")
+
+
+def typeset(text: str) -> str:
+    """Text with its numbers as they are printed: a true minus sign, and powers of ten: ``−0.5``, ``1.2·10⁻⁵``."""
+    return MINUS.sub("−", POWER.sub(lambda found: f"{found[1]}·10{(found[2] + found[3]).translate(RAISED)}", text))
 
 
 def short(words: str) -> str:

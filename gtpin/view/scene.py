@@ -14,8 +14,8 @@ import pinocchio as pin
 from gtpin.errors import GtpinError
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.model import Model
+from gtpin.report.camera import Camera
 from gtpin.report.skeleton import skeleton
-from gtpin.report.sketch import Camera
 from gtpin.view.gap import Gap
 from gtpin.view.gap_panel import GapPanel
 from gtpin.view.parts import Part, parts

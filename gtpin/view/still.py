@@ -12,8 +12,8 @@ from gtpin.accuracy.figures import new_figure
 from gtpin.errors import GtpinError, ModelError
 from gtpin.model import Model
 from gtpin.output import results_folder
+from gtpin.report.camera import ELEVATION, Camera
 from gtpin.report.skeleton import Skeleton, skeleton
-from gtpin.report.sketch import ELEVATION, Camera
 from gtpin.robot.robot import Robot
 from gtpin.view.colors import GREY, of_errors, of_share
 from gtpin.view.gap import Gap

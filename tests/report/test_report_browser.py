@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -130,6 +131,59 @@ def test_what_the_reader_chooses_changes_all_plots_that_ask_for_it(opened):
     page.tab.locator("select[data-choice=component]").select_option("z")
     assert page.run(shown) not in (before, after)
     assert page.said == []
+
+
+@pytest.mark.parametrize("layer", ["after", "before"])
+def test_the_legend_of_residuals_lists_what_is_drawn_and_nothing_else(opened, layer):
+    page = opened("explained")
+    page.tab.locator("select[data-choice=layer]").first.select_option(layer)
+    told = page.run(
+        "[...document.querySelectorAll('.key span')].filter(s => s.offsetWidth).map(s => s.textContent.trim())"
+    )
+    drawn = page.run(
+        "[...document.querySelectorAll('[id^=plot-against-]')].flatMap((plot) => plot._fullData"
+        ".filter((trace) => trace._length && trace.y.length).map((trace) => trace.name))"
+    )
+    assert sorted(told) == sorted(set(drawn))
+    assert any("causes" in name for name in told) == (layer == "before")
+
+
+def test_legends_of_curves_show_points_and_the_effect_on_its_band(opened):
+    page = opened("explained")
+    legend = page.run(
+        "[...document.querySelectorAll('#plot-cause-1-0 .legend .traces')].map((entry) => [entry.textContent,"
+        " !!entry.querySelector('.legendpoints path'), !!entry.querySelector('.legendlines path.js-line'),"
+        " !!entry.querySelector('.legendfill path.js-fill')])"
+    )
+    assert legend == [["effect, 95 % band", False, True, True], ["measured", True, False, False]]
+
+
+def test_minus_signs_are_the_same_in_tables_and_plots(opened):
+    page = opened("explained")
+    told = page.run("[...document.querySelectorAll('td, li, .plot text')].map(cell => cell.textContent)")
+    assert [text for text in told if re.search(r"(^|[\s(=])-\.?\d|\de[+-]\d", text)] == []
+    assert any("−" in text for text in told)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_table_that_is_cut_off_has_a_shadow_at_the_edge_behind_which_there_is_more(opened, scheme):
+    page = opened("explained")
+    page.tab.emulate_media(color_scheme=scheme)
+    page.tab.set_viewport_size({"width": 375, "height": 700})
+    wide = page.tab.locator("#parameters ~ .wide").first
+    assert wide.evaluate("(table) => table.scrollWidth > table.clientWidth")
+    box = wide.bounding_box()
+    darkest = {}
+    for end, left in (("left", 0), ("right", 10000)):
+        wide.evaluate("(table, left) => { table.scrollLeft = left }", left)
+        wide.scroll_into_view_if_needed()
+        box = wide.bounding_box()
+        # The last pixels of the page's width there, below the last row: no text.
+        clip = {"x": box["x"] + box["width"] - 2, "y": box["y"] + box["height"] - 3, "width": 2, "height": 2}
+        darkest[end] = page.tab.screenshot(clip=clip)
+    assert darkest["left"] != darkest["right"]
+    page.tab.set_viewport_size({"width": 1200, "height": 900})
+    page.tab.emulate_media(color_scheme="light")
 
 
 def test_hostile_names_are_shown_as_they_are(opened):

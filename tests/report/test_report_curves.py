@@ -9,8 +9,11 @@ import pytest
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
+from gtpin.effects.rack_periodic import SHORTEST
 from gtpin.report.curve_plots import curve_notes, reach
 from gtpin.report.effect_curves import WIDE, curves
+from gtpin.report.fit_along import fit_along
+from gtpin.report.residual_plots import against_covariates
 from gtpin.report.residuals import Residuals
 
 PERIOD, AMPLITUDE, SIGMA = 0.1, 3e-5, 2e-6
@@ -113,3 +116,66 @@ def test_residuals_along_a_cart_are_how_far_it_would_have_to_move(residuals):
 def test_residuals_before_are_those_of_the_calibration(single, residuals):
     np.testing.assert_allclose(residuals.before, single.diagnosis.baseline.residual, atol=1e-12)
     assert np.linalg.norm(residuals.after) < np.linalg.norm(residuals.before)
+
+
+def test_the_causes_line_along_its_column_shows_every_turn_of_its_wave_and_goes_through_what_the_causes_make(residuals):
+    (period,) = [e.setting for e in residuals.model.effects]
+    line = fit_along(residuals, "q2")
+    x, y = line.x[:-1], line.fit["cart2"][:-1]
+    crossings = np.count_nonzero(np.diff(np.sign(y - y.mean())))
+    assert abs(crossings - 2.0 * np.ptp(x) / period) <= 2
+    made = residuals.component("cart2", residuals.before - residuals.after)
+    off = np.interp(residuals.dataset.q[:, 1], x, y) - made
+    assert np.std(off) < 0.35 * np.std(made)
+
+
+def test_no_line_is_drawn_along_what_no_cause_goes_with(residuals):
+    for name in ("q1", "q3", "time", "temp_link"):
+        assert fit_along(residuals, name) is None
+
+
+def test_the_mean_of_neighbours_does_not_hide_the_causes_line(residuals):
+    columns, plots = against_covariates(residuals, {"q1": 1.0}, causes=True)
+    assert (plots[0].name, plots[0].whole) == ("against-q2", True)
+    assert not any(plot.whole for plot in plots[1:])
+    assert len(columns["before cart2 over q2"]) == 0
+    assert len(columns["after cart2 over q2"]) > 0
+    assert len(columns["before cart2 along q2"]) > 1000
+
+
+@pytest.mark.parametrize("drawn", ["curve", "line"])
+def test_the_shortest_period_has_points_enough(residuals, drawn):
+    shortest = active(residuals, "rack_periodic", "cart2", SHORTEST, AMPLITUDE)
+    if drawn == "curve":
+        x = curves(shortest, residuals)[0].lines[0].x
+    else:
+        x = fit_along(replace(residuals, model=replace(residuals.model, effects=(shortest,))), "q2").x[:-1]
+    assert np.diff(x).max() < SHORTEST / 8.0
+
+
+def test_backlash_has_a_line_for_each_direction_along_its_track(residuals):
+    model = replace(residuals.model, effects=(active(residuals, "backlash", "cart1", first=1e-5),))
+    line = fit_along(replace(residuals, model=model), "q1")
+    ends = np.flatnonzero(np.isnan(line.x))
+    assert len(ends) == 2
+    first, second = line.fit["cart1"][: ends[0]], line.fit["cart1"][ends[0] + 1 : -1]
+    np.testing.assert_allclose(np.abs(first - second), 2e-5, rtol=1e-3)
+
+
+def test_few_values_of_a_column_stand_in_their_order(residuals):
+    covariates = {**residuals.dataset.covariates, "fx": np.resize([10.0, 5.0, -2.5], len(residuals))}
+    columns, _ = against_covariates(
+        replace(residuals, dataset=replace(residuals.dataset, covariates=covariates)), {}, causes=False
+    )
+    assert columns["kinds of fx"] == ["−2.5", "5", "10"]
+    assert columns["kind of fx"][:3] == ["10", "5", "−2.5"]
+
+
+def test_poses_of_one_value_are_never_in_two_means(residuals):
+    covariates = {**residuals.dataset.covariates, "time": np.maximum(0.0, np.arange(-100.0, len(residuals) - 100.0))}
+    columns, _ = against_covariates(
+        replace(residuals, dataset=replace(residuals.dataset, covariates=covariates)), {}, causes=False
+    )
+    mean = columns["at time mean"]
+    assert len(mean) == len(set(mean.tolist()))
+    assert (np.diff(mean) > 0.0).all()

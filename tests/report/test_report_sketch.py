@@ -9,8 +9,9 @@ import pytest
 from defusedxml.ElementTree import fromstring
 
 from gtpin import Geometry, Model, load_robot, robot_names
+from gtpin.report.camera import HEIGHT, WIDTH, Camera
 from gtpin.report.skeleton import skeleton
-from gtpin.report.sketch import HEIGHT, WIDTH, Camera, color, sketch
+from gtpin.report.sketch import color, sketch
 
 ROBOTS = [name for name in robot_names() if load_robot(name).rods]
 
@@ -44,7 +45,7 @@ def test_rods_of_a_skeleton_have_the_lengths_of_the_robots_rods(name):
 
 
 def test_a_part_with_more_of_the_gap_is_redder():
-    red = [float(re.search(r"(\d+)%", color(share)).group(1)) for share in (0.0, 0.1, 0.3, 0.5)]
+    red = [float(re.search(r"(\d+)%", color(part)).group(1)) for part in (0.0, 0.1, 0.6, 1.0)]
     assert red == sorted(set(red))
     assert (red[0], red[-1]) == (0.0, 100.0)
 
@@ -57,11 +58,48 @@ def test_the_cart_of_a_cause_is_ringed_and_its_share_is_told():
     assert "cart2 60" in ringed
 
 
+def drawing(share: dict[str, float], landed: dict[str, float] | None = None, causes: tuple[str, ...] = ()) -> str:
+    robot = load_robot("gantry_tau")
+    return str(sketch(skeleton(model("gantry_tau")), robot.rod_sites, share, landed or {}, causes))
+
+
+def shade(drawn: str, shape: str) -> list[int]:
+    """How red each shape of a kind is, percent."""
+    return [int(red) for red in re.findall(rf"<{shape} [^>]*?var\(--high\) (\d+)%", drawn)]
+
+
+def test_rods_and_carts_are_coloured_on_one_scale_whatever_lands_on_the_rods():
+    share = {"cart1": 0.24, "cart2": 0.0, "cart3": 0.0, "link1": 0.12}
+    drawn = drawing(share, {"link1": 0.92})
+    assert re.sub("<title>.*?</title>", "", drawn) == re.sub("<title>.*?</title>", "", drawing(share))
+    assert "link1: 92" in drawn
+    assert max(shade(drawn, "rect")) == 100
+    rod = re.search(r"<line [^>]*var\(--high\) (\d+)%[^>]*><title>link1", drawn)
+    assert int(rod.group(1)) == 50
+
+
+def test_the_scale_of_the_colours_ends_at_the_largest_share_and_is_told():
+    told = " ".join(fromstring(drawing({"cart1": 0.24, "cart2": 0.03})).itertext()).replace("\u00a0", " ")
+    assert "24 % of the gap" in told
+    assert "of the gap" not in "".join(fromstring(drawing({})).itertext())
+    assert "of the gap" not in "".join(fromstring(drawing({"cart1": 0.0})).itertext())
+
+
+@pytest.mark.parametrize(("site", "name"), [("frame", "instrument"), ("arm", "all links")])
+def test_sites_that_are_no_one_part_have_a_sign_of_their_own_which_is_ringed_where_a_cause_sits(site, name):
+    plain, ringed = drawing({"cart1": 0.2, site: 0.3}), drawing({"cart1": 0.2, site: 0.3}, causes=(site,))
+    told = " ".join(fromstring(plain).itertext()).replace("\u00a0", " ")
+    assert f"{name} 30 %" in told
+    assert "frame" not in told
+    assert ringed.count("<circle") == plain.count("<circle") + 1
+    assert name not in drawing({"cart1": 0.2})
+
+
 def test_names_in_a_sketch_are_text():
     machine = skeleton(model("gantry_tau"))
-    drawing = str(sketch(machine, ["<script>", "b", "c", "d", "e", "f"], {}, {}))
-    assert "<script>" not in drawing
-    fromstring(drawing)
+    drawn = str(sketch(machine, ["<script>", "b", "c", "d", "e", "f"], {}, {}))
+    assert "<script>" not in drawn
+    fromstring(drawn)
 
 
 def test_a_robot_without_rods_has_no_skeleton(tmp_path):

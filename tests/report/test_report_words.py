@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import pytest
 
 from gtpin import load_robot
 from gtpin.effects.catalogue import catalogue
 from gtpin.report.phrases import phrase, sentence
-from gtpin.report.words import chance, coordinate_words, joined, percent, quantity
+from gtpin.report.provenance import provenance
+from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, site_words, typeset
 
 
 @pytest.mark.parametrize(
@@ -30,6 +33,37 @@ def test_a_quantity_shows_the_digits_that_its_sigma_allows(value, unit, sigma, t
 
 def test_a_quantity_is_never_parted_by_a_line_break():
     assert " " not in quantity(2.5e-5, "m", 9e-7)
+
+
+@pytest.mark.parametrize(
+    ("written", "printed"),
+    [
+        ("-0.5", "−0.5"),
+        ("+2.3 and -1.9 mm", "+2.3 and −1.9 mm"),
+        ("(-.5, -1)", "(−.5, −1)"),
+        ("approach1 = -1", "approach1 = −1"),
+        ("1.2e-05", "1.2·10⁻⁵"),
+        ("-3e+20", "−3·10²⁰"),
+        ("next1-1, 0.5-0.7, 2026-01-31, -o, --seed, left-out", "next1-1, 0.5-0.7, 2026-01-31, -o, --seed, left-out"),
+        ("run1e-5, 8468e-2b, 7e5", "run1e-5, 8468e-2b, 7e5"),
+    ],
+)
+def test_hyphens_of_numbers_become_minus_signs_and_no_others(written, printed):
+    assert typeset(written) == printed
+
+
+def test_the_instrument_has_one_name():
+    assert site_words("frame") == "the instrument"
+    assert "the instrument drifts" in phrase("tracker_drift", "frame").clause
+
+
+def test_a_dataset_that_was_not_read_is_told_by_the_digests_of_the_files_that_it_is_written_to(single, tmp_path):
+    assert single.dataset.path is None
+    single.dataset.write(tmp_path / "data")
+    told = dict(provenance(single.dataset, load_robot("gantry_tau")).rows)
+    for name in ("dataset.toml", "poses.csv"):
+        assert told[name] == f"sha256 {hashlib.sha256((tmp_path / 'data' / name).read_bytes()).hexdigest()}"
+    assert "not read from files" in told["dataset"]
 
 
 @pytest.mark.parametrize("share", [1e-9, 0.004, 0.996, 1.0 - 1e-12])

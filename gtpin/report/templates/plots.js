@@ -39,10 +39,16 @@
     plot.layout.margin = Object.assign({ l: narrow ? 48 : 58, r: 12, t: 36, b: 46 }, plot.layout.margin);
     return Plotly.react(document.getElementById("plot-" + block.dataset.plot), plot.data, plot.layout, config);
   };
+  // Words that hold for one option of a choice alone: data-when="choice=option".
+  const tell = () => document.querySelectorAll("[data-when]").forEach((words) => {
+    const [name, option] = words.dataset.when.split("=");
+    words.hidden = chosen("{" + name + "}", false) !== option;
+  });
   // One plot at a time, so that the page can be read and scrolled meanwhile; `data-drawn` tells when all are there.
   let round = 0;
   const drawAll = async () => {
     const mine = ++round;
+    tell();
     document.documentElement.removeAttribute("data-drawn");
     for (const block of blocks) {
       await new Promise((next) => setTimeout(next));

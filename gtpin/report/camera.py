@@ -1,0 +1,59 @@
+"""From where a machine is drawn: the side on which its rods hide each other the least."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.report.skeleton import Skeleton
+
+Floats = npt.NDArray[np.float64]
+
+WIDTH, HEIGHT, MARGIN = 560.0, 400.0, 46.0
+"""Of a sketch, in pixels."""
+ELEVATION = np.deg2rad(24.0)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Looks at points in space: to pixels, x to the right and y down."""
+
+    axes: Floats
+    centre: Floats
+    scale: float
+
+    @staticmethod
+    def of(machine: Skeleton) -> Camera:
+        """From a little above, from the side where the rods hide each other the least."""
+        best = max(
+            (_axes(machine.up, a) for a in np.deg2rad(np.arange(0.0, 360.0, 10.0))), key=lambda v: _open(machine, v)
+        )
+        flat = machine.points @ best.T
+        size = np.ptp(flat, axis=0)
+        room = np.array([WIDTH - 2.0 * MARGIN, HEIGHT - 2.0 * MARGIN])
+        return Camera(best, (flat.max(axis=0) + flat.min(axis=0)) / 2.0, float((room / np.maximum(size, 1e-9)).min()))
+
+    def __call__(self, points: Floats) -> Floats:
+        """(m, 2) pixels of points (m, 3)."""
+        flat = (np.atleast_2d(points) @ self.axes.T - self.centre) * self.scale
+        return np.asarray(flat * [1.0, -1.0] + [WIDTH / 2.0, HEIGHT / 2.0])
+
+
+def _axes(up: Floats, azimuth: float) -> Floats:
+    """(2, 3) right and up of a picture taken from an azimuth about the vertical."""
+    side = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+    side /= np.linalg.norm(side)
+    right = np.cos(azimuth) * side + np.sin(azimuth) * np.cross(up, side)
+    into = np.cross(up, right)
+    return np.array([right, np.cos(ELEVATION) * up + np.sin(ELEVATION) * into])
+
+
+def _open(machine: Skeleton, axes: Floats) -> float:
+    """How far apart the rods' ends and middles are in a picture, over its size."""
+    seats, joints = machine.seats @ axes.T, machine.joints @ axes.T
+    flat = np.vstack([seats, (seats + joints) / 2.0])
+    apart = np.linalg.norm(flat[:, None] - flat[None, :], axis=2)[np.triu_indices(len(flat), 1)]
+    size = np.ptp(machine.points @ axes.T, axis=0)
+    return float(np.log(apart / np.linalg.norm(size) + 0.01).mean() + np.log(size.min() / size.max() + 0.1))

@@ -1,0 +1,106 @@
+"""What the causes make of residuals along a column: a fine line, with everything else at its middle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.situation import Column
+from gtpin.report.residuals import Residuals
+
+Floats = npt.NDArray[np.float64]
+
+FINE, FINEST = 401, 1500
+"""Points of a line along a column; the latter where a cause has a setting, which may be a short period."""
+LEVELS = 4
+"""Values up to which something that a cause goes with too has a line for each of them."""
+GOES = 0.5
+"""Share of the power of a column's causes that its line must have: what goes more with other things is not seen along it."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """What the causes make of residuals along a column, finely, with everything else at its middle.
+
+    Parameters
+    ----------
+    x
+        (m,) values of the column; NaN parts one line from the next.
+    fit
+        By component, (m,): what the causes of this column add, less a straight line, which geometry takes of them.
+    """
+
+    x: Floats
+    fit: dict[str, Floats]
+
+
+def fit_along(residuals: Residuals, name: str) -> Along | None:
+    """The causes' line along a column of numbers; None where no cause goes with it, or goes more with something else.
+
+    Where they go with something of few values too, a direction of approach, there is a line for each of these.
+    """
+    model, column = residuals.model, residuals.column(name)
+    own = tuple(e for e in model.effects if name in e.effect.coordinates(model.robot, e.site))
+    if column is None or not own:
+        return None
+    data = np.asarray(column, dtype=float)
+    grid = np.linspace(data.min(), data.max(), FINEST if any(e.effect.has_setting for e in own) else FINE)
+    there = _made(residuals, own, residuals.dataset.q, residuals.dataset.covariates)
+    levels = _levels(residuals, own, name)
+    middles = [_middle(residuals, {name: grid, **given}) for given, _ in levels]
+    made = [_made(residuals, own, q, known) for q, known in middles]
+    seen = np.zeros_like(there)
+    for (_, rows), line in zip(levels, made, strict=True):
+        seen[rows] = np.stack([np.interp(data[rows], grid, part) for part in line.T], axis=1)
+    power, missed = (float((np.var(part, axis=0) / residuals.sigma**2).sum()) for part in (there, there - seen))
+    if not missed <= (1.0 - GOES) * power:  # false too where the line leaves what the robot can reach
+        return None
+    moved = [model.kinematics.command_jacobian(q, model.kinematics.forward(q)) for q, _ in middles]
+    gap, fit = [np.nan], {}
+    for c in residuals.component_names:
+        taken = residuals.component(c, residuals.before - residuals.after - seen)
+        slope, level = np.polyfit(data, taken, 1)
+        straight = slope * grid + level
+        lines = [
+            residuals.component(c, line, by_command) + straight for line, by_command in zip(made, moved, strict=True)
+        ]
+        fit[c] = np.concatenate([part for line in lines for part in (line, gap)])
+    return Along(np.concatenate([part for _ in levels for part in (grid, gap)]), fit)
+
+
+def _made(residuals: Residuals, own: tuple[ActiveEffect, ...], q: Floats, known: Mapping[str, Column]) -> Floats:
+    """(N, c) what some effects alone make of poses."""
+    with_them, plain = (replace(residuals.model, effects=effects) for effects in (own, ()))
+    return with_them.predict(q, known).minus(plain.predict(q))[:, : residuals.components]
+
+
+def _levels(
+    residuals: Residuals, own: Sequence[ActiveEffect], name: str
+) -> list[tuple[dict[str, object], npt.NDArray[np.bool_]]]:
+    """Values of the first other thing that causes go with, where they are few, and the poses of each."""
+    others = [other for e in own for other in e.effect.coordinates(residuals.model.robot, e.site) if other != name]
+    for other in others:
+        values = residuals.column(other)
+        levels = [] if values is None else list(dict.fromkeys(values.tolist()))
+        if 1 < len(levels) <= LEVELS:
+            return [({other: level}, np.asarray(values == level)) for level in levels]
+    return [({}, np.ones(len(residuals), dtype=bool))]
+
+
+def _middle(residuals: Residuals, given: Mapping[str, Any]) -> tuple[Floats, dict[str, Column]]:
+    """Commands and covariates, of which some are given, at least one as (m,) values, and the others are as usual."""
+    data = residuals.dataset
+    count = max(np.size(values) for values in given.values())
+    q = np.tile(data.q.mean(axis=0), (count, 1))
+    for j in range(data.n_actuators):
+        q[:, j] = given.get(f"q{j + 1}", q[:, j])
+    known: dict[str, Column] = {}
+    for name, values in data.covariates.items():
+        usual = values[0] if name == "session" else np.median(values)
+        known[name] = np.full(count, given.get(name, usual), dtype=values.dtype)
+    return q, known
