@@ -70,6 +70,6 @@ def write_diagnosis(found: Diagnosis, dataset: Dataset, folder: Path, seed: int 
     write_model(found.baseline.model, folder / "baseline")
     write_model(found.model, folder / "model")
     write_json(folder / "diagnosis.json", result)
-    write_experiments(found, folder)
+    write_experiments(found, dataset, folder)
     (folder / "report.html").write_text(diagnosis_page(found, dataset, seed=seed), encoding="utf-8")
     return result

@@ -130,6 +130,14 @@ def _silent(name: str, count: int, references: References) -> Column:
     return np.full(count, references.temperature if kind(name) == "temperature" else 0.0)
 
 
+def as_usual(known: Mapping[str, Column], count: int) -> dict[str, Column]:
+    """(M,) of each covariate known (N,), as it is most easily had; times go on after the last."""
+    found = {name: _usual(name, values, known.get("time"), count) for name, values in known.items()}
+    if "time" in known:
+        found["time"] = float(_numbers(known["time"]).max()) + LATER + INTERVAL * np.arange(count, dtype=float)
+    return found
+
+
 def _usual(name: str, known: Column, time: Column | None, count: int) -> Column:
     """(M,) a covariate as it is most easily had."""
     if name == "session":

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import expit
 
 from gtpin.diagnosis.candidates import Free, related, same_place
 from gtpin.diagnosis.evidence import NOTHING, Posterior, tuned, without
+from gtpin.diagnosis.once import once
 from gtpin.diagnosis.pool import STRANGER, Pool
 from gtpin.diagnosis.result import Member, Verdict
 from gtpin.diagnosis.search import search
@@ -75,7 +77,7 @@ def decide(pool: Pool) -> Decision:
             pool.groups, (*named.names, *(f.name for f in strangers)), (*named.scale, *(1.0 for _ in strangers))
         )
         named = pool.only(better, _apart(pool, better))
-    named = _led(pool, named)
+    named = once(pool, _led(pool, named), partial(_class, pool))
     classes = {name: _class(pool, named, name) for name in named.names}
     if unknown > 0.5:
         named = pool.only(named, (n for n in named.names if classes[n][0].probability >= SURE))
@@ -165,15 +167,17 @@ def _class(pool: Pool, model: Posterior, name: str) -> tuple[Member, ...]:
     dear = STRANGER + DEPARTURE * max(own, 0.0)
     strange = [value - dear for value in pool.gains(rest, _others(pool, name)).values()]
     log = {n: value / _temperature(max(own, 0.0)) for n, value in gains.items()}
-    likeliest = max(log.values())
+    likeliest, lifted = max(log.values()), set()
     for key, value in pool.gains(rest, pool.hidden).items():
         n = pool.hidden[key].candidate.name
         unrecorded = value / _temperature(max(own, 0.0)) + float(np.log(pool.hidden[key].odds))
-        log[n] = max(log.get(n, -np.inf), min(unrecorded, likeliest))
+        if unrecorded > log.get(n, -np.inf):
+            log[n] = min(unrecorded, likeliest)
+            lifted.add(n)
     whole = np.logaddexp.reduce([*log.values(), max(strange, default=-np.inf) / _temperature(max(own, 0.0))])
     probability = {n: float(np.exp(value - whole)) for n, value in log.items()}
     least = CLASS_SHARE * max(probability.values())
-    members = [Member(*split(n), p) for n, p in probability.items() if p >= least or n == name]
+    members = [Member(*split(n), p, n not in lifted) for n, p in probability.items() if p >= least or n == name]
     return tuple(sorted(members, key=lambda m: (-m.probability, (m.effect, m.site) != split(name))))
 
 

@@ -230,7 +230,8 @@ def _considered(
 ) -> list[Considered]:
     """Everything that was tested, the likeliest first, then what could not be."""
     probability = {f"{m.effect}@{m.site}": m.probability for members in found.classes.values() for m in members}
-    asked = probability.keys() | {f"{effect}@{site}" for effect, site in could_be}
+    lifted = {f"{m.effect}@{m.site}" for members in found.classes.values() for m in members if not m.recorded}
+    asked = lifted | {f"{effect}@{site}" for effect, site in could_be}
     reason = {h.candidate.name: h.reason for h in pool.hidden.values() if h.candidate.name in asked}
     rows = [
         Considered(*split(name), found.gains[name], probability.get(name, 0.0), True, reason.get(name, ""))

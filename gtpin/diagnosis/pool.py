@@ -43,8 +43,8 @@ class Pool:
         Free motions with their displacements.
     false_alarm
         Chance of naming a cause where there is none.
-    unrecorded
-        Effects that can't be tested because a covariate is missing; see :mod:`~gtpin.diagnosis.hidden`.
+    untestable
+        Effects that can't be tested: those that lack a covariate may stand in; see :mod:`~gtpin.diagnosis.hidden`.
     """
 
     design: Design
@@ -52,7 +52,7 @@ class Pool:
     scanned: tuple[Candidate, ...]
     frees: Iterable[tuple[Free, Basis]]
     false_alarm: float
-    unrecorded: tuple[Candidate, ...] = ()
+    untestable: tuple[Candidate, ...] = ()
     latest: dict[str, Candidate | Free] = field(default_factory=dict)
     free: dict[str, Free] = field(default_factory=dict)
     scans: dict[str, Scan] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class Pool:
     @cached_property
     def hidden(self) -> dict[str, Hidden]:
         """Effects by a guess of what was not recorded; never in a model, only beside its causes."""
-        found = {h.name: h for h in stand_ins(self.design, self.unrecorded, self.candidates.values())}
+        found = {h.name: h for h in stand_ins(self.design, self.untestable, self.candidates.values())}
         for name, hidden in found.items():
             self.groups.set(name, hidden.columns)
         return found

@@ -18,11 +18,12 @@ Verdict = Literal["none", "explained", "ambiguous", "unknown"]
 
 @dataclass(frozen=True)
 class Member:
-    """An effect at a site that could be the cause."""
+    """An effect at a site that could be the cause; ``recorded`` is false where it goes with what was not recorded."""
 
     effect: str
     site: str
     probability: float
+    recorded: bool = True
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from gtpin.diagnosis.candidates import Candidate
+from gtpin.diagnosis.common_motions import common_motions
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Marginal
 from gtpin.diagnosis.free_motions import free_motions
@@ -46,7 +47,7 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
     """Testable candidates, and what is said of the others."""
     at = design.situation
     marginal = Marginal(design.B)
-    plain, scanned, untestable, unrecorded = {}, [], [], []
+    plain, scanned, untestable, others = {}, [], [], []
     for effect in catalogue().values():
         for site in effect.sites(at.robot):
             if effect.id in exclude or f"{effect.id}@{site}" in exclude:
@@ -55,14 +56,13 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
             reason = effect.untestable(at, site) or ("" if many else _absorbed(design, marginal, effect, site))
             if reason:
                 untestable.append(Considered(effect.id, site, 0.0, 0.0, False, reason))
-                unrecorded.append(Candidate(effect, site))
+                others.append(Candidate(effect, site))
             elif many:
                 scanned.append(Candidate(effect, site))
             else:
                 plain[f"{effect.id}@{site}"] = Candidate(effect, site)
-    return Pool(design, plain, tuple(scanned), tuple(free_motions(at)), false_alarm, tuple(unrecorded)), tuple(
-        untestable
-    )
+    frees = (*free_motions(at), *common_motions(at, scaled="tracker_scale@frame" in plain))
+    return Pool(design, plain, tuple(scanned), frees, false_alarm, tuple(others)), tuple(untestable)
 
 
 def _absorbed(design: Design, marginal: Marginal, effect: Effect, site: str) -> str:

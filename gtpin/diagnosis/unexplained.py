@@ -56,4 +56,4 @@ def _could_be(pool: Pool, model: Posterior) -> tuple[tuple[str, str], ...]:
     gains = pool.gains(model, pool.hidden)
     enough = [name for name in sorted(gains, key=lambda n: -gains[n]) if gains[name] >= max(ACCOUNTS * best, SURELY)]
     candidates = [pool.hidden[name].candidate for name in enough]
-    return tuple((candidate.effect.id, candidate.site) for candidate in candidates)
+    return tuple((c.effect.id, c.site) for c in candidates if c.name not in model.names)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.diagnosis.common_motions import COMMON
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.pool import Pool
 
@@ -77,6 +78,8 @@ def _sites(pool: Pool, gains: Mapping[str, float]) -> dict[str, float]:
     """How well the best motion at each site explains the gap, whether it has a name or not."""
     best: dict[str, float] = {}
     for name, gain in gains.items():
+        if name in pool.free and pool.free[name].motion in COMMON:
+            continue
         site = pool.free[name].site if name in pool.free else name.partition("@")[2]
         best[site] = max(best.get(site, 0.0), gain)
     return _shares(best)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gtpin.data import Commands
+from gtpin.data import Commands, Dataset
 from gtpin.data.ids import normal_ids
+from gtpin.diagnosis.circumstances import as_usual
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.page import Table
 from gtpin.report.words import covariate_unit, whole, with_unit
@@ -40,16 +41,18 @@ def experiment_file(number: int) -> str:
     return f"{FOLDER}/{number + 1}.csv"
 
 
-def write_experiments(d: Diagnosis, folder: Path) -> None:
-    """Write each experiment's commands with what to set beside them, as a table that ``predict`` reads too.
+def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
+    """Write each experiment's commands as a table that ``predict`` reads too: with what to set, and all else as usual.
 
     The folder is there even where nothing is in it, so that it takes the place of an older one.
     """
     (folder / FOLDER).mkdir()
     for i, experiment in enumerate(d.next_experiment):
-        if len(experiment.poses):
-            ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(len(experiment.poses))])
-            Commands(ids, experiment.poses, dict(experiment.covariates)).write(folder / experiment_file(i))
+        count = len(experiment.poses)
+        if count:
+            ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(count)])
+            covariates = as_usual(dataset.covariates, count) | dict(experiment.covariates)
+            Commands(ids, experiment.poses, covariates).write(folder / experiment_file(i))
 
 
 def confirmation(d: Diagnosis) -> str:

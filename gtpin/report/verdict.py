@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gtpin.diagnosis.result import Cause, Diagnosis
@@ -71,24 +72,39 @@ def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
 
 def not_recorded(d: Diagnosis) -> list[str]:
     """What members of a class can't be ruled out for lack of a covariate, and how to mend that."""
-    reasons = {(c.effect, c.site): c.reason for c in d.candidates if c.reason}
-    members = dict.fromkeys((m.effect, m.site) for cause in _by_doubt(d.causes)[1] for m in cause.members)
+    lacking = dict.fromkeys((m.effect, m.site) for c in _by_doubt(d.causes)[1] for m in c.members if not m.recorded)
     return [
-        f"{effect} at {site_words(site)} can't be ruled out, because {reasons[effect, site]}: record it, or fill it in "
-        "(a speed is 0 where the machine stood still), and diagnose again."
-        for effect, site in members
-        if (effect, site) in reasons
+        f"{joined(names, 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
+        f"{_at_rest(reason)}, and diagnose again."
+        for reason, names in _by_reason(d, lacking).items()
     ]
 
 
+def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """Effects at their sites in words, by why these data can't tell."""
+    reasons = {(c.effect, c.site): c.reason for c in d.candidates if c.reason}
+    found: dict[str, list[str]] = {}
+    for effect, site in effects:
+        if (effect, site) in reasons:
+            found.setdefault(reasons[effect, site], []).append(f"{effect} at {site_words(site)}")
+    return found
+
+
+def _at_rest(reason: str) -> str:
+    return " (0 where the machine stood still)" if " speed" in reason else ""
+
+
 def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
-    what = "something that the catalogue does not know"
+    what = (
+        "something that these data can't name"
+        if d.unexplained.could_be
+        else "something that the catalogue does not know"
+    )
     if d.unexplained.correlates:
         site, coordinates, _ = d.unexplained.correlates[0]
-        headline = sentence(
-            f"{what} moves {site_words(site)} with {coordinate_words(coordinates)}: don't compensate it by name"
-        )
-        look = f"Look for what could move {site_words(site)} with {coordinate_words(coordinates)}; the plots below show how."
+        moved = "everything that the instrument sees" if site == "frame" else site_words(site)
+        headline = sentence(f"{what} moves {moved} with {coordinate_words(coordinates)}: don't compensate it by name")
+        look = f"Look for what could move {moved} with {coordinate_words(coordinates)}; the plots below show how."
     else:
         headline = sentence(f"{what} is in these measurements: don't compensate it by name")
         look = "It goes with no single coordinate that was recorded; the maps below show where it is."
@@ -105,12 +121,10 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
 
 def could_be(d: Diagnosis) -> list[str]:
     """What these data can't tell, for lack of a covariate, but would account for the unknown."""
-    if not d.unexplained.could_be:
-        return []
-    reasons = {(c.effect, c.site): c.reason for c in d.candidates}
-    told = dict.fromkeys(reasons[key] for key in d.unexplained.could_be if key in reasons)
-    names = [f"{effect} at {site_words(site)}" for effect, site in d.unexplained.could_be[:LISTED]]
-    return [f"It could be {joined(names, 'or')}, which these data can't tell: {joined(list(told))}."]
+    return [
+        f"It could be {joined(names, 'or')}, which these data can't tell: {reason}."
+        for reason, names in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
+    ]
 
 
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:
@@ -129,7 +143,8 @@ def _either(cause: Cause) -> str:
     named = [f"{phrase(m.effect, m.site).clause} ({chance(m.probability)})" for m in cause.members]
     if len(named) == 1:
         return f"probably {named[0]}, but these data don't settle it"
-    more = f", or one of {len(named) - 3} others" if len(named) > 3 else ""
+    others = f"one of {len(named) - 3} others" if len(named) > 4 else "another"
+    more = f", or {others}" if len(named) > 3 else ""
     return f"{joined(named[:3], 'or')}{more}: these data can't tell"
 
 

@@ -107,8 +107,8 @@ def test_what_to_measure_next_is_a_table_that_can_be_predicted(run, diagnosed, t
     for table, step in zip(tables, (step for step in steps if step["poses"]), strict=True):
         commands = gtpin.Commands.read(table, 3)
         np.testing.assert_allclose(commands.q, step["poses"])
-        assert set(commands.covariates) == set(step["covariates"])
-        assert run("predict", folder / "baseline", table, "-o", tmp_path / table.name).code == 0
+        assert set(commands.covariates) >= set(step["covariates"])
+        assert run("predict", folder, table, "-o", tmp_path / table.name).code == 0
 
 
 def test_the_model_with_the_causes_predicts_better_than_the_one_without(run, diagnosed, strong, tmp_path):

@@ -71,12 +71,26 @@ def test_only_the_place_that_is_excluded_is_left_out():
 
 
 @pytest.mark.parametrize(
-    ("seed", "kind"), [(1, "encoder_slip"), (2, "encoder_slip"), (3, "plate_bending"), (4, "nest_tilt")]
+    ("seed", "kind"),
+    [
+        (1, "encoder_slip"),
+        (2, "encoder_slip"),
+        (3, "plate_bending"),
+        (4, "nest_tilt"),
+        (5, "frame_bending"),
+        (6, "frame_bending"),
+    ],
 )
 def test_a_large_fault_that_is_in_no_catalogue_is_unknown(seed, kind):
     found = said(seed, kind, energy=2.0 * LARGE)
     assert found.verdict == "unknown"
     assert found.unexplained.p_value < 0.05
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_stretches_the_whole_machine_is_not_three_drives_fault_once_its_name_is_excluded(seed):
+    found = said(seed, "tracker_scale", exclude=("tracker_scale",))
+    assert sum(c.effect == "encoder_scale" for c in found.causes) < 3
 
 
 @pytest.mark.parametrize(("seed", "effect"), FAULTS)

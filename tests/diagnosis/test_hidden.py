@@ -8,7 +8,11 @@ import pytest
 from diagnosed import LARGE, POSES
 
 import gtpin
+from gtpin.effects.basis import along_track
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.effect import Effect, carts
 from gtpin.plant import Case, make_case
+from gtpin.plant.conditions import Conditions
 
 CONFIDENT = 0.95
 
@@ -102,3 +106,75 @@ def test_what_goes_with_what_was_recorded_is_not_laid_on_a_missing_session(kind)
     found = said(machine(1, kind, None, ("session",)))
     assert found.verdict == "unknown"
     assert found.unexplained.could_be == ()
+
+
+@pytest.mark.parametrize("seed", [402, 404])
+def test_a_clock_that_shows_whole_minutes_tells_of_no_pauses(seed):
+    case = machine(seed, "frame_shift", "frame", ("session", "temp"))
+    coarse = np.floor(case.dataset.covariates["time"] / 120.0) * 120.0
+    assert all(c.probability < CONFIDENT for c in said(case, time=coarse).causes)
+
+
+@pytest.mark.parametrize("seed", [12, 13])
+def test_sessions_in_numbers_tell_the_time_in_their_order(seed):
+    case = make_case(
+        seed,
+        effects=[("tracker_drift", "frame")],
+        energy=LARGE,
+        poses=POSES,
+        conditions=Conditions(sessions=12),
+        without=("time", "temp"),
+    )
+    found = said(case)
+    assert all(c.probability < CONFIDENT for c in found.causes)
+    assert ("tracker_drift", "frame") in held(found)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_one_cause_that_nobody_recorded_is_not_reported_as_two(seed):
+    found = said(machine(seed, "backlash", "cart2", ("approach",)))
+    assert len(found.causes) <= 1
+
+
+class OfOthers(Effect):
+    """Goes with a covariate that was not recorded, and can't do with a guess of it."""
+
+    id = "of_others"
+    title = "an effect of somebody else's"
+    coefficient = ("size", "m")
+
+    def sites(self, robot):
+        return carts(robot)
+
+    def covariates(self, robot, site):
+        return ("session",)
+
+    def basis(self, at, site, setting=None):
+        shift = {"morning": 0.0, "evening": 1.0}
+        return along_track(at, site, np.array([[shift[s]] for s in at.covariates["session"]]), np.array([3e-5]))
+
+
+class WithPeriod(OfOthers):
+    """Goes with the payload by a period that has to be scanned for."""
+
+    def covariates(self, robot, site):
+        return ()
+
+    def coordinates(self, robot, site):
+        return ("payload",)
+
+    def settings(self, at, site):
+        return (0.05, 0.1, 0.2)
+
+    def basis(self, at, site, setting=None):
+        q = at.q[:, at.robot.sites.index(site), None]
+        return along_track(at, site, np.sin(2.0 * np.pi * q / setting), np.array([3e-5]))
+
+
+@pytest.mark.parametrize("kind", [OfOthers, WithPeriod])
+def test_effects_of_others_that_can_do_with_no_guess_are_not_guessed(kind, monkeypatch):
+    known = {**catalogue(), "of_others": kind()}
+    for module in ("diagnosis.testable", "diagnosis.revealing"):
+        monkeypatch.setattr(f"gtpin.{module}.catalogue", lambda: known)
+    case = machine(1, "rack_periodic", "cart2", ("payload", "session", "fx", "fy", "fz"))
+    assert ("rack_periodic", "cart2") in held(said(case))

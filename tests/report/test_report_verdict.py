@@ -84,7 +84,7 @@ def test_every_verdict_has_a_badge_and_advice(findings, kind):
 def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings):
     found = findings["explained"].diagnosis
     cause = found.causes[0]
-    members = (Member(cause.effect, cause.site, 0.5), Member("servo_lag", "cart2", 0.4))
+    members = (Member(cause.effect, cause.site, 0.5), Member("servo_lag", "cart2", 0.4, recorded=False))
     lacking = Considered("servo_lag", "cart2", 0.0, 0.4, False, "the covariate speed2 is missing")
     others = tuple(c for c in found.candidates if (c.effect, c.site) != ("servo_lag", "cart2"))
     doubtful = replace(
