@@ -206,7 +206,7 @@ def test_wrong_datasets_are_refused_and_leave_nothing(run, strong, tmp_path, tre
     replace(Dataset.read(strong), position=Dataset.read(strong).position * 1000.0).write(dataset)
     before = tree(tmp_path)
     assert "millimetres" in run("diagnose", dataset, "-o", tmp_path / "deep" / "out").failed()
-    assert "dataset.toml" in run("diagnose", tmp_path / "no", "-o", tmp_path / "deep" / "out").failed()
+    assert "the folder does not exist" in run("diagnose", tmp_path / "no", "-o", tmp_path / "deep" / "out").failed()
     (tmp_path / "taken").write_text("mine")
     assert "taken" in run("diagnose", strong, "-o", tmp_path / "taken").failed()
     (tmp_path / "taken").unlink()
