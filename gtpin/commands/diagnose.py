@@ -56,9 +56,11 @@ def diagnose(
 
 def corrections_hint(found: Diagnosis, output: Path) -> list[str]:
     """The command that writes what a controller can correct by itself, where there is something."""
-    if not correctable(found.model):
+    if found.verdict != "explained" or not correctable(found.model):
         return []
-    return [f"Corrections for the controller: gtpin export {output / 'model'} -o corrections.csv"]
+    return [
+        f"Corrections for a controller with the calibrated geometry: gtpin export {output / 'model'} -o corrections.csv"
+    ]
 
 
 def write_diagnosis(found: Diagnosis, dataset: Dataset, folder: Path, seed: int = 0) -> dict[str, object]:

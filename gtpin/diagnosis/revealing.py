@@ -134,8 +134,9 @@ def _remedy(group: _Group) -> str:
     if not group.lacking:
         return "These "
     if group.lacking == ("session",):
-        named = "Name the session, that of the measurements so far too" if group.missing else "Begin another session"
-        return f"{named}: these "
+        if group.missing:
+            return "Add a column session, with one name for all measurements so far and another for these: these "
+        return "Begin another session: these "
     what = "Record and vary" if group.missing else "Vary"
     return f"{what} {listed(group.lacking)}: these "
 

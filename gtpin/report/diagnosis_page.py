@@ -25,7 +25,7 @@ from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_covariates, c
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
-from gtpin.report.verdict import verdict
+from gtpin.report.verdict import SURE, verdict
 from gtpin.report.words import coordinate_words, joined, length, percent, short, site_words, typeset, whole
 
 CONTENTS = (
@@ -90,7 +90,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         others=others,
         tested=testable_count(diagnosis),
         unexplained=_unexplained(diagnosis),
-        correlates=[(site_words(s), coordinate_words(c), _rare(p)) for s, c, p in diagnosis.unexplained.correlates],
+        correlates=_correlates(diagnosis),
         doubtful=[cause for cause in named if len(cause.members) > 1],
         corrected=_corrected(diagnosis),
         confirm=confirmation(diagnosis),
@@ -118,7 +118,9 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
 
 def _corrected(d: Diagnosis) -> str:
     """Which causes a controller can correct by a table for each actuator."""
-    found = [f"{active.effect.id} at {site_words(active.site)}" for active in correctable(d.model)]
+    sure = {(c.effect, c.site) for c in d.causes if c.probability >= SURE}
+    kept = [a for a in correctable(d.model) if (a.effect.id, a.site) in sure]
+    found = [f"{active.effect.id} at {site_words(active.site)}" for active in kept]
     return f"A controller can correct {joined(found)} by itself." if found else ""
 
 
@@ -197,6 +199,13 @@ def _box(box: npt.NDArray[np.float64]) -> str:
     return ", ".join(whole(f"{a} {low:.2f} to {high:.2f}") for a, low, high in zip("xyz", *box, strict=True)) + " m"
 
 
+def _correlates(d: Diagnosis) -> list[tuple[str, str, str]]:
+    """What goes with what is left, where there is more than noise could have left."""
+    if d.unexplained.p_value >= CHANCE and d.verdict != "unknown":
+        return []
+    return [(site_words(site), coordinate_words(c), _rare(p)) for site, c, p in d.unexplained.correlates]
+
+
 def _rare(chance: float) -> str:
     """A chance, which nobody knows to many digits where it is tiny."""
     return "less than 10⁻⁹" if chance < 1e-9 else typeset(f"{chance:.2g}")
@@ -209,5 +218,5 @@ def _unexplained(d: Diagnosis) -> str:
         "explained. (The gap above is of positions alone, in micrometres, on poses left out of the fit.)"
     )
     if d.unexplained.p_value >= CHANCE:
-        return f"Nothing that noise could not have left: it leaves as much with a chance of {p}. {beside}"
+        return f"Nothing that noise could not have left: it leaves as much with a chance of {p}."
     return f"{beside} Noise alone would leave as much with a chance of {p}."

@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.data.names import known_lookalike
 from gtpin.report.page import Table
 from gtpin.report.words import counted, covariate_unit, length, quantity, whole, with_unit
 
@@ -47,12 +48,23 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] |
         _noise(calibration),
         scatters(calibration),
         _fit(calibration),
+        *_misspelt(dataset),
     ]
     return Quality(
         tuple(fact for fact in facts if fact),
         _ranges(dataset),
         _set_aside(dataset, calibration, calibration.rejected if aside is None else aside),
     )
+
+
+def _misspelt(dataset: Dataset) -> list[str]:
+    """Columns that no effect looks at, although they are named nearly like known ones."""
+    alike = {
+        name: known
+        for name in dataset.covariates
+        if (known := known_lookalike(name)) not in (None, *dataset.covariates)
+    }
+    return [f"No effect looks at the column {name}: is {known} meant?" for name, known in alike.items()]
 
 
 def _noise(c: Calibration) -> str:
@@ -74,8 +86,8 @@ def scatters(c: Calibration) -> str:
         return ""
     return (
         f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator, which calibration counts as noise: "
-        "backlash and whatever else comes and goes between visits of one pose may hide in it. Diagnosis does not take it for "
-        "granted."
+        "backlash and whatever else comes and goes between visits of one pose may hide in it. Diagnosis tells, where the "
+        "directions of approach and the speeds were recorded."
     )
 
 

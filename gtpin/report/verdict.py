@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 from gtpin.diagnosis.result import Cause, Diagnosis
 from gtpin.report.phrases import phrase, sentence
+from gtpin.report.quality import scatters
 from gtpin.report.words import chance, coordinate_words, counted, joined, length, percent, site_words
 
 SURE = 0.95
 """Probability from which a cause stands alone."""
 LISTED = 3
 """Effects that could be the unknown, of which the best are listed."""
+BETWEEN_VISITS = ("backlash", "servo_lag")
+"""Effects that differ between visits of one pose, and so look like a lack of repeatability."""
 BADGES = {
     "none": ("no cause", "good"),
     "explained": ("cause found", "accent"),
@@ -36,20 +39,42 @@ def verdict(diagnosis: Diagnosis) -> Verdict:
     headline, advice = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}[
         diagnosis.verdict
     ](diagnosis)
-    return Verdict(*BADGES[diagnosis.verdict], headline, tuple(advice))
+    badge, tone = BADGES[diagnosis.verdict]
+    return Verdict(badge, "warn" if may_hide(diagnosis) else tone, headline, tuple(advice))
 
 
 def _none(d: Diagnosis) -> tuple[str, list[str]]:
-    advice = [
+    gap = (
         f"The calibrated geometry leaves {length(d.gap.before)} RMS on poses that it was not fitted to; instrument and "
-        f"repeatability alone give {length(d.gap.floor)}. Use it as it is: nothing calls for a compensation."
-    ]
+        f"repeatability alone give {length(d.gap.floor)}."
+    )
+    scatter, hidden = scatters(d.baseline), may_hide(d)
+    if scatter and hidden:
+        headline = (
+            "Nothing beyond noise is seen, but much of this noise is scatter between visits, and what may be behind it "
+        )
+        return headline + "could not be tested.", [gap, scatter, *hidden]
+    advice = [f"{gap} Use it as it is: nothing calls for a compensation."]
     untestable = sum(not c.testable for c in d.candidates)
     if untestable:
         advice.append(
             f"{counted(untestable, 'candidate')} could not be tested with these data; a cause among them would not show."
         )
     return "Nothing but noise is left: the calibrated geometry explains these measurements.", advice
+
+
+def may_hide(d: Diagnosis) -> list[str]:
+    """What comes and goes between visits, and could not be tested for lack of a covariate, where visits scatter."""
+    if d.verdict != "none" or not scatters(d.baseline):
+        return []
+    lacking = [c for c in d.candidates if c.effect in BETWEEN_VISITS and c.reason.endswith("is missing")]
+    effects = list(dict.fromkeys(c.effect for c in lacking))
+    columns = list(dict.fromkeys(c.reason.removeprefix("the covariate ").removesuffix(" is missing") for c in lacking))
+    if not effects:
+        return []
+    return [
+        f"{joined(effects)} could not be tested: record {joined(columns)}, or fill in what is known, and diagnose again."
+    ]
 
 
 def _explained(d: Diagnosis) -> tuple[str, list[str]]:

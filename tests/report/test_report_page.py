@@ -143,3 +143,8 @@ def test_numbers_that_are_none_are_gaps_and_no_text_ends_a_script():
 def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
     with pytest.raises(Exception, match="undefined"):
         render("diagnosis.html", title="nothing")
+
+
+def test_a_table_of_corrections_is_offered_for_a_sure_cause_alone(findings):
+    assert "A controller can correct rack_periodic at cart2" in text(of(findings["explained"]))
+    assert "A controller can correct" not in text(of(findings["ambiguous"]))

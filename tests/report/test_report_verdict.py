@@ -106,3 +106,17 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
     advice = " ".join(verdict(replace(found, candidates=(*others, lacking), unexplained=left)).advice)
     assert "could be zero_shift at cart1, which these data can't tell: the covariate session is missing." in advice
     assert "could be" not in " ".join(verdict(found).advice)
+
+
+def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tested(findings):
+    found = findings["none"].diagnosis
+    noise = replace(found.baseline.noise, repeatability=2.0 * found.baseline.noise.position_sigma)
+    lacking = Considered("backlash", "cart1", 0.0, 0.0, False, "the covariate approach1 is missing")
+    others = tuple(c for c in found.candidates if c.effect not in ("backlash", "servo_lag"))
+    scattered = replace(found, baseline=replace(found.baseline, noise=noise), candidates=(*others, lacking))
+    said = verdict(scattered)
+    assert said.tone == "warn"
+    assert "Use it as it is" not in " ".join(said.advice)
+    assert "backlash could not be tested: record approach1" in " ".join(said.advice)
+    recorded = replace(scattered, candidates=others)
+    assert verdict(recorded).tone == verdict(found).tone == "good"
