@@ -11,13 +11,11 @@ import numpy.typing as npt
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
 from gtpin.report.effect_motions import Motion, motions
-from gtpin.report.residuals import Residuals
+from gtpin.report.residuals import Residuals, fine
 from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
 
 Floats = npt.NDArray[np.float64]
 
-FINE, FINEST = 401, 1500
-"""Points of a curve; the latter of one with a setting, which may be a short period."""
 WIDE = 1.96
 """Standard deviations that a 95 % band reaches to either side."""
 
@@ -124,7 +122,7 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     others = [name for name in known if name != first]
     data = _column(residuals, first)
     assert data is not None
-    grid = np.linspace(data.min(), data.max(), FINEST if active.effect.has_setting else FINE)
+    grid = fine(data, active.effect.has_setting)
     if not others:
         return first, [_Level("", _situation(active, residuals, {first: grid}), grid, np.arange(len(residuals)))]
     other = others[0]
@@ -167,23 +165,8 @@ def _angular(residuals: Residuals, name: str) -> bool:
 
 
 def _situation(active: ActiveEffect, residuals: Residuals, given: Mapping[str, npt.NDArray[np.generic]]) -> Situation:
-    """Situations at which some coordinates are given, and the rest is usual: commands at their means, covariates at medians."""
-    count = len(next(iter(given.values())))
-    q = np.tile(residuals.dataset.q.mean(axis=0), (count, 1))
-    if not any(name.startswith("q") for name in given):
-        q = np.tile(residuals.model.robot.home_q, (count, 1))  # about which frames turn
-    covariates: dict[str, npt.NDArray[np.float64] | npt.NDArray[np.object_]] = {}
-    for name, values in residuals.dataset.covariates.items():
-        if name == "session":
-            covariates[name] = np.full(count, values[0], dtype=object)
-        else:
-            covariates[name] = np.full(count, float(np.median(np.asarray(values, dtype=float))))
-    for name, wanted in given.items():
-        if name.startswith("q") and name[1:].isdigit():
-            q[:, int(name[1:]) - 1] = wanted
-        else:
-            covariates[name] = wanted.astype(object) if name == "session" else wanted.astype(float)
-    return residuals.at(q, covariates, active.references)
+    """Situations at which some coordinates are given, and the rest is usual."""
+    return residuals.at(*residuals.middle(given), active.references)
 
 
 def _swept(active: ActiveEffect, residuals: Residuals, x_name: str, levels: list[_Level]) -> tuple[Curve, ...]:

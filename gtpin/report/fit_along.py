@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Column
-from gtpin.report.residuals import Residuals
+from gtpin.report.residuals import Residuals, fine
 
 Floats = npt.NDArray[np.float64]
 
-FINE, FINEST = 401, 1500
-"""Points of a line along a column; the latter where a cause has a setting, which may be a short period."""
 LEVELS = 4
 """Values up to which something that a cause goes with too has a line for each of them."""
 GOES = 0.5
@@ -49,10 +46,10 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
     if column is None or not own:
         return None
     data = np.asarray(column, dtype=float)
-    grid = np.linspace(data.min(), data.max(), FINEST if any(e.effect.has_setting for e in own) else FINE)
+    grid = fine(data, any(e.effect.has_setting for e in own))
     there = _made(residuals, own, residuals.dataset.q, residuals.dataset.covariates)
     levels = _levels(residuals, own, name)
-    middles = [_middle(residuals, {name: grid, **given}) for given, _ in levels]
+    middles = [residuals.middle({name: grid, **given}) for given, _ in levels]
     made = [_made(residuals, own, q, known) for q, known in middles]
     seen = np.zeros_like(there)
     for (_, rows), line in zip(levels, made, strict=True):
@@ -90,17 +87,3 @@ def _levels(
         if 1 < len(levels) <= LEVELS:
             return [({other: level}, np.asarray(values == level)) for level in levels]
     return [({}, np.ones(len(residuals), dtype=bool))]
-
-
-def _middle(residuals: Residuals, given: Mapping[str, Any]) -> tuple[Floats, dict[str, Column]]:
-    """Commands and covariates, of which some are given, at least one as (m,) values, and the others are as usual."""
-    data = residuals.dataset
-    count = max(np.size(values) for values in given.values())
-    q = np.tile(data.q.mean(axis=0), (count, 1))
-    for j in range(data.n_actuators):
-        q[:, j] = given.get(f"q{j + 1}", q[:, j])
-    known: dict[str, Column] = {}
-    for name, values in data.covariates.items():
-        usual = values[0] if name == "session" else np.median(values)
-        known[name] = np.full(count, given.get(name, usual), dtype=values.dtype)
-    return q, known

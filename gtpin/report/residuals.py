@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.problem import in_frame
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.data.names import command_names
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -20,6 +22,8 @@ from gtpin.model import Model
 
 Floats = npt.NDArray[np.float64]
 
+FINE, FINEST = 401, 1500
+"""Points of a line along a column; the latter where a cause has a setting, which may be a short period."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -127,3 +131,28 @@ class Residuals:
         if name[:1] == "q" and name[1:].isdigit():
             return np.asarray(self.dataset.q[:, int(name[1:]) - 1])
         return self.dataset.covariates.get(name)
+
+    def middle(self, given: Mapping[str, Any]) -> tuple[Floats, dict[str, Column]]:
+        """Commands and covariates, of which some are given, one of them at least as (m,) values, and the others are as usual.
+
+        Commands at their means, or at home where no command is given; numbers at their medians, the first session.
+        """
+        data = self.dataset
+        count = max(np.size(values) for values in given.values())
+        commands = command_names(data.n_actuators)
+        usual_q = (
+            data.q.mean(axis=0) if set(commands) & set(given) else self.model.robot.home_q
+        )  # about which frames turn
+        q = np.tile(usual_q, (count, 1))
+        for j, name in enumerate(commands):
+            q[:, j] = given.get(name, q[:, j])
+        known: dict[str, Column] = {}
+        for name, values in data.covariates.items():
+            usual = values[0] if name == "session" else np.median(values)
+            known[name] = np.full(count, given.get(name, usual), dtype=values.dtype)
+        return q, known
+
+
+def fine(values: Floats, short: bool) -> Floats:
+    """(m,) values over the range of a column; so many where there may be a short period that none is missed."""
+    return np.linspace(values.min(), values.max(), FINEST if short else FINE)
