@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from gtpin.commands.terminal import AsJson, DatasetFolder, Output, Seed, progress_of, rendered, tell, write_json
-from gtpin.compensation.corrections import correctable
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.model_folder import write_model
 from gtpin.output import results_folder
+from gtpin.report.corrected import sure_corrections
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.experiments import write_experiments
@@ -56,7 +56,7 @@ def diagnose(
 
 def corrections_hint(found: Diagnosis, output: Path) -> list[str]:
     """The command that writes what a controller can correct by itself, where there is something."""
-    if found.verdict != "explained" or not correctable(found.model):
+    if not sure_corrections(found):
         return []
     return [
         f"Corrections for a controller with the calibrated geometry: gtpin export {output / 'model'} -o corrections.csv"

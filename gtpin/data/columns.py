@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection
 
-from gtpin.data.names import ORIENTATION, command_names, is_command, known_lookalike
+from gtpin.data.names import ORIENTATION, command_names, is_command, lookalikes
 from gtpin.data.table import Column, Floats, Table
 from gtpin.errors import DatasetError, GtpinWarning
 
@@ -39,7 +39,7 @@ def warn_of_covariates(table: Table, taken: Collection[str]) -> None:
     if words:
         text = f"{table.file}: {', '.join(words)}: no numbers, so no covariate; ignored"
         warnings.warn(text, GtpinWarning, stacklevel=2)
-    alike = {name: known for name in names if (known := known_lookalike(name)) and known not in names}
+    alike = lookalikes(names)
     if alike:
         pairs = ", ".join(f"{name!r} is not {known!r}" for name, known in alike.items())
         text = (

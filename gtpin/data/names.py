@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from difflib import get_close_matches
 from typing import Literal
 
@@ -54,6 +55,12 @@ def known_lookalike(name: str) -> str | None:
     number = re.search(r"[1-9][0-9]*$", plain)
     known = [*_PLAIN, *(f"{kind}{number[0] if number else 1}" for kind in ("approach", "speed"))]
     return next(iter(get_close_matches(plain, known, 1, LIKE)), None)
+
+
+def lookalikes(names: Collection[str]) -> dict[str, str]:
+    """Give the names that are nearly, but not quite, those of known covariates that are not there: each with the known one."""
+    found = {name: known_lookalike(name) for name in names}
+    return {name: known for name, known in found.items() if known is not None and known not in names}
 
 
 def is_approach(name: str) -> bool:

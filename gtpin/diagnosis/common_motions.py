@@ -9,14 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.candidates import Free
+from gtpin.diagnosis.free_motions import SHIFT
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
 
 Floats = npt.NDArray[np.float64]
 
-SHIFT = 4e-5
-"""Size of a motion along a track, m or rad."""
 ORDERS = {2: 5, 3: 4}
 """Sum of the orders of waves that are multiplied, by the number of actuators; single waves alone where there are more."""
 DECAY = 1.5

@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.diagnosis.candidates import CLOCK
 from gtpin.diagnosis.circumstances import WARMER
 from gtpin.effects.situation import Column, Situation
 
@@ -23,7 +24,8 @@ SHORT = 0.95
 """Share of the waits, the shorter ones, that are no pauses."""
 BREAKS, TWO_BREAKS = 23, 7
 """Places in time at which one may have begun where there is no pause: where it is one, and where they are two."""
-CLOCKS = ("time", "temp_frame", "temp_link")
+CLOCKS = tuple(name for name in CLOCK if name != "session")
+"""What goes by the clock in numbers."""
 PAYLOAD, SPELLS = 10.0, 12
 """A usual payload, kg, and spells of the work in which another one may have been carried."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -15,6 +16,7 @@ from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
 from gtpin.diagnosis.guesses import guesses, loaded, pauses, with_column
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
+from gtpin.errors import GtpinWarning
 
 Floats = npt.NDArray[np.float64]
 
@@ -52,26 +54,33 @@ class Hidden:
 
 def stand_ins(design: Design, untestable: Iterable[Candidate], testable: Iterable[Candidate]) -> Iterator[Hidden]:
     """Effects that lack a covariate, and effects of forces where the payload was not recorded, as far as there is a guess."""
-    at = design.situation
+    at, failed = design.situation, dict[str, str]()
     for candidate in untestable:
-        columns = _tried(candidate, partial(stand_in, design, candidate))
+        columns = _tried(candidate, partial(stand_in, design, candidate), failed)
         if columns is not None:
             yield Hidden(candidate, columns, odds(at, candidate))
     spells = loaded(at)
     for candidate in testable if spells else ():
         if "payload" in candidate.coordinates(at.robot) and not candidate.effect.has_setting:
-            columns = _tried(candidate, partial(_under, design, candidate, spells))
+            columns = _tried(candidate, partial(_under, design, candidate, spells), failed)
             if columns is not None:
                 yield Hidden(candidate, columns, CONSTANT, UNLOADED)
+    for effect, why in failed.items():
+        text = f"{effect} can't be tried with a guess of what was not recorded ({why}): it stands in no class"
+        warnings.warn(text, GtpinWarning, stacklevel=2)
 
 
-def _tried(candidate: Candidate, columns: Callable[[], Floats | None]) -> Floats | None:
-    """Displacements; None for an effect of others that can't do with values that nobody recorded."""
+def _tried(candidate: Candidate, columns: Callable[[], Floats | None], failed: dict[str, str]) -> Floats | None:
+    """Displacements; None for an effect of others that can't do with values that nobody recorded, with why in ``failed``."""
     try:
         found = columns()
-    except Exception:
+    except Exception as error:  # a stranger's effect may fail in any way
         if type(candidate.effect) in OWN:
             raise
+        what = (
+            f"{candidate.name} can't be tried with a guess of what was not recorded ({type(error).__name__}: {error})"
+        )
+        warnings.warn(f"{what}: it stands in no class", GtpinWarning, stacklevel=2)
         return None
     return found if found is not None and np.isfinite(found).all() else None
 

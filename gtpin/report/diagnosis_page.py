@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.compensation.corrections import correctable
 from gtpin.data import Dataset
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.diagnosis.where import Where
+from gtpin.report.corrected import sure_corrections
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.effect_curves import Curve, curves
 from gtpin.report.evidence import Bar, NamedCause, evidence_bars, named_causes, testable_count, untestable
@@ -25,7 +25,7 @@ from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_covariates, c
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
-from gtpin.report.verdict import SURE, verdict
+from gtpin.report.verdict import verdict
 from gtpin.report.words import coordinate_words, joined, length, percent, short, site_words, typeset, whole
 
 CONTENTS = (
@@ -92,7 +92,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         unexplained=_unexplained(diagnosis),
         correlates=_correlates(diagnosis),
         doubtful=[cause for cause in named if len(cause.members) > 1],
-        corrected=_corrected(diagnosis),
+        corrected=joined(sure_corrections(diagnosis)),
         confirm=confirmation(diagnosis),
         next_experiment=experiments(diagnosis),
         untestable=untestable(diagnosis.candidates),
@@ -114,14 +114,6 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
         numbers.append((percent(d.gap.shrinkage), f"of the power beyond noise goes away{between}"))
     return numbers
-
-
-def _corrected(d: Diagnosis) -> str:
-    """Which causes a controller can correct by a table for each actuator."""
-    sure = {(c.effect, c.site) for c in d.causes if c.probability >= SURE}
-    kept = [a for a in correctable(d.model) if (a.effect.id, a.site) in sure]
-    found = [f"{active.effect.id} at {site_words(active.site)}" for active in kept]
-    return f"A controller can correct {joined(found)} by itself." if found else ""
 
 
 def _sketch(d: Diagnosis) -> str | None:

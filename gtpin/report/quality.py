@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.data.names import known_lookalike
+from gtpin.data.names import lookalikes
 from gtpin.report.page import Table
 from gtpin.report.words import counted, covariate_unit, length, quantity, whole, with_unit
 
@@ -59,12 +59,10 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] |
 
 def _misspelt(dataset: Dataset) -> list[str]:
     """Columns that no effect looks at, although they are named nearly like known ones."""
-    alike = {
-        name: known
-        for name in dataset.covariates
-        if (known := known_lookalike(name)) not in (None, *dataset.covariates)
-    }
-    return [f"No effect looks at the column {name}: is {known} meant?" for name, known in alike.items()]
+    return [
+        f"No effect looks at the column {name}: is {known} meant?"
+        for name, known in lookalikes(dataset.covariates).items()
+    ]
 
 
 def _noise(c: Calibration) -> str:

@@ -170,10 +170,19 @@ class WithPeriod(OfOthers):
         return along_track(at, site, np.sin(2.0 * np.pi * q / setting), np.array([3e-5]))
 
 
-@pytest.mark.parametrize("kind", [OfOthers, WithPeriod])
-def test_effects_of_others_that_can_do_with_no_guess_are_not_guessed(kind, monkeypatch):
+def diagnosed_beside(kind: type[Effect], monkeypatch) -> gtpin.Diagnosis:
     known = {**catalogue(), "of_others": kind()}
     for module in ("diagnosis.testable", "diagnosis.revealing"):
         monkeypatch.setattr(f"gtpin.{module}.catalogue", lambda: known)
-    case = machine(1, "rack_periodic", "cart2", ("payload", "session", "fx", "fy", "fz"))
-    assert ("rack_periodic", "cart2") in held(said(case))
+    return gtpin.diagnose(machine(1, "rack_periodic", "cart2", ("payload", "session", "fx", "fy", "fz")).dataset)
+
+
+def test_an_effect_of_others_that_can_do_with_no_guess_is_warned_of_and_stands_in_no_class(monkeypatch):
+    with pytest.warns(gtpin.GtpinWarning, match="of_others can't be tried with a guess .*KeyError"):
+        found = diagnosed_beside(OfOthers, monkeypatch)
+    assert ("rack_periodic", "cart2") in held(found)
+    assert all(effect != "of_others" for effect, _ in held(found))
+
+
+def test_an_effect_with_a_period_is_not_guessed_under_loads(monkeypatch):
+    assert ("rack_periodic", "cart2") in held(diagnosed_beside(WithPeriod, monkeypatch))

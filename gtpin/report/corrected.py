@@ -1,0 +1,15 @@
+"""Which causes a controller can correct by itself."""
+
+from __future__ import annotations
+
+from gtpin.compensation.corrections import correctable
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.report.verdict import SURE
+from gtpin.report.words import site_words
+
+
+def sure_corrections(d: Diagnosis) -> list[str]:
+    """Causes that are sure, and that tables for single actuators can hold, in words."""
+    sure = {(c.effect, c.site) for c in d.causes if c.probability >= SURE}
+    kept = [active for active in correctable(d.model) if (active.effect.id, active.site) in sure]
+    return [f"{active.effect.id} at {site_words(active.site)}" for active in kept]
