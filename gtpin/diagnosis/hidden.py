@@ -77,10 +77,7 @@ def _tried(candidate: Candidate, columns: Callable[[], Floats | None], failed: d
     except Exception as error:  # a stranger's effect may fail in any way
         if type(candidate.effect) in OWN:
             raise
-        what = (
-            f"{candidate.name} can't be tried with a guess of what was not recorded ({type(error).__name__}: {error})"
-        )
-        warnings.warn(f"{what}: it stands in no class", GtpinWarning, stacklevel=2)
+        failed[candidate.effect.id] = f"{type(error).__name__}: {error}"
         return None
     return found if found is not None and np.isfinite(found).all() else None
 
