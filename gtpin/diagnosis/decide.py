@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import expit
 
 from gtpin.diagnosis.candidates import Free, related, same_place
+from gtpin.diagnosis.doubles import without_doubles
 from gtpin.diagnosis.evidence import NOTHING, Posterior, tuned, without
-from gtpin.diagnosis.once import once
 from gtpin.diagnosis.pool import STRANGER, Pool
 from gtpin.diagnosis.result import Member, Verdict
 from gtpin.diagnosis.search import search
@@ -77,7 +77,7 @@ def decide(pool: Pool) -> Decision:
             pool.groups, (*named.names, *(f.name for f in strangers)), (*named.scale, *(1.0 for _ in strangers))
         )
         named = pool.only(better, _apart(pool, better))
-    named = once(pool, _led(pool, named), partial(_class, pool))
+    named = without_doubles(pool, _led(pool, named), partial(_class, pool))
     classes = {name: _class(pool, named, name) for name in named.names}
     if unknown > 0.5:
         named = pool.only(named, (n for n in named.names if classes[n][0].probability >= SURE))

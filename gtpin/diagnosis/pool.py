@@ -11,8 +11,8 @@ import numpy as np
 from gtpin.diagnosis.candidates import Candidate, Free, related, same_motion
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed
-from gtpin.diagnosis.hidden import Hidden, stand_ins
 from gtpin.diagnosis.scan import Scan
+from gtpin.diagnosis.stand_ins import Hidden, stand_ins
 from gtpin.effects.basis import Basis
 
 STRANGER = 5.0
@@ -44,7 +44,7 @@ class Pool:
     false_alarm
         Chance of naming a cause where there is none.
     untestable
-        Effects that can't be tested: those that lack a covariate may stand in; see :mod:`~gtpin.diagnosis.hidden`.
+        Effects that can't be tested: those that lack a covariate may stand in; see :mod:`~gtpin.diagnosis.stand_ins`.
     """
 
     design: Design

@@ -9,7 +9,7 @@ from gtpin.diagnosis.pool import Pool
 from gtpin.diagnosis.result import Member
 
 
-def once(pool: Pool, named: Posterior, members: Callable[[Posterior, str], Iterable[Member]]) -> Posterior:
+def without_doubles(pool: Pool, named: Posterior, members: Callable[[Posterior, str], Iterable[Member]]) -> Posterior:
     """Leave out causes that are not needed once an unrecorded effect stands in the place of a stronger one.
 
     A stand-in's imitator leaves something that a second imitator takes. Where the first may be the stand-in, the second has

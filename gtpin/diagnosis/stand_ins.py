@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.candidates import Candidate
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
-from gtpin.diagnosis.guesses import guesses, loaded, pauses, with_column
+from gtpin.diagnosis.unrecorded import guesses, loaded, pauses, with_column
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
 from gtpin.errors import GtpinWarning
