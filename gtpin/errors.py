@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from pathlib import Path
+from types import FrameType
 
 
 class GtpinError(Exception):
@@ -77,3 +80,20 @@ class ConvergenceError(GtpinError):
 
 class GtpinWarning(UserWarning):
     """Something that was noticed, set aside or assumed, and that the user should know."""
+
+
+def warn(text: str, category: type[Warning] = GtpinWarning) -> None:
+    """Warn of something at the line of the user's that called gtpin, however deep inside it was noticed."""
+    frame = user = sys._getframe(1)
+    while frame.f_back is not None:
+        called, frame = frame, frame.f_back
+        if _is_gtpin(called) and not _is_gtpin(frame):
+            user = frame
+    names = user.f_globals
+    registry = names.setdefault("__warningregistry__", {})
+    name = names.get("__name__", "<unknown>")
+    warnings.warn_explicit(text, category, user.f_code.co_filename, user.f_lineno, name, registry)
+
+
+def _is_gtpin(frame: FrameType) -> bool:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0] == "gtpin"

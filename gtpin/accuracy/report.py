@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -19,7 +18,7 @@ from gtpin.accuracy.euler import well_told, zyz
 from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error, mean_length, response
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, workspace
-from gtpin.errors import GtpinError, GtpinWarning, ModelError
+from gtpin.errors import GtpinError, ModelError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -163,7 +162,7 @@ def write_sensitivity(
     try:
         figures.new_figure(1.0, 1.0)
     except GtpinError as error:
-        warnings.warn(f"no figures: {error}", GtpinWarning, stacklevel=2)
+        warn(f"no figures: {error}")
         return found
     for name, figure in all_figures(found).items():
         figure.savefig(folder / f"{name}.png", metadata={"Software": None})

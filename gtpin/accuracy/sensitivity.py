@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,7 +13,7 @@ from scipy.special import ndtr
 from gtpin.accuracy.euler import well_told, zyz_change, zyz_rates
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep, poses_after, rod_step
-from gtpin.errors import GtpinWarning, ModelError
+from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -138,7 +137,7 @@ def sensitivity(
     response = np.linalg.inv(pose_jacobian(d, RP))
     told = well_told(poses.R)
     if not told:
-        warnings.warn("changes of orientation are left out: ZYZ angles jump at these poses", GtpinWarning, stacklevel=2)
+        warn("changes of orientation are left out: ZYZ angles jump at these poses")
     rates = zyz_rates(poses.R) if told else np.full((len(q), 3, 3), np.nan)
     exact, linear = (np.full((3, len(PARAMETERS), len(links)), np.nan) for _ in range(2))
     for row, parameter in enumerate(PARAMETERS):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from gtpin.blind.seal import SealError, digest_of, opened, read_manifest, seal, 
 from gtpin.blind.spread import spread, workers
 from gtpin.blind.truth import Truth
 from gtpin.blind.worker import Said, diagnose_alone
-from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.errors import GtpinError, warn
 from gtpin.plant.digest import digest as plant_digest
 
 TAKEN_OUT = 2
@@ -127,7 +126,7 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
         folder.publish(name, truth)
     if diagnosis_digest() != settings.diagnosis:
         text = "the sources of the diagnosis have changed while the check ran: its score belongs to neither"
-        warnings.warn(text, GtpinWarning, stacklevel=2)
+        warn(text)
     about = asdict(settings) | {"manifest": manifest}
     seconds = folder.seconds()
     return Checked([judged[name] for name in digests], about, median(seconds) if seconds else None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
 from gtpin.data import Dataset, check_plausible
-from gtpin.errors import DatasetError, GtpinWarning, ModelError, RobotError
+from gtpin.errors import DatasetError, ModelError, RobotError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model import Frame, Model
@@ -112,7 +111,7 @@ def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress 
     settled = Rounds(start, measured, kept.visits, poses, kept.instrument, progress).run()
     if not settled.used.all():
         named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
-        warnings.warn(f"set aside as gross errors: poses {named}", GtpinWarning, stacklevel=2)
+        warn(f"set aside as gross errors: poses {named}")
     _check_fit(dataset, settled, start.seen(poses))
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
@@ -136,22 +135,14 @@ def _check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
         )
     size = weights.robust_scale(settled.fit.residual)
     if size > MISFIT:
-        warnings.warn(
-            f"residuals are {size:.0f} times the noise: the geometry does not explain these data",
-            GtpinWarning,
-            stacklevel=3,
-        )
+        warn(f"residuals are {size:.0f} times the noise: the geometry does not explain these data")
     x = point.x[: problem.n_geometry]
     # How a measured track is rolled about itself is guessed from where targets sat on carts: no tolerance of the machine's.
     rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])
     far = np.flatnonzero((np.abs(x) > STRAYED) & ~rolled)
     strayed = [f"{model.geometry.names[i]} ({x[i]:+.0f})" for i in far[np.argsort(-np.abs(x[far]))]]
     if strayed:
-        warnings.warn(
-            f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}",
-            GtpinWarning,
-            stacklevel=3,
-        )
+        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}")
 
 
 def _robot_of(dataset: Dataset) -> Robot:
@@ -202,7 +193,7 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     outside = geometry.outside_tracks(dataset.q)
     if outside.any():
         named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[outside]))
-        warnings.warn(f"set aside, outside the measured tracks: poses {named}", GtpinWarning, stacklevel=4)
+        warn(f"set aside, outside the measured tracks: poses {named}")
         if outside.all():
             raise DatasetError(
                 "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"

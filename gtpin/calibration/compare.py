@@ -17,7 +17,7 @@ from gtpin.calibration.closure_fit import closure_residual, fit_closures
 from gtpin.calibration.comparison import Comparison, Cost, Held
 from gtpin.calibration.paper_models import MEASURED, MODELS, PAPERS_CHOICE, model_geometry
 from gtpin.data import Dataset, random
-from gtpin.errors import DatasetError, GtpinWarning, UnreachableError
+from gtpin.errors import DatasetError, GtpinWarning, UnreachableError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log
 from gtpin.model import Model
@@ -103,7 +103,7 @@ def _told_once(number: int) -> Iterator[None]:
         warnings.simplefilter("always", GtpinWarning)
         yield
     for text, category in dict.fromkeys((str(w.message), w.category) for w in caught):
-        warnings.warn(f"model {number}: {text}", category, stacklevel=2)
+        warn(f"model {number}: {text}", category)
 
 
 def within_tracks(robot: Robot, dataset: Dataset) -> npt.NDArray[np.bool_]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from gtpin.accuracy.figures import new_figure
 from gtpin.calibration.cart_tracks import Linearity
 from gtpin.calibration.comparison import Comparison
 from gtpin.data import CartMeasurements
-from gtpin.errors import DatasetError, GtpinError, GtpinWarning
+from gtpin.errors import DatasetError, GtpinError, warn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -161,7 +160,7 @@ def write_comparison(
     try:
         figures = all_figures(comparison, carts, roaming)
     except GtpinError as error:
-        warnings.warn(f"no figures: {error}", GtpinWarning, stacklevel=2)
+        warn(f"no figures: {error}")
         return
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", metadata={"Software": None})

@@ -12,7 +12,7 @@ import typer
 from gtpin.commands.terminal import AsJson, ModelReference, tell
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.data import Commands
-from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import Format
 from gtpin.export.export import export as run_export
 from gtpin.model import Model
@@ -68,7 +68,7 @@ def export(
             written = (_corrected(found, commands, controller, output),)
     notes = [str(warning.message) for warning in noticed]
     for note in notes:
-        warnings.warn(note, GtpinWarning, stacklevel=2)
+        warn(note)
     result = {"robot": found.robot.name, "written": [str(file) for file in written], "warnings": notes}
     tell(result, "Written: " + ", ".join(result["written"]), as_json)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -10,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.situation import Column
-from gtpin.errors import ConvergenceError, GtpinWarning, ModelError, UnreachableError
+from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
@@ -32,7 +31,7 @@ def machine_of(model: Model) -> Model:
     """
     left = [effect.name for effect in model.effects if effect.site in NOT_THE_MACHINE]
     if left:
-        warnings.warn(f"not the machine's, so not corrected: {', '.join(left)}", GtpinWarning, stacklevel=2)
+        warn(f"not the machine's, so not corrected: {', '.join(left)}")
     kept = tuple(effect for effect in model.effects if effect.site not in NOT_THE_MACHINE)
     return replace(model, effects=kept, frame=Frame())
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
 from gtpin.compensation.corrections import Correction
-from gtpin.errors import GtpinWarning
+from gtpin.errors import warn
 
 TRIPLETS = 256
 """Largest number of lines that LinuxCNC takes for a joint."""
@@ -33,11 +32,7 @@ def linuxcnc_file(table: Correction) -> str:
     (``usrmotLoadComp`` in its ``usrmotintf.cc``); it takes 256 lines without comments, nominals ascending, and interpolates.
     """
     if table.off > COARSE:
-        warnings.warn(
-            f"{TRIPLETS} lines can't follow {table.site}: they are off by up to {table.off * 1e6:.1f} um (or urad)",
-            GtpinWarning,
-            stacklevel=2,
-        )
+        warn(f"{TRIPLETS} lines can't follow {table.site}: they are off by up to {table.off * 1e6:.1f} um (or urad)")
     unit = 180.0 / np.pi if table.revolute else 1e3
     trims = (table.nominal, table.forward - table.nominal, table.reverse - table.nominal)
     return "".join(f"{n:.7f} {f:.7f} {r:.7f}\n" for n, f, r in zip(*(unit * column for column in trims), strict=True))

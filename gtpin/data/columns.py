@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Collection
 
 from gtpin.data.names import ORIENTATION, command_names, is_command, lookalikes
 from gtpin.data.table import Column, Floats, Table
-from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.errors import DatasetError, warn
 
 
 def commands(table: Table) -> Floats:
@@ -38,7 +37,7 @@ def warn_of_covariates(table: Table, taken: Collection[str]) -> None:
     words = [name for name in names if name not in table.columns]
     if words:
         text = f"{table.file}: {', '.join(words)}: no numbers, so no covariate; ignored"
-        warnings.warn(text, GtpinWarning, stacklevel=2)
+        warn(text)
     alike = lookalikes(names)
     if alike:
         pairs = ", ".join(f"{name!r} is not {known!r}" for name, known in alike.items())
@@ -46,4 +45,4 @@ def warn_of_covariates(table: Table, taken: Collection[str]) -> None:
             f"{table.file}: {pairs}: kept as covariates of their own, which no effect of gtpin's looks at; "
             "rename them if the known ones are meant"
         )
-        warnings.warn(text, GtpinWarning, stacklevel=2)
+        warn(text)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -31,7 +30,7 @@ from gtpin.data.files import check_folder, find_table, placed_folder, read_table
 from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.table import Column, Floats
-from gtpin.errors import GtpinWarning
+from gtpin.errors import warn
 
 _OWN_FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
 
@@ -175,7 +174,7 @@ class Dataset:
         still = [name for name, values in dataset.covariates.items() if (values == values[0]).all()]
         if still:
             text = f"{file}: these covariates do not vary, so nothing can be told from them: {', '.join(still)}"
-            warnings.warn(text, GtpinWarning, stacklevel=2)
+            warn(text)
         return dataset
 
     def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv") -> None:

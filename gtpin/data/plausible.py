@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.quaternion_order import first_misplaced, misplaced_order
 from gtpin.data.table import Floats
-from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.errors import DatasetError, warn
 
 _NEARLY_ALL = 0.95
 
@@ -67,7 +66,7 @@ def check_commands(
     outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
     if outside.any():
         text = f"commands a little outside the robot's range: {_poses(rows, outside)}"
-        warnings.warn(_located(rows, text), GtpinWarning, stacklevel=2)
+        warn(_located(rows, text))
 
 
 def check_measurements(
@@ -103,7 +102,7 @@ def check_measurements(
             raise DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
     if not keep.all():
         text = f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}"
-        warnings.warn(_located(dataset, text), GtpinWarning, stacklevel=2)
+        warn(_located(dataset, text))
     return keep
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -16,7 +15,7 @@ from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
 from gtpin.diagnosis.unrecorded import guesses, loaded, pauses, with_column
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
-from gtpin.errors import GtpinWarning
+from gtpin.errors import warn
 
 Floats = npt.NDArray[np.float64]
 
@@ -67,7 +66,7 @@ def stand_ins(design: Design, untestable: Iterable[Candidate], testable: Iterabl
                 yield Hidden(candidate, columns, CONSTANT, UNLOADED)
     for effect, why in failed.items():
         text = f"{effect} can't be tried with a guess of what was not recorded ({why}): it stands in no class"
-        warnings.warn(text, GtpinWarning, stacklevel=2)
+        warn(text)
 
 
 def _tried(candidate: Candidate, columns: Callable[[], Floats | None], failed: dict[str, str]) -> Floats | None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from gtpin.effects.effect import Floats
 from gtpin.effects.situation import Situation
-from gtpin.errors import GtpinWarning, ModelError
+from gtpin.errors import ModelError, warn
 
 
 def session_columns(at: Situation) -> Floats:
@@ -27,7 +25,7 @@ def session_columns(at: Situation) -> Floats:
     known = at.references.sessions
     unseen = sorted(set(names) - set(known))
     if unseen:
-        warnings.warn(f"sessions never seen, which get the mean shift: {', '.join(unseen)}", GtpinWarning, stacklevel=2)
+        warn(f"sessions never seen, which get the mean shift: {', '.join(unseen)}")
     columns = (names[:, None] == np.array(known)).astype(float)
     columns[np.isin(names, unseen)] = 1.0 / len(known)
     return np.asarray(columns)

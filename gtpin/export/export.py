@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
-from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.errors import GtpinError, warn
 from gtpin.export.compliance import with_cart_springs, with_link_springs, with_scales
 from gtpin.export.left_out import left_out
 from gtpin.export.mechanism import mechanism
@@ -75,7 +74,7 @@ def export(
         for name, text in made.files.items():
             (folder / name).write_text(text, encoding="utf-8")
     if made.left_out:
-        warnings.warn(f"{file.name} does not hold {', '.join(made.left_out)}", GtpinWarning, stacklevel=2)
+        warn(f"{file.name} does not hold {', '.join(made.left_out)}")
     return tuple(file.parent / name for name in made.files)
 
 

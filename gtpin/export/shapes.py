@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any, Literal
 from xml.etree.ElementTree import tostring
 
 import pinocchio as pin
 
-from gtpin.errors import GtpinWarning
+from gtpin.errors import warn
 from gtpin.robot.description import parse_xml
 from gtpin.robot.robot import Robot
 
@@ -42,7 +41,7 @@ def shapes_of(robot: Robot) -> dict[int, tuple[Shape, ...]]:
         for collision in link.findall("collision"):
             link.remove(collision)
     if meshes:
-        warnings.warn(f"{meshes} meshes of {robot.name} are left out", GtpinWarning, stacklevel=2)
+        warn(f"{meshes} meshes of {robot.name} are left out")
     found: dict[int, tuple[Shape, ...]] = {}
     geometry = pin.buildGeomFromUrdfString(robot.model, tostring(root, encoding="unicode"), pin.GeometryType.VISUAL)
     for item in geometry.geometryObjects:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy.typing as npt
 from gtpin.calibration.calibrate import measured_poses
 from gtpin.data import Dataset, check_commands
 from gtpin.effects.situation import Situation
-from gtpin.errors import DatasetError, GtpinWarning, ModelError
+from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Model
 
@@ -92,7 +91,7 @@ def gap_of(model: Model, dataset: Dataset) -> Gap:
         raise DatasetError("the robot reaches none of these poses", file=dataset.file, hint="check robot and commands")
     if not reached.all():
         names = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[~reached]))
-        warnings.warn(f"left out, can't be reached: poses {names}", GtpinWarning, stacklevel=2)
+        warn(f"left out, can't be reached: poses {names}")
     kept = dataset.take(reached)
     there, frame = predicted[reached], model.frame
     left = measured_poses(kept).minus(there)
