@@ -14,7 +14,7 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Frame, Model
 from gtpin.model_file import AGAIN, SCHEMA, FrameRecord, ModelFile, TrackRecord, explained, read_model_file
-from gtpin.output import writing
+from gtpin.output import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.export import placements_to_urdf, to_urdf
 from gtpin.robot.geometry import Geometry
@@ -22,6 +22,8 @@ from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
 
+FILES = ("model.json", "robot.urdf", "nominal.urdf")
+"""What ``write_model`` writes."""
 NOT_TURNED = 1e-9
 """By how much a rotation matrix may differ from one."""
 
@@ -37,17 +39,18 @@ def calibrated_urdf(model: Model) -> str:
     return to_urdf(geometry, rods.P, rods.C0, rods.L0, rods.v, (rods.home.T[0], rods.home.R[0]))
 
 
-def write_model(model: Model, folder: str | Path) -> None:
+def write_model(model: Model, folder: str | Path, *, force: bool = False) -> None:
     """Write ``model.json``, ``robot.urdf`` (the model's geometry) and ``nominal.urdf`` into a folder.
 
     ``read_model`` gives the same model again, with the same predictions bit by bit. In ``model.json`` stands what a URDF
-    can't carry too.
+    can't carry too. A model that gtpin wrote is replaced; with ``force``, files of these names that it has not written, or
+    that were changed since, are moved aside (``NAME.old-1``).
 
     Raises
     ------
     ModelError
-        If the model could not be read again: effects that are not registered, numbers that are none; or the folder can't be
-        written.
+        If the model could not be read again: effects that are not registered, numbers that are none; the folder can't be
+        written; or, without ``force``, it holds such files.
     """
     folder = Path(folder)
     file = folder / "model.json"
@@ -57,11 +60,10 @@ def write_model(model: Model, folder: str | Path) -> None:
         raise explained(error, file) from None
     _effects(told, model.geometry, file)
     urdf = calibrated_urdf(model)
-    with writing(folder, ModelError):
-        folder.mkdir(parents=True, exist_ok=True)
-        file.write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
-        (folder / "robot.urdf").write_text(urdf, encoding="utf-8")
-        (folder / "nominal.urdf").write_text(model.robot.description.xml, encoding="utf-8")
+    with results_folder(folder, FILES, force=force, kind=ModelError) as new:
+        (new / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
+        (new / "robot.urdf").write_text(urdf, encoding="utf-8")
+        (new / "nominal.urdf").write_text(model.robot.description.xml, encoding="utf-8")
 
 
 def _told(model: Model) -> ModelFile:

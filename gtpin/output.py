@@ -1,63 +1,80 @@
-"""Where commands put their results: whole or not at all."""
+"""Where results are written: whole or not at all, and never over anything that gtpin has not written itself."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import shutil
-import uuid
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from gtpin.errors import GtpinError
+from gtpin.ownership import refuse_foreign
+from gtpin.placing import NEW, place
+from gtpin.work_folder import placing_lock, work_folder
 
 
 @contextlib.contextmanager
-def results_folder(target: Path) -> Iterator[Path]:
-    """Give a folder beside ``target`` to write to, and move what is in it into place once the block has ended well.
+def results_folder(
+    target: Path,
+    names: Collection[str],
+    *,
+    force: bool = False,
+    kind: type[GtpinError] = GtpinError,
+    key: str = "",
+) -> Iterator[Path]:
+    """Give a folder to write to, and move what is in it into ``target`` once the block has ended well.
 
-    Where ``target`` is there already, what has the same names is replaced and everything else stays. Where the block
-    fails, nothing is left, not even the folders above.
+    Where the block fails, nothing is left, not even the folders above. The folder to write to lies inside ``target``, so
+    that nothing but ``target`` need be writable, and it may be a mount of its own.
+
+    Parameters
+    ----------
+    target
+        Where the results belong; made where it is missing. What else is in it stays.
+    names
+        Files and folders that the results may consist of. Of those that gtpin wrote itself the new ones take the place.
+    force
+        Move aside (``NAME.old-1``) what has one of these names and was not written by gtpin, or was changed since.
+    kind
+        The error to raise.
+    key
+        What of the folder is written: runs with other keys may write into it at the same time.
 
     Raises
     ------
     GtpinError
-        If the folder can't be written.
+        If, before the block begins, something foreign has one of the names; another run is writing there; or the folder
+        can't be written.
     """
-    target = target.absolute()
-    if target.exists() and not target.is_dir():
-        raise GtpinError("there is a file of this name", file=target, hint="name a folder")
-    missing = [folder for folder in target.parents if not folder.exists()]
-    beside = target.with_name(f".{uuid.uuid4().hex}")
+    if os.path.lexists(target) and not os.path.isdir(target):
+        what = "a link that leads nowhere" if os.path.islink(target) and not os.path.exists(target) else "a file"
+        raise kind(f"can't be written (there is {what} of this name)", file=target, hint="name a folder")
+    missing = [folder for folder in (target, *target.parents) if not os.path.lexists(folder)]
     placed = False
     try:
-        with writing(target):
-            beside.mkdir(parents=True)
-            yield beside
-            _place(beside, target)
+        with writing(target, kind):
+            target.mkdir(parents=True, exist_ok=True)
+            with work_folder(target, key) as work:
+                refuse_foreign(target, names, force, kind)
+                (work / NEW).mkdir()
+                yield work / NEW
+                with placing_lock(target):
+                    place(work, target, names, force)
         placed = True
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
         if not placed:
             for folder in missing:
                 with contextlib.suppress(OSError):
                     folder.rmdir()
 
 
-def _place(beside: Path, target: Path) -> None:
-    if not target.exists():
-        os.replace(beside, target)
-        return
-    for entry in sorted(beside.iterdir()):
-        place = target / entry.name
-        old = target / f".{uuid.uuid4().hex}"
-        if place.exists():
-            os.replace(place, old)
-        os.replace(entry, place)
-        if old.is_dir():
-            shutil.rmtree(old, ignore_errors=True)
-        else:
-            old.unlink(missing_ok=True)
+@contextlib.contextmanager
+def result_file(target: Path, *, force: bool = False, kind: type[GtpinError] = GtpinError) -> Iterator[Path]:
+    """Give a file to write to, and move it into place once the block has ended well; see :func:`results_folder`."""
+    if not target.name or os.path.isdir(target):
+        raise kind("can't be written (this is a folder)", file=target, hint="name a file")
+    with results_folder(target.parent, [target.name], force=force, kind=kind, key=target.name) as folder:
+        yield folder / target.name
 
 
 @contextlib.contextmanager

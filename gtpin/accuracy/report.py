@@ -21,6 +21,7 @@ from gtpin.accuracy.workspace import Workspace, default_commands, workspace
 from gtpin.errors import GtpinError, ModelError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
+from gtpin.output import results_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +29,16 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 SCHEMA = "gtpin-accuracy/1"
+FILES = (
+    "sensitivity.csv",
+    "accuracy.json",
+    "sensitivity.png",
+    "map_position.png",
+    "map_orientation.png",
+    "map_condition.png",
+    "map_singularity.png",
+)
+"""What ``write_sensitivity`` may write."""
 COUNTS = (7, 21, 21)
 """Points of the maps along x, y and z."""
 
@@ -146,26 +157,35 @@ def write_sensitivity(
     cost_poses: int = 61,
     uncertainty: Uncertainty | None = None,
     seed: int = 0,
+    force: bool = False,
 ) -> Accuracy:
     """Write ``sensitivity.csv``, ``accuracy.json`` and figures into a folder; see :func:`analyse` for the rest.
+
+    With ``force``, files of these names that gtpin has not written, or that were changed since, are moved aside
+    (``NAME.old-1``).
+
+    Raises
+    ------
+    GtpinError
+        If, without ``force``, there are such files, or the folder can't be written.
 
     Warns
     -----
     GtpinWarning
         If matplotlib is missing: there are no figures then.
     """
-    found = analyse(model, q, costs=costs, cost_poses=cost_poses, uncertainty=uncertainty, seed=seed)
-    folder.mkdir(parents=True, exist_ok=True)
-    found.sensitivity.to_table().to_csv(folder / "sensitivity.csv", index=False, lineterminator="\n")
-    told = json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n"
-    (folder / "accuracy.json").write_text(told, encoding="utf-8")
-    try:
-        figures.new_figure(1.0, 1.0)
-    except GtpinError as error:
-        warn(f"no figures: {error}")
-        return found
-    for name, figure in all_figures(found).items():
-        figure.savefig(folder / f"{name}.png", metadata={"Software": None})
+    with results_folder(folder, FILES, force=force) as new:
+        found = analyse(model, q, costs=costs, cost_poses=cost_poses, uncertainty=uncertainty, seed=seed)
+        found.sensitivity.to_table().to_csv(new / "sensitivity.csv", index=False, lineterminator="\n")
+        told = json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n"
+        (new / "accuracy.json").write_text(told, encoding="utf-8")
+        try:
+            figures.new_figure(1.0, 1.0)
+        except GtpinError as error:
+            warn(f"no figures: {error}")
+            return found
+        for name, figure in all_figures(found).items():
+            figure.savefig(new / f"{name}.png", metadata={"Software": None})
     return found
 
 

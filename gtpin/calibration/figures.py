@@ -13,12 +13,22 @@ from gtpin.calibration.cart_tracks import Linearity
 from gtpin.calibration.comparison import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, GtpinError, warn
+from gtpin.output import results_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLORS = {1: "#7f7f7f", 2: "#d98b00", 3: "#1f5fa8", 4: "#2e8b57", 5: "#c0392b"}
 """Of models 1 to 5; for 3 to 5 the paper's blue, green and red."""
+FILES = (
+    "compare.csv",
+    "compare.json",
+    "position_errors.png",
+    "orientation_errors.png",
+    "linearity.png",
+    "along_and_across.png",
+)
+"""What ``write_comparison`` may write."""
 LINES = ("-", "--", ":")
 """Of carts 1 to 3, as in the paper."""
 
@@ -136,6 +146,7 @@ def write_comparison(
     *,
     carts: CartMeasurements | None = None,
     roaming: CartMeasurements | None = None,
+    force: bool = False,
 ) -> None:
     """Write ``compare.csv``, ``compare.json`` and figures into a folder.
 
@@ -147,23 +158,30 @@ def write_comparison(
         Where; created.
     carts, roaming
         Cart measurements, whose linearity is shown too; see :func:`along_and_across`.
+    force
+        Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
+
+    Raises
+    ------
+    GtpinError
+        If, without ``force``, there are such files, or the folder can't be written.
 
     Warns
     -----
     GtpinWarning
         If matplotlib is missing: there are no figures then.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    comparison.table().to_csv(folder / "compare.csv", index=False, lineterminator="\n")
-    told = json.dumps(comparison.to_json(), indent=1, allow_nan=False) + "\n"
-    (folder / "compare.json").write_text(told, encoding="utf-8")
-    try:
-        figures = all_figures(comparison, carts, roaming)
-    except GtpinError as error:
-        warn(f"no figures: {error}")
-        return
-    for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", metadata={"Software": None})
+    with results_folder(folder, FILES, force=force) as new:
+        comparison.table().to_csv(new / "compare.csv", index=False, lineterminator="\n")
+        told = json.dumps(comparison.to_json(), indent=1, allow_nan=False) + "\n"
+        (new / "compare.json").write_text(told, encoding="utf-8")
+        try:
+            figures = all_figures(comparison, carts, roaming)
+        except GtpinError as error:
+            warn(f"no figures: {error}")
+            return
+        for name, figure in figures.items():
+            figure.savefig(new / f"{name}.png", metadata={"Software": None})
 
 
 def all_figures(

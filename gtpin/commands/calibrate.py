@@ -9,12 +9,14 @@ import typer
 
 from gtpin.calibration.calibrate import calibrate as run_calibration
 from gtpin.calibration.result import Calibration
-from gtpin.commands.terminal import AsJson, DatasetFolder, Output, progress_of, tell, write_json
+from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, progress_of, tell, write_json
 from gtpin.data import Dataset
 from gtpin.model_folder import write_model
 from gtpin.output import results_folder
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.calibration_text import calibration_summary, calibration_text
+
+FILES = ("calibration.json", "report.html", "report.txt", "model")
 
 
 def calibrate(
@@ -29,17 +31,17 @@ def calibrate(
     orientations: Annotated[
         bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
     ] = False,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Identify the robot's geometry from measured poses."""
-    with results_folder(output) as folder:
+    with results_folder(output, FILES, force=force) as folder:
         read = Dataset.read(dataset)
         with progress_of("calibrating") as progress:
             calibration = run_calibration(read, model=model, orientations=orientations, progress=progress)
         result = write_calibration(calibration, folder, model)
         (folder / "report.html").write_text(calibration_page(calibration, read), encoding="utf-8")
-    names = ("calibration.json", "report.html", "report.txt", "model")
-    written = f"\nWritten: {', '.join(str(output / name) for name in names)}\nOpen {output / 'report.html'}"
+    written = f"\nWritten: {', '.join(str(output / name) for name in FILES)}\nOpen {output / 'report.html'}"
     tell(result, calibration_summary(calibration) + written, as_json)
 
 

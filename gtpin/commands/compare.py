@@ -8,8 +8,8 @@ import typer
 
 from gtpin.calibration.compare import compare as run_comparison
 from gtpin.calibration.comparison import Comparison
-from gtpin.calibration.figures import write_comparison
-from gtpin.commands.terminal import AsJson, DatasetFolder, Output, Seed, progress_of, tell
+from gtpin.calibration.figures import FILES, write_comparison
+from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, tell
 from gtpin.data import Dataset
 from gtpin.output import results_folder
 from gtpin.report.comparison_page import comparison_page
@@ -30,11 +30,12 @@ def compare(
     orientations: Annotated[
         bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
     ] = False,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare models 1 to 5 of Dressler et al. 2010 on poses that were not fitted (2, 4 and 5 need carts.csv)."""
-    read = Dataset.read(dataset)
-    with results_folder(output) as folder:
+    with results_folder(output, (*FILES, "report.html"), force=force) as folder:
+        read = Dataset.read(dataset)
         with progress_of("comparing") as progress:
             comparison = run_comparison(
                 read,

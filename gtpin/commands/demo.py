@@ -9,15 +9,16 @@ import numpy as np
 import typer
 
 from gtpin.commands.calibrate import write_calibration
+from gtpin.commands.diagnose import FILES as DIAGNOSIS
 from gtpin.commands.diagnose import corrections_hint, write_diagnosis
-from gtpin.commands.terminal import AsJson, Seed, progress_of, rendered, tell
+from gtpin.commands.terminal import AsJson, Force, Seed, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.model import Model
 from gtpin.model_folder import read_model
 from gtpin.output import results_folder
 from gtpin.plant.scenario import simulate_scenario
-from gtpin.plant.truth import Case
+from gtpin.plant.truth import Case, truth_names
 from gtpin.predict import predict
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.diagnosis_text import diagnosis_summary
@@ -25,6 +26,7 @@ from gtpin.report.words import length
 
 SCENARIO = Path(__file__).with_name("demo.toml")
 """The effects that the machine has, and how it is measured."""
+FILES = ("dataset", *truth_names("dataset"), "calibration", *DIAGNOSIS)
 
 
 def demo(
@@ -32,13 +34,14 @@ def demo(
         "gtpin-demo"
     ),
     seed: Seed = 0,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """The main job on a virtual Gantry-Tau with a hidden effect: simulate, calibrate, diagnose, report.
 
     Writes dataset/ as simulate does, calibration/ as calibrate does, and what diagnose writes beside them.
     """
-    with results_folder(output) as folder:
+    with results_folder(output, FILES, force=force) as folder:
         with progress_of("demo") as progress:
             progress("simulating a machine and its measurement", 0, float("nan"))
             case = simulate_scenario(SCENARIO, seed=seed)

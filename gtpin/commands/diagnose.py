@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, DatasetFolder, Output, Seed, progress_of, rendered, tell, write_json
+from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, rendered, tell, write_json
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
@@ -17,7 +17,9 @@ from gtpin.output import results_folder
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.diagnosis_text import diagnosis_summary
-from gtpin.report.experiments import write_experiments
+from gtpin.report.experiments import FOLDER, write_experiments
+
+FILES = ("baseline", "model", "diagnosis.json", "report.html", FOLDER)
 
 
 def diagnose(
@@ -36,10 +38,11 @@ def diagnose(
         float, typer.Option("--false-alarm", help="Chance of naming a cause where there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
     seed: Seed = 0,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Diagnose the gap between a calibrated geometry and measured poses: where it lies, what causes it, how far it shrinks."""
-    with results_folder(output) as folder:
+    with results_folder(output, FILES, force=force) as folder:
         read = Dataset.read(dataset)
         with progress_of("diagnosing") as progress:
             found = run_diagnosis(read, exclude=exclude or (), false_alarm=false_alarm, seed=seed, progress=progress)

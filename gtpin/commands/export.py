@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, ModelReference, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, tell
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
@@ -17,7 +17,7 @@ from gtpin.export.export import Format
 from gtpin.export.export import export as run_export
 from gtpin.model import Model
 from gtpin.model_folder import read_model
-from gtpin.output import results_folder
+from gtpin.output import result_file
 from gtpin.predict import predict
 
 
@@ -54,6 +54,7 @@ def export(
             "--controller", help="With --commands: the model that they were made with; by default the nominal robot."
         ),
     ] = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Write the model for other software: URDF, SDF, MJCF, tables of corrections, corrected commands."""
@@ -63,9 +64,9 @@ def export(
         if commands is None:
             if controller is not None:
                 raise GtpinError("--controller without --commands", hint="give the table of commands")
-            written = run_export(found, output, form, session=session)
+            written = run_export(found, output, form, session=session, force=force)
         else:
-            written = (_corrected(found, commands, controller, output),)
+            written = (_corrected(found, commands, controller, output, force),)
     notes = [str(warning.message) for warning in noticed]
     for note in notes:
         warn(note)
@@ -73,16 +74,16 @@ def export(
     tell(result, "Written: " + ", ".join(result["written"]), as_json)
 
 
-def _corrected(model: Model, commands: Path, controller: str | None, output: Path) -> Path:
+def _corrected(model: Model, commands: Path, controller: str | None, output: Path, force: bool) -> Path:
     """Write the commands that bring the TCP where a controller meant its own to bring it."""
-    if output.suffix.lower() != ".csv" or output.is_dir():
+    if output.suffix.lower() != ".csv":
         raise GtpinError("corrected commands are a table", file=output, hint="name a .csv file")
-    asked = Commands.read(commands, model.robot.n_actuators)
-    meant = predict(_controller(model, controller), Commands(asked.pose, asked.q, row=asked.row, file=asked.file))
-    rotations = meant.R if model.robot.n_actuators >= 6 else None
-    corrected = replace(asked, q=compensate(model, meant.T, asked.covariates, rotations=rotations))
-    with results_folder(output.parent) as folder:
-        corrected.write(folder / output.name)
+    not_its_input(output, commands)
+    with result_file(output, force=force) as new:
+        asked = Commands.read(commands, model.robot.n_actuators)
+        meant = predict(_controller(model, controller), Commands(asked.pose, asked.q, row=asked.row, file=asked.file))
+        rotations = meant.R if model.robot.n_actuators >= 6 else None
+        replace(asked, q=compensate(model, meant.T, asked.covariates, rotations=rotations)).write(new)
     return output
 
 

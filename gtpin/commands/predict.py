@@ -7,11 +7,10 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, ModelReference, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, tell
 from gtpin.data import Commands
-from gtpin.errors import GtpinError
 from gtpin.model_folder import read_model
-from gtpin.output import results_folder
+from gtpin.output import result_file
 from gtpin.predict import predict as run_prediction
 from gtpin.predict import prediction_table
 
@@ -22,14 +21,14 @@ def predict(
         Path, typer.Argument(help="CSV or Parquet table with the columns pose, q1 .. qn.", show_default=False)
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="CSV file for the poses.", show_default=False)],
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Predict what the instrument would read, without noise."""
-    found = read_model(model)
-    asked = Commands.read(commands, found.robot.n_actuators)
-    table = prediction_table(asked, run_prediction(found, asked))
-    if output.is_dir():
-        raise GtpinError("this is a folder", file=output, hint="name a CSV file")
-    with results_folder(output.parent) as folder:
-        table.to_csv(folder / output.name, index=False, lineterminator="\n")
+    not_its_input(output, commands)
+    with result_file(output, force=force) as new:
+        found = read_model(model)
+        asked = Commands.read(commands, found.robot.n_actuators)
+        table = prediction_table(asked, run_prediction(found, asked))
+        table.to_csv(new, index=False, lineterminator="\n")
     tell(table.to_dict(orient="records"), f"{len(table)} poses predicted. Written: {output}", as_json)

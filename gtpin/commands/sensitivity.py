@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gtpin.accuracy.report import Accuracy, write_sensitivity
-from gtpin.commands.terminal import AsJson, ModelReference, Output, Seed, progress_of, tell
+from gtpin.accuracy.report import FILES, Accuracy, write_sensitivity
+from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, progress_of, tell
 from gtpin.data import Commands
 from gtpin.model_folder import read_model
 from gtpin.output import results_folder
@@ -26,17 +26,21 @@ def sensitivity(
         Path | None, typer.Option("--poses", help="Table of commands; by default some that fill the workspace.")
     ] = None,
     seed: Seed = 0,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Tell how each parameter moves the TCP, and what error to expect over the workspace."""
-    found = read_model(model)
-    q = None
-    if poses is not None:
-        asked = Commands.read(poses, found.robot.n_actuators)
-        # Refuses commands that can't be the robot's, or that it can't reach, by their rows. Accuracy is the geometry's.
-        predict(replace(found, effects=()), asked)
-        q = asked.q
-    with results_folder(output) as folder, progress_of("sensitivity") as progress:
+    with (
+        results_folder(output, (*FILES, "report.html"), force=force) as folder,
+        progress_of("sensitivity") as progress,
+    ):
+        found = read_model(model)
+        q = None
+        if poses is not None:
+            asked = Commands.read(poses, found.robot.n_actuators)
+            # Refuses commands that can't be the robot's, or that it can't reach, by their rows. Accuracy is the geometry's.
+            predict(replace(found, effects=()), asked)
+            q = asked.q
         progress("each parameter at each pose", 0, float("nan"))
         accuracy = write_sensitivity(found, q, folder, seed=seed)
         (folder / "report.html").write_text(sensitivity_page(accuracy, seed=seed), encoding="utf-8")

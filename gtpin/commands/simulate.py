@@ -9,14 +9,15 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Output, tell
+from gtpin.commands.terminal import AsJson, Force, Output, tell
 from gtpin.data import Commands
+from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
 from gtpin.output import results_folder
 from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.simulate import Simulation
 from gtpin.plant.simulate import simulate as run_simulation
-from gtpin.plant.truth import Case
+from gtpin.plant.truth import DATASET_FILES, Case, case_folders, truth_names
 from gtpin.predict import prediction_table
 from gtpin.robot.library import load_robot
 
@@ -47,6 +48,7 @@ def simulate(
     truth: Annotated[
         bool, typer.Option("--truth", help="Also write truth.csv, the true poses at commands.csv.")
     ] = False,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a dataset of a virtual machine: a robot drawn from its tolerances, measured by a noisy tracker.
@@ -56,7 +58,7 @@ def simulate(
     """
     if scenario is None:
         name = robot or ROBOT
-        with results_folder(output) as folder:
+        with results_folder(output, DATASET_FILES, force=force) as folder:
             simulation = run_simulation(
                 load_robot(name), _seen_from(name, output), poses=poses or POSES, seed=seed or SEED
             )
@@ -64,7 +66,7 @@ def simulate(
         rows, seed = len(simulation.dataset), seed or SEED
         also = ""
     else:
-        case = _write_scenario(scenario, output, robot, poses, seed, truth)
+        case = _write_scenario(scenario, output, robot, poses, seed, truth, force)
         name, rows, seed = case.recipe.robot, len(case.dataset), case.recipe.seed
         also = f", the truth beside it: {_truth_file(output)}"
     result = {"dataset": str(output), "robot": name, "rows": rows, "seed": seed}
@@ -73,40 +75,34 @@ def simulate(
 
 def write_simulation(simulation: Simulation, folder: Path, truth: bool) -> None:
     """Write ``dataset.toml``, ``poses.csv``, ``commands.csv`` and, if wanted, ``truth.csv``."""
-    simulation.dataset.write(folder / "whole")
-    _empty(folder / "whole", folder)
+    simulation.dataset.write(folder)
     simulation.commands.write(folder / "commands.csv")
     if truth:
         _write_truth(simulation.commands, simulation.truth, folder)
 
 
 def _write_scenario(
-    scenario: Path, output: Path, robot: str | None, poses: int | None, seed: int | None, truth: bool
+    scenario: Path, output: Path, robot: str | None, poses: int | None, seed: int | None, truth: bool, force: bool
 ) -> Case:
     place = Path(os.path.abspath(output))
-    with results_folder(place.parent) as beside, results_folder(place) as folder:
+    if not place.name:
+        raise GtpinError("the truth has no place beside it", file=output, hint="name another folder")
+    with case_folders(place, force=force) as (folder, beside):
         case = simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
         dataset = replace(case.dataset, robot=_seen_from(case.dataset.robot, output))
-        replace(case, dataset=dataset).write(beside, place.name)
-        _empty(beside / place.name, folder)
+        replace(case, dataset=dataset).write_dataset(folder)
+        case.write_truth(beside, place.name)
         if truth:
             _write_truth(case.commands, case.truth, folder)
     return case
 
 
 def _truth_file(output: Path) -> Path:
-    return output.parent / f"{Path(os.path.abspath(output)).name}.truth.json"
+    return output.parent / truth_names(Path(os.path.abspath(output)).name)[0]
 
 
 def _write_truth(commands: Commands, truth: Poses, folder: Path) -> None:
     prediction_table(commands, truth).to_csv(folder / "truth.csv", index=False, lineterminator="\n")
-
-
-def _empty(folder: Path, into: Path) -> None:
-    """Move all files of a folder into another, and take it away."""
-    for file in folder.iterdir():
-        file.rename(into / file.name)
-    folder.rmdir()
 
 
 def _seen_from(robot: str, output: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,8 +16,13 @@ from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeE
 from rich.text import Text
 
 from gtpin.calibration.rounds import Progress
+from gtpin.errors import GtpinError
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; created.", show_default=False)]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Move what gtpin has not written, or was changed since, aside (NAME.old-1)."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Seed = Annotated[int, typer.Option("--seed", help="Makes every random step repeatable.", min=0)]
 DatasetFolder = Annotated[
@@ -33,6 +39,12 @@ PIPED_WIDTH = 120
 def write_json(file: Path, content: object) -> None:
     """Write a result as JSON, floats so that they read back bit by bit."""
     file.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def not_its_input(output: Path, read: Path) -> None:
+    """Refuse to write what is read."""
+    if os.path.exists(output) and os.path.exists(read) and os.path.samefile(output, read):
+        raise GtpinError("this is read", file=output, hint="name another file for the result")
 
 
 def tell(result: object, text: str, as_json: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, ModelReference, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, tell
 from gtpin.data import Dataset
 from gtpin.model_folder import read_model
 from gtpin.view.gap import gap_of
@@ -26,13 +26,14 @@ def view(
     ] = None,
     host: Annotated[str, typer.Option("--host", help="Address that the page is served at.")] = "localhost",
     port: Annotated[int, typer.Option("--port", help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Show the robot in 3-D in the browser: along the poses, errors magnified, rods by their share of the gap."""
     found = read_model(model)
     gap = None if dataset is None else gap_of(found, Dataset.read(dataset))
     if output is not None:
-        write_still(output, found, gap)
+        write_still(output, found, gap, force=force)
         tell({"written": str(output)}, f"Written: {output}", as_json)
         return
     from gtpin.view.scene import Scene  # its page is served by an extra

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from gtpin.data import columns
 from gtpin.data.checks import Rows, unnumbered
-from gtpin.data.files import placed_file, read_table, write_table
+from gtpin.data.files import read_table, write_table
 from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.table import Column, Floats
 from gtpin.errors import DatasetError
+from gtpin.output import result_file
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +85,13 @@ class Commands:
         columns.warn_of_covariates(table, taken)
         return commands
 
-    def write(self, file: Path | str) -> None:
-        """Write a CSV, or Parquet by the suffix, from which `read` gives the same again; whole or not at all."""
+    def write(self, file: Path | str, *, force: bool = False) -> None:
+        """Write a CSV, or Parquet by the suffix, from which `read` gives the same again; whole or not at all.
+
+        A file that gtpin wrote is replaced. Raises `DatasetError` where it has not, or the file was changed since; with
+        `force` that is moved aside (NAME.old-1).
+        """
         names = command_names(self.n_actuators)
         table = {"pose": self.pose, **dict(zip(names, self.q.T, strict=True)), **self.covariates}
-        with placed_file(Path(file)) as beside:
+        with result_file(Path(file), force=force, kind=DatasetError) as beside:
             write_table(beside, table)

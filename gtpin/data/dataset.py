@@ -26,13 +26,16 @@ from gtpin.data.description import (
     read_description,
     write_description,
 )
-from gtpin.data.files import check_folder, find_table, placed_folder, read_table, write_table
+from gtpin.data.files import check_folder, find_table, read_table, write_table
 from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.table import Column, Floats
-from gtpin.errors import warn
+from gtpin.errors import DatasetError, warn
+from gtpin.output import results_folder, writing
+from gtpin.ownership import refuse_foreign
 
-_OWN_FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
+FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
+"""What a dataset's folder may consist of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,11 +180,12 @@ class Dataset:
             warn(text)
         return dataset
 
-    def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv") -> None:
+    def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv", *, force: bool = False) -> None:
         """Write a dataset folder from which `read` gives the same again, bit by bit; whole or not at all.
 
-        A dataset that is there already is replaced. A relative path to a URDF is rewritten to start at `folder`.
-        Raises `DatasetError` where the folder holds anything else or can't be written.
+        A dataset that gtpin wrote there is replaced. A relative path to a URDF is rewritten to start at `folder`.
+        Raises `DatasetError` where the folder holds anything that gtpin has not written, or that was changed since, or can't
+        be written. With `force`, tables and a dataset.toml of others are moved aside (NAME.old-1), and other files stay.
         """
         folder = Path(folder)
         poses: dict[str, Column] = {"pose": self.pose}
@@ -189,7 +193,10 @@ class Dataset:
         poses |= dict(zip(POSITION, self.position.T, strict=True))
         if self.orientation is not None:
             poses |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
-        with placed_folder(folder, _OWN_FILES) as beside:
+        if not force and folder.is_dir():
+            with writing(folder, DatasetError):
+                refuse_foreign(folder, sorted(os.listdir(folder)), force, DatasetError)
+        with results_folder(folder, FILES, force=force, kind=DatasetError) as beside:
             write_description(beside / "dataset.toml", self._description(self._robot_seen_from(folder)))
             write_table(beside / f"poses.{table}", poses | dict(self.covariates))
             if self.carts is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import stat
 import uuid
 from collections.abc import Collection, Iterator, Mapping
@@ -17,6 +16,9 @@ from gtpin.data.parquet_file import read_parquet
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError
 from gtpin.output import writing
+
+UNFINISHED = ".gtpin-"
+"""How the names of files begin that are being written."""
 
 
 def read_bytes(file: Path) -> bytes:
@@ -72,8 +74,11 @@ def write_table(file: Path, columns: Mapping[str, Column]) -> None:
 
 @contextlib.contextmanager
 def placed_file(target: Path) -> Iterator[Path]:
-    """Give a file beside `target` to write to, and move it into place once the block has ended well."""
-    beside = target.with_name(f".{uuid.uuid4().hex}{target.suffix}")
+    """Give a file beside `target` to write to, and move it into place once the block has ended well.
+
+    For files inside a folder that is gtpin's own as a whole: what is there already is replaced.
+    """
+    beside = target.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{target.suffix}")
     try:
         with writing(target, DatasetError):
             yield beside
@@ -81,32 +86,3 @@ def placed_file(target: Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             beside.unlink()
-
-
-@contextlib.contextmanager
-def placed_folder(target: Path, own: Collection[str]) -> Iterator[Path]:
-    """Give a folder beside `target` to write to, and move it into place once the block has ended well.
-
-    A folder that is there already is replaced if it holds nothing but files named in `own`; `DatasetError` otherwise.
-    """
-    target = target.absolute()
-    beside, old = (target.with_name(f".{uuid.uuid4().hex}") for _ in range(2))
-    try:
-        with writing(target, DatasetError):
-            foreign = sorted(set(os.listdir(target)) - set(own)) if os.path.lexists(target) else []
-            if foreign:
-                what = f"the folder holds other files ({', '.join(foreign[:3])})"
-                raise DatasetError(what, file=target, hint="name a new folder")
-            beside.mkdir(parents=True)
-            yield beside
-            if target.exists():
-                os.replace(target, old)
-            try:
-                os.replace(beside, target)
-            except OSError:
-                if old.exists():
-                    os.replace(old, target)
-                raise
-            shutil.rmtree(old, ignore_errors=True)
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -41,7 +42,12 @@ class Export:
 
 
 def export(
-    model: Model, file: str | Path, form: Format | None = None, *, session: str | None = None
+    model: Model,
+    file: str | Path,
+    form: Format | None = None,
+    *,
+    session: str | None = None,
+    force: bool = False,
 ) -> tuple[Path, ...]:
     """Write a model for other software. A warning names what the format can't hold of it.
 
@@ -55,6 +61,8 @@ def export(
         The format, where the suffix is another.
     session
         Whose zero shifts tables of corrections shall hold.
+    force
+        Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
 
     Returns
     -------
@@ -64,13 +72,14 @@ def export(
     Raises
     ------
     GtpinError
-        If the suffix is not known, the format has no words for the robot, or the file can't be written.
+        If the suffix is not known, the format has no words for the robot, or the file can't be written; or, without
+        ``force``, there is a file that gtpin has not written.
     """
     file = Path(file)
-    if file.is_dir():
+    if os.path.isdir(file):
         raise GtpinError("this is a folder", file=file, hint="name a file")
     made = texts(model, file, form or _format(file), session=session)
-    with results_folder(file.parent) as folder:
+    with results_folder(file.parent, tuple(made.files), force=force, key=file.name) as folder:
         for name, text in made.files.items():
             (folder / name).write_text(text, encoding="utf-8")
     if made.left_out:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Commands, Dataset
+from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
 from gtpin.kinematics.poses import Poses
 from gtpin.output import results_folder
@@ -18,6 +21,9 @@ from gtpin.plant.recipe import Recipe
 from gtpin.plant.visits import Visits
 
 Floats = npt.NDArray[np.float64]
+
+DATASET_FILES = (*FILES, "commands.csv", "truth.csv")
+"""What the folder of a virtual machine's dataset may consist of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,21 +84,49 @@ class Case:
     background: float
     recipe: Recipe
 
-    def write(self, folder: Path | str, name: str | None = None) -> None:
+    def write(self, folder: Path | str, name: str | None = None, *, force: bool = False) -> None:
         """Write ``FOLDER/NAME/`` (the dataset and commands.csv), ``NAME.truth.json`` and ``NAME.truth.csv``.
+
+        Files that gtpin wrote are replaced; with ``force``, others of these names are moved aside (``NAME.old-1``).
 
         Raises
         ------
         GtpinError
-            If the folder can't be written.
+            If the folder can't be written, or, without ``force``, holds files of these names that gtpin has not written, or
+            that were changed since.
         """
         name = name or self.name
+        with case_folders(Path(folder) / name, force=force) as (inside, beside):
+            self.write_dataset(inside)
+            self.write_truth(beside, name)
+
+    def write_dataset(self, folder: Path) -> None:
+        """Write the dataset and commands.csv into a folder."""
+        self.dataset.write(folder)
+        self.commands.write(folder / "commands.csv")
+
+    def write_truth(self, folder: Path, name: str) -> None:
+        """Write ``NAME.truth.json`` and ``NAME.truth.csv`` into a folder that is being written."""
+        json_name, csv_name = truth_names(name)
         effects = [{"effect": t.effect, "site": t.site, "energy": t.energy} for t in self.effects]
-        with results_folder(Path(folder)) as beside:
-            self.dataset.write(beside / name)
-            self.commands.write(beside / name / "commands.csv")
-            text = json.dumps({"effects": effects}, indent=1, allow_nan=False) + "\n"
-            (beside / f"{name}.truth.json").write_text(text, encoding="utf-8")
-            columns = dict(zip("xyz", self.truth.T.T, strict=True))
-            columns |= dict(zip(("qw", "qx", "qy", "qz"), self.truth.quaternions.T, strict=True))
-            write_table(beside / f"{name}.truth.csv", {"pose": self.commands.pose, **columns})
+        text = json.dumps({"effects": effects}, indent=1, allow_nan=False) + "\n"
+        (folder / json_name).write_text(text, encoding="utf-8")
+        columns = dict(zip("xyz", self.truth.T.T, strict=True))
+        columns |= dict(zip(("qw", "qx", "qy", "qz"), self.truth.quaternions.T, strict=True))
+        write_table(folder / csv_name, {"pose": self.commands.pose, **columns})
+
+
+def truth_names(name: str) -> tuple[str, str]:
+    """Names of the two files that tell the truth about a dataset."""
+    return f"{name}.truth.json", f"{name}.truth.csv"
+
+
+@contextlib.contextmanager
+def case_folders(dataset: Path, *, force: bool = False) -> Iterator[tuple[Path, Path]]:
+    """Give two folders to write to: one for what belongs into a dataset's folder, one for the truth, beside it."""
+    truth = truth_names(dataset.name)
+    with (
+        results_folder(dataset.parent, truth, force=force, key=truth[0]) as beside,
+        results_folder(dataset, DATASET_FILES, force=force) as inside,
+    ):
+        yield inside, beside

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from gtpin.data import Dataset
+from gtpin.ownership import MARKER
 from gtpin.report.page import Table
 from gtpin.robot.robot import Robot
 
@@ -36,7 +37,7 @@ def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -
         )
         with tempfile.TemporaryDirectory() as folder:
             dataset.write(Path(folder) / "dataset")
-            rows += _digests(sorted((Path(folder) / "dataset").iterdir()))
+            rows += _digests(sorted(f for f in (Path(folder) / "dataset").iterdir() if f.name != MARKER))
     elif dataset is not None:
         rows += _digests(_files(dataset))
     return Table(("what", "which"), rows)

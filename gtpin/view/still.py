@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.accuracy.figures import new_figure
 from gtpin.errors import GtpinError, ModelError
 from gtpin.model import Model
-from gtpin.output import results_folder
+from gtpin.output import result_file
 from gtpin.report.camera import ELEVATION, Camera
 from gtpin.report.skeleton import Skeleton, skeleton
 from gtpin.robot.robot import Robot
@@ -54,21 +54,20 @@ def still(model: Model, gap: Gap | None = None) -> Figure:
     return figure
 
 
-def write_still(file: Path, model: Model, gap: Gap | None = None) -> None:
+def write_still(file: Path, model: Model, gap: Gap | None = None, *, force: bool = False) -> None:
     """Write a still image: PNG, SVG or PDF, by the file's ending.
+
+    With ``force``, a file that gtpin has not written, or that was changed since, is moved aside (``NAME.old-1``).
 
     Raises
     ------
     GtpinError
-        If the ending is none of these, or the file can't be written.
+        If the ending is none of these, or the file can't be written; or, without ``force``, is there and not gtpin's.
     """
     if file.suffix.lower() not in FORMATS:
         raise GtpinError("not an image that can be written", file=file, hint=f"end its name in {', '.join(FORMATS)}")
-    if file.is_dir():
-        raise GtpinError("this is a folder", file=file, hint="name an image file")
-    figure = still(model, gap)
-    with results_folder(file.parent) as folder:
-        figure.savefig(folder / file.name, metadata={"Date": None} if file.suffix.lower() == ".svg" else None)
+    with result_file(file, force=force) as new:
+        still(model, gap).savefig(new, metadata={"Date": None} if file.suffix.lower() == ".svg" else None)
 
 
 def _machine(axes: Any, machine: Skeleton, robot: Robot, share: dict[str, float]) -> None:

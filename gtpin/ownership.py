@@ -1,0 +1,101 @@
+"""What gtpin has written itself, by a marker in each folder: only that may be replaced by new results."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Iterable, Iterator
+from itertools import count
+from pathlib import Path
+
+from gtpin.errors import GtpinError
+
+MARKER = ".gtpin.json"
+SCHEMA = "gtpin-output/1"
+FORCE = "name another place, or let --force (in Python: force=True) move it aside"
+
+Record = dict[str, str | None]
+"""What gtpin wrote into a folder: by name, the SHA-256 of a file; None for a folder, which has a marker of its own."""
+
+
+def recorded(folder: Path) -> Record:
+    """What a folder's marker lists; nothing where there is no marker, or it can't be read."""
+    file = folder / MARKER
+    try:
+        told = json.loads(file.read_text(encoding="utf-8")) if stat.S_ISREG(file.lstat().st_mode) else {}
+    except (OSError, ValueError, RecursionError):
+        return {}
+    entries = told.get("entries") if isinstance(told, dict) and told.get("schema") == SCHEMA else {}
+    return entries if isinstance(entries, dict) else {}
+
+
+def mark(folder: Path, others: Record | None = None) -> None:
+    """Write the markers of a folder that gtpin has filled, and of all folders in it.
+
+    ``others`` are entries that are not in it now but will stand beside what it holds.
+    """
+    entries: Record = {}
+    for entry in sorted(folder.iterdir()):
+        if entry.is_dir():
+            mark(entry)
+            entries[entry.name] = None
+        elif entry.name != MARKER:
+            entries[entry.name] = _digest(entry)
+    entries = dict(sorted(((others or {}) | entries).items()))
+    if entries:
+        text = json.dumps({"schema": SCHEMA, "entries": entries}, indent=1) + "\n"
+        (folder / MARKER).write_text(text, encoding="utf-8")
+
+
+def foreign(path: Path) -> Path | None:
+    """The first file or link at a path, or below it, that gtpin has not written or that was changed since.
+
+    Links are never followed: gtpin writes none.
+    """
+    if not os.path.lexists(path):
+        return None
+    return next(_foreign(path, recorded(path.parent)), None)
+
+
+def _foreign(path: Path, record: Record) -> Iterator[Path]:
+    mode = path.lstat().st_mode
+    if stat.S_ISDIR(mode):
+        inside = recorded(path)
+        for entry in sorted(path.iterdir()):
+            yield from _foreign(entry, inside)
+    elif not stat.S_ISREG(mode):
+        yield path
+    elif path.name == MARKER:
+        if not record:
+            yield path
+    elif record.get(path.name) != _digest(path):
+        yield path
+
+
+def _digest(file: Path) -> str:
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
+
+
+def refuse_foreign(folder: Path, names: Iterable[str], force: bool, kind: type[GtpinError] = GtpinError) -> None:
+    """Raise an error where results would take the place of what gtpin has not written.
+
+    With ``force``, only where it is neither a file, a folder nor a link: a device can't be moved aside.
+    """
+    for name in names:
+        found = foreign(folder / name)
+        if found is None:
+            continue
+        mode = (folder / name).lstat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)):
+            raise kind("this is no file that can be replaced", file=found, hint="name a new file")
+        if not force:
+            raise kind("gtpin has not written this, or it was changed since", file=found, hint=FORCE)
+
+
+def aside(path: Path) -> Path:
+    """The first free name of ``NAME.old-1``, ``NAME.old-2``, ..."""
+    names = (path.with_name(f"{path.name}.old-{number}") for number in count(1))
+    return next(name for name in names if not os.path.lexists(name))

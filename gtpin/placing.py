@@ -1,0 +1,84 @@
+"""Moving finished results into place, so that a crash at any moment loses neither the old nor the new ones.
+
+A work folder holds ``new/`` while results are made. It becomes ``ready/`` in one step when they are whole; from then on
+a run that finds it can bring the move to its end. What is replaced waits in ``old/`` until then.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+from gtpin.ownership import MARKER, aside, foreign, mark, recorded, refuse_foreign
+
+NEW, READY, OLD = "new", "ready", "old"
+
+Move = tuple[Path, Path]
+
+
+def place(work: Path, folder: Path, names: Collection[str], force: bool) -> None:
+    """Move what is in ``new/`` into a folder: all of it, or nothing where that fails.
+
+    What gtpin wrote itself is replaced, or taken away where it has one of ``names`` and is not there anew. Anything else
+    of these names is moved aside with ``force``.
+
+    Raises
+    ------
+    GtpinError
+        If without ``force`` something foreign is in the way.
+    OSError
+        If the folder can't be written.
+    """
+    written = os.listdir(work / NEW)
+    going = {*names, *written} - {MARKER}
+    refuse_foreign(folder, [*sorted(going), MARKER], force)
+    mark(work / NEW, {name: told for name, told in recorded(folder).items() if name not in going})
+    os.replace(work / NEW, work / READY)
+    moves: list[Move] = []
+    try:
+        _move(work, folder, going - set(written), force, moves)
+    except BaseException:
+        for start, end in reversed(moves):
+            os.replace(end, start)
+        os.replace(work / READY, work / NEW)
+        raise
+    _emptied(work)
+
+
+def resume(work: Path, folder: Path) -> None:
+    """Bring a move to its end that a crash has cut short. What has appeared since in the way of a result stays."""
+    if (work / READY).is_dir():
+        _move(work, folder, (), False, [])
+        _emptied(work)
+
+
+def _emptied(work: Path) -> None:
+    """Take ``ready/`` away, with what could not take its place."""
+    for entry in sorted((work / READY).iterdir()):
+        os.replace(entry, work / OLD / f"{entry.name}.new")
+    (work / READY).rmdir()
+
+
+def _move(work: Path, folder: Path, gone: Iterable[str], force: bool, moves: list[Move]) -> None:
+    (work / OLD).mkdir(exist_ok=True)
+    # The marker last: until then the old one tells what of the old results may be replaced.
+    for name in [*gone, *sorted(os.listdir(work / READY), key=lambda name: (name == MARKER, name))]:
+        there, ready = folder / name, work / READY / name
+        if os.path.lexists(there):
+            own = foreign(there) is None
+            if not own and not force:
+                continue
+            try:
+                _rename(there, work / OLD / name if own else aside(there), moves)
+            except PermissionError:
+                if name != MARKER:
+                    raise
+                continue  # in a folder that users share, the marker of another one stays
+        if os.path.lexists(ready):
+            _rename(ready, there, moves)
+
+
+def _rename(start: Path, end: Path, moves: list[Move]) -> None:
+    os.replace(start, end)
+    moves.append((start, end))

@@ -1,0 +1,130 @@
+"""The hidden folder in which results are made, inside the folder that they are for. Who holds its lock, writes there.
+
+The system takes a lock back when its process ends, however it ends. So a work folder whose lock is free was left by a
+run that was killed, and can be cleared.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import os
+import re
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from gtpin.errors import GtpinError
+from gtpin.placing import READY, resume
+
+NAME = ".gtpin-work"
+LOCK = "lock"
+MOVING = 30.0
+"""Seconds to wait while another run moves its results into the same folder, which takes it milliseconds."""
+PATIENCE = 0.5
+"""Seconds for which a lock is tried again: another run may hold it for a moment, to see whether it is stale."""
+
+
+@contextlib.contextmanager
+def work_folder(folder: Path, key: str = "") -> Iterator[Path]:
+    """Give the work folder of a folder, or of what ``key`` names in it, and take it away at the end.
+
+    What runs that were killed have left in the folder is cleared first; results that were being moved into place are.
+
+    Raises
+    ------
+    GtpinError
+        If another run holds it.
+    """
+    _clear(folder)
+    work = folder / (f"{NAME}-{hashlib.sha256(os.fsencode(key)).hexdigest()[:8]}" if key else NAME)
+    held = _hold(work, time.monotonic() + PATIENCE)
+    if held is None:
+        hint = f"wait for it, or name another place; if there is none, remove {work.name}"
+        raise GtpinError("another run of gtpin is writing here", file=folder, hint=hint)
+    try:
+        yield work
+    finally:
+        _release(work, held)
+
+
+@contextlib.contextmanager
+def placing_lock(folder: Path) -> Iterator[None]:
+    """Wait until nobody else moves results into a folder: its marker is read, and written anew."""
+    work = folder / f"{NAME}-placing"
+    held = _hold(work, time.monotonic() + MOVING)
+    if held is None:
+        raise GtpinError(
+            "another run is moving results here", file=folder, hint=f"if there is none, remove {work.name}"
+        )
+    try:
+        yield
+    finally:
+        _release(work, held)
+
+
+def _clear(folder: Path) -> None:
+    with os.scandir(folder) as entries:
+        names = [entry.name for entry in entries if re.fullmatch(rf"{re.escape(NAME)}(-\w+)?", entry.name)]
+    for work in (folder / name for name in sorted(names)):
+        held = _hold(work, 0.0)
+        if held is not None:
+            try:
+                if (work / READY).is_dir():
+                    with placing_lock(folder):
+                        resume(work, folder)
+            finally:
+                _release(work, held)
+
+
+def _hold(work: Path, until: float) -> int | None:
+    """Lock a work folder, which is made where it is missing; None where another process holds it until then."""
+    while True:
+        made = _made(work)
+        held = -1
+        try:
+            held = os.open(work / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(held), os.stat(work / LOCK)):
+                return held
+        except FileNotFoundError:
+            pass  # whoever held it has taken it away meanwhile: once more
+        except (BlockingIOError, PermissionError):  # another process, or another user
+            if made or time.monotonic() >= until:
+                return None
+            time.sleep(0.01)
+        except OSError:
+            if held < 0:
+                raise
+            if made:  # a file system without locks: to have made the folder is the lock
+                return held
+            os.close(held)
+            return None
+        if held >= 0:
+            os.close(held)
+
+
+def _made(work: Path) -> bool:
+    try:
+        work.mkdir()
+    except FileExistsError:
+        if work.is_symlink() or not work.is_dir():
+            raise GtpinError("this is in the way", file=work, hint="move it aside") from None
+        return False
+    return True
+
+
+def _release(work: Path, held: int) -> None:
+    """Take a work folder away, but for results that were being moved into place and could not be moved back."""
+    try:
+        if not (work / READY).exists():
+            for entry in work.iterdir():
+                if entry.name != LOCK:
+                    shutil.rmtree(entry, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                (work / LOCK).unlink()
+                work.rmdir()
+    finally:
+        os.close(held)
