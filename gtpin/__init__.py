@@ -1,25 +1,80 @@
-"""Closed-chain kinematics, calibration and diagnosis of the Gantry-Tau parallel robot and its kin, on Pinocchio."""
+"""Closed-chain kinematics, calibration and diagnosis of the Gantry-Tau parallel robot and its kin, on Pinocchio.
 
-from importlib.metadata import version
+Names are imported when they are first used, so that the command line answers to Ctrl-C from its first moment on.
+"""
 
-from gtpin.calibration.calibrate import calibrate
-from gtpin.calibration.result import Calibration
-from gtpin.data import Commands, Dataset
-from gtpin.diagnosis.diagnose import diagnose
-from gtpin.diagnosis.result import Diagnosis
-from gtpin.errors import GtpinError, GtpinWarning
-from gtpin.kinematics.geometry_jacobian import geometry_jacobian
-from gtpin.kinematics.inverse import commands_for, reach
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.posture import ClosedPosture, home
-from gtpin.kinematics.statics import rod_forces, static_forces
-from gtpin.model import Frame, Model
-from gtpin.model_folder import read_model, write_model
-from gtpin.robot.geometry import Geometry
-from gtpin.robot.library import load_robot, robot_names
-from gtpin.robot.robot import Robot
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
-__version__ = version("gtpin")
+if TYPE_CHECKING:
+    from gtpin.calibration.calibrate import calibrate
+    from gtpin.calibration.result import Calibration
+    from gtpin.data import Commands, Dataset
+    from gtpin.diagnosis.diagnose import diagnose
+    from gtpin.diagnosis.result import Diagnosis
+    from gtpin.errors import GtpinError, GtpinWarning
+    from gtpin.kinematics.geometry_jacobian import geometry_jacobian
+    from gtpin.kinematics.inverse import commands_for, reach
+    from gtpin.kinematics.poses import Poses
+    from gtpin.kinematics.posture import ClosedPosture, home
+    from gtpin.kinematics.statics import rod_forces, static_forces
+    from gtpin.model import Frame, Model
+    from gtpin.model_folder import read_model, write_model
+    from gtpin.robot.geometry import Geometry
+    from gtpin.robot.library import load_robot, robot_names
+    from gtpin.robot.robot import Robot
+
+    __version__: str
+
+_HOME = {
+    "calibrate": "gtpin.calibration.calibrate",
+    "Calibration": "gtpin.calibration.result",
+    "Commands": "gtpin.data",
+    "Dataset": "gtpin.data",
+    "diagnose": "gtpin.diagnosis.diagnose",
+    "Diagnosis": "gtpin.diagnosis.result",
+    "GtpinError": "gtpin.errors",
+    "GtpinWarning": "gtpin.errors",
+    "geometry_jacobian": "gtpin.kinematics.geometry_jacobian",
+    "commands_for": "gtpin.kinematics.inverse",
+    "reach": "gtpin.kinematics.inverse",
+    "Poses": "gtpin.kinematics.poses",
+    "ClosedPosture": "gtpin.kinematics.posture",
+    "home": "gtpin.kinematics.posture",
+    "rod_forces": "gtpin.kinematics.statics",
+    "static_forces": "gtpin.kinematics.statics",
+    "Frame": "gtpin.model",
+    "Model": "gtpin.model",
+    "read_model": "gtpin.model_folder",
+    "write_model": "gtpin.model_folder",
+    "Geometry": "gtpin.robot.geometry",
+    "load_robot": "gtpin.robot.library",
+    "robot_names": "gtpin.robot.library",
+    "Robot": "gtpin.robot.robot",
+}
+"""The module of each name."""
+
+
+def __getattr__(name: str) -> object:
+    found: object
+    if name == "__version__":
+        from importlib.metadata import version
+
+        found = version("gtpin")
+    elif name in _HOME:
+        found = getattr(import_module(_HOME[name]), name)
+    elif not name.startswith("_") and find_spec(f"gtpin.{name}") is not None:
+        found = import_module(f"gtpin.{name}")
+    else:
+        raise AttributeError(f"module 'gtpin' has no attribute {name!r}")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
 
 __all__ = [
     "Calibration",

@@ -49,7 +49,13 @@ def not_its_input(output: Path, read: Path) -> None:
 
 def tell(result: object, text: str, as_json: bool) -> None:
     """Print a result: as text for people, or as JSON alone."""
-    typer.echo(json.dumps(result, indent=1, allow_nan=False) if as_json else text.rstrip("\n"))
+    try:
+        typer.echo(json.dumps(result, indent=1, allow_nan=False) if as_json else text.rstrip("\n"))
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise GtpinError(f"standard output can't be written ({reason})", hint="what -o names is written") from None
 
 
 def rendered(*parts: RenderableType) -> str:
