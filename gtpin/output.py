@@ -71,10 +71,17 @@ def results_folder(
 @contextlib.contextmanager
 def result_file(target: Path, *, force: bool = False, kind: type[GtpinError] = GtpinError) -> Iterator[Path]:
     """Give a file to write to, and move it into place once the block has ended well; see :func:`results_folder`."""
-    if not target.name or os.path.isdir(target):
-        raise kind("can't be written (this is a folder)", file=target, hint="name a file")
+    check_file(target, force=force, kind=kind)
     with results_folder(target.parent, [target.name], force=force, kind=kind, key=target.name) as folder:
         yield folder / target.name
+
+
+def check_file(target: Path, *, force: bool = False, kind: type[GtpinError] = GtpinError) -> None:
+    """Refuse a file to write that is a folder or, without ``force``, is there and was not written by gtpin."""
+    if not target.name or os.path.isdir(target):
+        raise kind("can't be written (this is a folder)", file=target, hint="name a file")
+    with writing(target, kind):
+        refuse_foreign(target.parent, [target.name], force, kind)
 
 
 @contextlib.contextmanager

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import json
+import re
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
 import gtpin
-from gtpin.blind.seal import DIGEST
+from gtpin.blind.seal import DIGEST, digest_of
 from gtpin.blind.truth import TruePoses, Truth
 from gtpin.blind.worker import Said
 from gtpin.data.files import placed_file, write_table
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
-from gtpin.errors import GtpinError
 from gtpin.output import writing
+from gtpin.ownership import MARKER
 
 JUDGES = ("blind", "plant", "report", "commands", "paper")
 """Parts of gtpin that a diagnosis does not depend on."""
@@ -87,59 +88,51 @@ class CheckFolder:
         """The digests that were published in the cases' folders."""
         return {name: (self.case(name) / DIGEST).read_text(encoding="utf-8").strip() for name in names}
 
-    def claim(self, settings: Settings) -> None:
-        """Make the folder, or go on in it where it is that of the same check.
+    @property
+    def parts(self) -> tuple[Path, ...]:
+        """The folders in it."""
+        return self.cases, self.root / "sealed", self.root / "diagnoses"
 
-        Raises
-        ------
-        GtpinError
-            If it holds anything else, or can't be written.
-        """
-        file = self.root / "check.json"
-        told = {"schema": "gtpin-blind/1", **asdict(settings)}
-        if file.is_file():
-            self._compare(file, told)
-        elif self.root.exists() and (not self.root.is_dir() or any(self.root.iterdir())):
-            raise GtpinError("this is not the folder of a check", file=self.root, hint="name a new folder")
-        with writing(self.root):
-            for part in (self.cases, self.root / "sealed", self.root / "diagnoses"):
-                part.mkdir(parents=True, exist_ok=True)
-            file.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    @property
+    def published(self) -> bool:
+        """Whether the digests of all truths are published. An empty manifest is what a crash has left."""
+        return self.manifest.is_file() and self.manifest.stat().st_size > 0
 
-    @staticmethod
-    def _compare(file: Path, told: dict[str, object]) -> None:
+    def is_sealed(self, name: str) -> bool:
+        """Whether a case was made: its truth is sealed, and its digest stands in the case's folder."""
         try:
-            there = json.loads(file.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            there = {}
-        words = {"diagnosis": "sources of the diagnosis", "plant": "sources of the plant", "source": "cases"}
-        for name, value in told.items():
-            if not isinstance(there, dict) or there.get(name) != value:
-                what = f"the folder belongs to another check: other {words.get(name, name)}"
-                raise GtpinError(what, file=file.parent, hint="name a new folder, or ask for the same again")
+            return digest_of(self.sealed(name).read_bytes()) == self.digests([name])[name]
+        except OSError:
+            return False
 
     def files_of(self, name: str) -> dict[str, bytes]:
         """All that a diagnosis of a case is given: the files of its dataset's folder."""
-        return {file.name: file.read_bytes() for file in sorted(self.case(name).iterdir()) if file.is_file()}
+        files = (file for file in sorted(self.case(name).iterdir()) if file.is_file() and file.name != MARKER)
+        return {file.name: file.read_bytes() for file in files}
 
     def said(self, name: str, without: bool = False) -> Said | None:
-        """What was said of a case (once its effect was taken out of the catalogue); None where nothing was yet."""
-        file = self._said(name, without)
-        return Said.model_validate_json(file.read_bytes()) if file.is_file() else None
+        """What was said of a case (once its effect was taken out of the catalogue); None where nothing was yet.
+
+        A file that a crash has left empty, or broken off, says nothing: the case is diagnosed again.
+        """
+        try:
+            return Said.model_validate_json(self._said(name, without).read_bytes())
+        except (FileNotFoundError, ValidationError):
+            return None
 
     def keep(self, name: str, said: Said, seconds: float, without: bool = False) -> None:
         """Keep what was said, and apart from it how long that took."""
         file = self._said(name, without)
         with placed_file(file) as beside:
             beside.write_text(said.model_dump_json() + "\n", encoding="utf-8")
-        with (self.root / "seconds.txt").open("a", encoding="utf-8") as log:
+        with writing(self.root), (self.root / "seconds.txt").open("a", encoding="utf-8") as log:
             log.write(f"{file.stem} {seconds:.2f}\n")
 
     def seconds(self) -> list[float]:
         """How long each diagnosis took, s."""
         file = self.root / "seconds.txt"
-        lines = file.read_text(encoding="utf-8").split() if file.is_file() else []
-        return [s for s in map(float, lines[1::2]) if s == s]
+        text = file.read_text(encoding="utf-8", errors="replace") if file.is_file() else ""
+        return [float(number) for number in re.findall(r"^\S+ (\d+\.\d\d)$", text, re.MULTILINE)]
 
     def _said(self, name: str, without: bool) -> Path:
         return self.root / "diagnoses" / (f"{name}.without.json" if without else f"{name}.json")

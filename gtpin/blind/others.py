@@ -19,6 +19,7 @@ from gtpin.data.names import POSITION
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output import writing
+from gtpin.ownership import MARKER
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 
@@ -190,4 +191,5 @@ def take_in(case: Given, place: Path) -> None:
 
 
 def _files(folder: Path) -> dict[str, bytes]:
-    return {file.name: read_bytes(file) for file in sorted(folder.iterdir()) if file.is_file()}
+    files = (file for file in sorted(folder.iterdir()) if file.is_file() and file.name != MARKER)
+    return {file.name: read_bytes(file) for file in files}

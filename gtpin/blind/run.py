@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any, Protocol
 
+from gtpin.blind.claim import claimed
 from gtpin.blind.draw import ROBOT, Draft, drafts, made, truth_of
 from gtpin.blind.folder import CheckFolder, Settings, diagnosis_digest
 from gtpin.blind.judge import judge
@@ -49,43 +51,62 @@ class Watch(Protocol):
         """A piece of work is done."""
 
 
-def check(output: Path, cases: int, seed: int, watch: Watch, address: str | None = None, robot: str = ROBOT) -> Checked:
-    """Make cases, diagnose them, open the seals, and judge; go on where the same check was stopped."""
+def check(
+    output: Path,
+    cases: int,
+    seed: int,
+    watch: Watch,
+    address: str | None = None,
+    robot: str = ROBOT,
+    *,
+    force: bool = False,
+) -> Checked:
+    """Make cases, diagnose them, open the seals, and judge; go on where the same check was stopped.
+
+    Raises
+    ------
+    GtpinError
+        If cases of the robot can't be made, or the folder belongs to another check and is not to be moved aside (``force``).
+    """
+    asked = list(drafts(cases, seed, robot))
     folder = CheckFolder(output)
     settings = Settings(cases, seed, None, robot, plant_digest(), diagnosis_digest())
-    folder.claim(settings)
-    asked = list(drafts(cases, seed, robot))
-    if not folder.manifest.exists():
-        waiting = {draft.name: draft for draft in asked if not folder.sealed(draft.name).exists()}
-        watch.begin("making cases", len(asked), len(asked) - len(waiting))
-        with workers():  # never where cases are diagnosed
-            lost = spread(_make, list(waiting), lambda name: (folder.root, waiting[name]), lambda *_: watch.one_more())
-        if lost:
-            raise GtpinError(f"a process died while {lost[0]} was made", hint="run the same command again")
-        write_manifest(folder.manifest, folder.digests(draft.name for draft in asked), plant_digest())
-    return _diagnosed_and_judged(folder, settings, watch, address)
+    with claimed(folder, settings, force):
+        if not folder.published:
+            waiting = {draft.name: draft for draft in asked if not folder.is_sealed(draft.name)}
+            watch.begin("making cases", len(asked), len(asked) - len(waiting))
+            with workers():  # never where cases are diagnosed
+                lost = spread(
+                    _make, list(waiting), lambda name: (folder.root, waiting[name]), lambda *_: watch.one_more()
+                )
+            if lost:
+                raise GtpinError(f"a process died while {lost[0]} was made", hint="run the same command again")
+            write_manifest(folder.manifest, folder.digests(draft.name for draft in asked), plant_digest())
+        return _diagnosed_and_judged(folder, settings, watch, address)
 
 
-def check_given(output: Path, source: Path, watch: Watch, address: str | None = None) -> Checked:
+def check_given(
+    output: Path, source: Path, watch: Watch, address: str | None = None, *, force: bool = False
+) -> Checked:
     """Diagnose cases that somebody else made, and judge; go on where the same check was stopped.
 
     Raises
     ------
     GtpinError
-        If a truth is missing or malformed, or the folder belongs to another check.
+        If a truth is missing or malformed, or the folder belongs to another check and is not to be moved aside (``force``).
     """
     cases = given(source)
     folder = CheckFolder(output)
     settings = Settings(len(cases), None, source_digest(cases), None, None, diagnosis_digest())
-    folder.claim(settings)
-    if not folder.manifest.exists():
-        watch.begin("sealing", len(cases), 0)
-        for case in cases:
-            take_in(case, folder.case(case.name))
-            seal(case.truth, folder.case(case.name), folder.sealed(case.name))
-            watch.one_more()
-        write_manifest(folder.manifest, folder.digests(case.name for case in cases), None)
-    return _diagnosed_and_judged(folder, settings, watch, address)
+    with claimed(folder, settings, force):
+        if not folder.published:
+            watch.begin("sealing", len(cases), 0)
+            for case in cases:
+                take_in(case, folder.case(case.name))
+                seal(case.truth, folder.case(case.name), folder.sealed(case.name))
+                watch.one_more()
+            write_manifest(folder.manifest, folder.digests(case.name for case in cases), None)
+        return _diagnosed_and_judged(folder, settings, watch, address)
 
 
 def _make(root: Path, draft: Draft) -> None:
@@ -93,8 +114,7 @@ def _make(root: Path, draft: Draft) -> None:
     folder = CheckFolder(root)
     case = made(draft)
     place = folder.case(draft.name)
-    for old in place.glob("*") if place.exists() else ():
-        old.unlink()
+    shutil.rmtree(place, ignore_errors=True)  # what a run that was stopped has left
     case.dataset.write(place)
     case.commands.write(place / "commands.csv")
     seal(truth_of(case, draft.kind), place, folder.sealed(draft.name))

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, TypeVar
 
 from joblib import Parallel, delayed, parallel_config
@@ -14,6 +17,8 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from gtpin.errors import GtpinError
 
 Result = TypeVar("Result")
+WATCH = 1.0
+"""Seconds between two looks at whether the parent process is still there."""
 CONNECT = 15
 """Seconds in which a cluster's scheduler must answer."""
 
@@ -83,7 +88,7 @@ def spread(
         If the work can't be started in the workers.
     """
     waiting = dict.fromkeys(names)
-    tasks = (delayed(_named)(work, name, arguments(name)) for name in names)
+    tasks = (delayed(_named)(work, name, arguments(name), os.getpid()) for name in names)
     try:
         for name, result in Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="3*n_jobs")(tasks):
             done(name, result)
@@ -100,5 +105,19 @@ def spread(
     return []
 
 
-def _named(work: Callable[..., Result], name: str, arguments: tuple[Any, ...]) -> tuple[str, Result]:
+def _named(work: Callable[..., Result], name: str, arguments: tuple[Any, ...], parent: int) -> tuple[str, Result]:
+    if os.getppid() == parent:  # a process of this machine, which was started for this work
+        _end_with(parent)
     return name, work(*arguments)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent has, which may be killed without a word."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True, name="gtpin-parent-watch").start()

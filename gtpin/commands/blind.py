@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from gtpin.commands.terminal import AsJson, Output, Seed, tell, write_json
+from gtpin.commands.terminal import AsJson, Force, Output, Seed, tell, write_json
 from gtpin.errors import GtpinError
-from gtpin.output import writing
+from gtpin.output import results_folder
 from gtpin.plant.digest import digest
 
 CASES = 100
@@ -37,10 +37,12 @@ def blind(
     cluster: Annotated[
         str | None, typer.Option("--cluster", help="Address of a dask scheduler, such as tcp://host:8786.")
     ] = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Make machines with hidden effects, seal the truth, diagnose the data, open the seals, and score."""
     # Much that other commands need not wait for.
+    from gtpin.blind.claim import SCORE_FILES
     from gtpin.blind.draw import ROBOT
     from gtpin.blind.page import score_page
     from gtpin.blind.run import check, check_given
@@ -51,15 +53,15 @@ def blind(
         raise GtpinError(f"{one} and --from", hint=f"--from takes all cases of its folder: leave {one} out")
     with _watched() as watch:
         if source is not None:
-            checked = check_given(output, source, watch, cluster)
+            checked = check_given(output, source, watch, cluster, force=force)
         else:
             typer.echo(f"plant {digest()}", err=True)
-            checked = check(output, cases or CASES, seed, watch, cluster, robot or ROBOT)
+            checked = check(output, cases or CASES, seed, watch, cluster, robot or ROBOT, force=force)
     result = score(checked.cases, checked.about)
-    with writing(output):
-        write_json(output / "judged.json", [case.model_dump(mode="json", exclude_none=True) for case in checked.cases])
-        write_json(output / "score.json", result)
-        (output / "score.html").write_text(score_page(result, checked.cases), encoding="utf-8")
+    with results_folder(output, SCORE_FILES, force=force) as folder:
+        write_json(folder / "judged.json", [case.model_dump(mode="json", exclude_none=True) for case in checked.cases])
+        write_json(folder / "score.json", result)
+        (folder / "score.html").write_text(score_page(result, checked.cases), encoding="utf-8")
     pace = f"{checked.seconds:.1f} s a diagnosis in the median" if checked.seconds else ""
     tell(result, f"{_text(result)}\n{pace}\nWritten: {output / 'score.json'}\nOpen {output / 'score.html'}", as_json)
 

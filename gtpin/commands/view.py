@@ -11,6 +11,7 @@ import typer
 from gtpin.commands.terminal import AsJson, Force, ModelReference, tell
 from gtpin.data import Dataset
 from gtpin.model_folder import read_model
+from gtpin.output import check_file
 from gtpin.view.gap import gap_of
 from gtpin.view.still import write_still
 
@@ -30,6 +31,8 @@ def view(
     as_json: AsJson = False,
 ) -> None:
     """Show the robot in 3-D in the browser: along the poses, errors magnified, rods by their share of the gap."""
+    if output is not None:
+        check_file(output, force=force)
     found = read_model(model)
     gap = None if dataset is None else gap_of(found, Dataset.read(dataset))
     if output is not None:

@@ -31,7 +31,7 @@ def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
     write_sensitivity(MODEL, commands(10), tmp_path / "out", costs=COSTS)
     names = {file.name for file in (tmp_path / "out").iterdir()}
     maps = {f"map_{name}.png" for name in ("position", "orientation", "condition", "singularity")}
-    assert names == {"sensitivity.csv", "accuracy.json", "sensitivity.png"} | maps
+    assert names == {".gtpin.json", "sensitivity.csv", "accuracy.json", "sensitivity.png"} | maps
     table = pd.read_csv(tmp_path / "out" / "sensitivity.csv")
     assert list(table) == ["parameter", "link", "position_mm", "rotation_rad", "cost_m4"]
     assert len(table) == 60
@@ -62,7 +62,7 @@ def test_without_matplotlib_there_is_a_warning_and_no_figure(tmp_path: Path, mon
     monkeypatch.setattr(builtins, "__import__", missing)
     with pytest.warns(GtpinWarning, match="matplotlib"):
         write_sensitivity(MODEL, commands(3), tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == {"sensitivity.csv", "accuracy.json"}
+    assert {file.name for file in tmp_path.iterdir()} == {".gtpin.json", "sensitivity.csv", "accuracy.json"}
     with pytest.raises(GtpinError, match="gtpin\\[plots\\]"):
         figures.new_figure(1.0, 1.0)
 

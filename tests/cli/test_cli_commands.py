@@ -70,7 +70,12 @@ def test_simulate_writes_a_dataset_that_reads_and_calibrates(run, tmp_path):
     dataset = Dataset.read(tmp_path / "set")
     assert len(set(dataset.pose)) == 30
     assert dataset.robot == "gantry_tau"
-    assert {path.name for path in (tmp_path / "set").iterdir()} == {"dataset.toml", "poses.csv", "commands.csv"}
+    assert {path.name for path in (tmp_path / "set").iterdir()} == {
+        ".gtpin.json",
+        "dataset.toml",
+        "poses.csv",
+        "commands.csv",
+    }
     assert run("calibrate", tmp_path / "set", "-o", tmp_path / "out").code == 0
 
 
@@ -235,7 +240,7 @@ def test_the_program_works_from_end_to_end(program, tmp_path):
         assert ran.err == ""
         assert "\x1b" not in ran.out
     assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "new" / "folder" / "p.csv").read_bytes()
-    assert {path.name for path in tmp_path.iterdir()} == {"set", "out", "p.csv", "new"}
+    assert {path.name for path in tmp_path.iterdir()} == {".gtpin.json", "set", "out", "p.csv", "new"}
 
 
 def test_the_package_is_found_from_anywhere():

@@ -349,14 +349,19 @@ def test_a_disk_that_fills_while_writing_is_one_line_too(run, source, tmp_path, 
 
 def test_an_output_folder_is_updated_and_what_else_is_in_it_stays(run, dataset, tmp_path, tree):
     target = tmp_path / "out"
-    (target / "model").mkdir(parents=True)
-    (target / "notes.txt").write_text("mine")
-    (target / "calibration.json").write_text("old")
     assert run("calibrate", dataset, "-o", target).code == 0
+    (target / "notes.txt").write_text("mine")
+    (dataset / "poses.csv").write_text("".join((dataset / "poses.csv").read_text().splitlines(keepends=True)[:-1]))
+    older = tree(target)
+    assert run("calibrate", dataset, "-o", target).code == 0
+    assert tree(target)["calibration.json"] != older["calibration.json"]
+    assert tree(target)["model/model.json"] != older["model/model.json"]
     assert (target / "notes.txt").read_text() == "mine"
     assert json.loads((target / "calibration.json").read_text())["poses"] > 0
     assert (target / "model" / "model.json").is_file()
-    assert not [path for path in [*target.iterdir(), *tmp_path.iterdir()] if path.name.startswith(".")]
+    assert [path.name for path in [*target.iterdir(), *tmp_path.iterdir()] if path.name.startswith(".")] == [
+        ".gtpin.json"
+    ]
     # A failure after that leaves the old results as they are.
     before = tree(target)
     spoil(dataset, "x", 3, "nan")
@@ -365,12 +370,15 @@ def test_an_output_folder_is_updated_and_what_else_is_in_it_stays(run, dataset, 
 
 
 def test_predict_replaces_a_file_and_leaves_its_neighbours(run, source, tmp_path):
-    (tmp_path / "p.csv").write_text("old")
     (tmp_path / "q.csv").write_text("mine")
+    (tmp_path / "one.csv").write_text("pose,q1,q2,q3\na,0,0,0\n")
+    assert run("predict", "gantry_tau", tmp_path / "one.csv", "-o", tmp_path / "p.csv").code == 0
+    older = (tmp_path / "p.csv").read_text()
     assert run("predict", "gantry_tau", source / "commands.csv", "-o", tmp_path / "p.csv").code == 0
+    assert (tmp_path / "p.csv").read_text() != older
     assert (tmp_path / "q.csv").read_text() == "mine"
     assert len(pd.read_csv(tmp_path / "p.csv")) == 20
-    assert {path.name for path in tmp_path.iterdir()} == {"p.csv", "q.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == {".gtpin.json", "one.csv", "p.csv", "q.csv"}
 
 
 # -------------------------------------------------------------------------------------------- anything at all

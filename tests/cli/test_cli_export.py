@@ -48,7 +48,7 @@ def erring(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_each_suffix_is_a_format(run: Run, file: str, written: list[str], tmp_path: Path) -> None:
     ran = run("export", "linear_delta", "-o", tmp_path / "new" / file)
     assert (ran.code, ran.err) == (0, "")
-    assert sorted(f.name for f in (tmp_path / "new").iterdir()) == written
+    assert sorted(f.name for f in (tmp_path / "new").iterdir()) == [".gtpin.json", *written]
     assert all(name in ran.out for name in written)
 
 

@@ -13,13 +13,20 @@ from gtpin.data import Commands, Dataset
 SCENARIOS = sorted((Path(__file__).parents[2] / "examples" / "scenarios").glob("*.toml"))
 
 
+def results(folder):
+    """Names of what is in a folder, but for gtpin's marker, which must be there."""
+    names = {path.name for path in folder.iterdir()}
+    assert ".gtpin.json" in names
+    return names - {".gtpin.json"}
+
+
 @pytest.mark.parametrize("file", SCENARIOS, ids=lambda file: file.stem)
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a scenario holds constant is noticed
 def test_every_example_becomes_a_dataset_with_its_truth_beside_it(run, tmp_path, file):
     ran = run("simulate", "--scenario", file, "-o", tmp_path / "deep" / "set", "--poses", "40")
     assert (ran.code, ran.err) == (0, "")
-    assert {p.name for p in (tmp_path / "deep").iterdir()} == {"set", "set.truth.json", "set.truth.csv"}
-    assert {p.name for p in (tmp_path / "deep" / "set").iterdir()} == {"dataset.toml", "poses.csv", "commands.csv"}
+    assert results(tmp_path / "deep") == {"set", "set.truth.json", "set.truth.csv"}
+    assert results(tmp_path / "deep" / "set") == {"dataset.toml", "poses.csv", "commands.csv"}
     dataset = Dataset.read(tmp_path / "deep" / "set")
     assert len(set(dataset.pose)) == 40
     commands = Commands.read(tmp_path / "deep" / "set" / "commands.csv", dataset.n_actuators)
@@ -67,7 +74,7 @@ def test_what_else_is_in_the_folders_stays(run, tmp_path):
     (tmp_path / "set" / "notes.txt").write_text("mine")
     (tmp_path / "thesis.txt").write_text("mine")
     assert run("simulate", "--scenario", BACKLASH, "-o", tmp_path / "set", "--poses", "20").code == 0
-    assert {p.name for p in tmp_path.iterdir()} == {"set", "set.truth.csv", "set.truth.json", "thesis.txt"}
+    assert results(tmp_path) == {"set", "set.truth.csv", "set.truth.json", "thesis.txt"}
     assert (tmp_path / "set" / "notes.txt").read_text() == "mine"
     assert (tmp_path / "set" / "poses.csv").is_file()
 

@@ -113,12 +113,26 @@ def test_the_same_dataset_gives_the_same_bytes(make, tmp_path):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
-def test_writing_replaces_a_dataset_and_leaves_nothing_beside_it(make, tmp_path):
-    folder = make(carts="cart,q,x,y,z\n1,0,0,0,0\n")
-    Dataset.read(folder).take([0, 1, 2]).write(folder, table="parquet")
-    assert sorted(os.listdir(folder)) == ["carts.parquet", "dataset.toml", "poses.parquet"]
-    assert os.listdir(tmp_path) == ["set"]
+def test_writing_replaces_a_dataset_of_gtpin_s_and_leaves_nothing_beside_it(make, tmp_path):
+    dataset = Dataset.read(make(carts="cart,q,x,y,z\n1,0,0,0,0\n"))
+    folder = tmp_path / "new"
+    dataset.write(folder)
+    dataset.take([0, 1, 2]).write(folder, table="parquet")
+    assert sorted(os.listdir(folder)) == [".gtpin.json", "carts.parquet", "dataset.toml", "poses.parquet"]
+    assert sorted(os.listdir(tmp_path)) == ["new", "set"]
     assert len(Dataset.read(folder)) == 3
+
+
+def test_a_dataset_that_gtpin_has_not_written_is_replaced_only_by_force_and_kept(make, tmp_path):
+    folder = make(carts="cart,q,x,y,z\n1,0,0,0,0\n")
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    dataset = Dataset.read(folder)
+    with pytest.raises(DatasetError, match=r"carts\.csv: gtpin has not written this"):
+        dataset.take([0, 1, 2]).write(folder)
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    dataset.take([0, 1, 2]).write(folder, "parquet", force=True)
+    assert len(Dataset.read(folder)) == 3
+    assert {name: (folder / f"{name}.old-1").read_bytes() for name in before} == before
 
 
 def test_a_folder_with_other_files_is_left_as_it_is(make, tmp_path):
@@ -145,8 +159,9 @@ def test_a_target_that_can_not_be_written_is_a_dataset_error_and_leaves_nothing(
 
 
 def test_a_write_that_breaks_off_leaves_what_was_there(make, tmp_path, monkeypatch):
-    folder = make()
-    dataset = Dataset.read(folder)
+    dataset = Dataset.read(make())
+    folder = tmp_path / "new"
+    dataset.write(folder)
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
 
     def full(*_):
@@ -156,7 +171,7 @@ def test_a_write_that_breaks_off_leaves_what_was_there(make, tmp_path, monkeypat
     with pytest.raises(DatasetError, match="No space left"):
         dataset.write(folder)
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
-    assert os.listdir(tmp_path) == ["set"]
+    assert sorted(os.listdir(tmp_path)) == ["new", "set"]
 
 
 def test_a_relative_path_to_a_robot_still_leads_there_from_another_folder(make, tmp_path):

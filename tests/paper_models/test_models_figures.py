@@ -114,4 +114,4 @@ def test_without_matplotlib_the_numbers_are_written_with_a_warning(tmp_path: Pat
         figures.linearity(mm.carts_of(BENT))
     with pytest.warns(GtpinWarning, match="matplotlib"):
         figures.write_comparison(comparison(), tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == {"compare.csv", "compare.json"}
+    assert {file.name for file in tmp_path.iterdir()} == {".gtpin.json", "compare.csv", "compare.json"}

@@ -166,7 +166,7 @@ def test_a_still_image_is_written_in_the_format_of_its_ending(tmp_path, ending):
     write_still(tmp_path / f"still{ending}", NOMINAL, gap)
     start = (tmp_path / f"still{ending}").read_bytes()[:300]
     assert {".png": b"PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[ending] in start
-    assert [file.name for file in tmp_path.iterdir()] == [f"still{ending}"]
+    assert {file.name for file in tmp_path.iterdir()} == {".gtpin.json", f"still{ending}"}
 
 
 def test_a_still_image_names_the_parts_and_tells_how_much_errors_are_magnified():

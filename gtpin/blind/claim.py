@@ -1,0 +1,135 @@
+"""Whose a check's folder is: one check's, which goes on in it, and one run's at a time."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+from gtpin.blind.folder import CheckFolder, Settings
+from gtpin.data.files import UNFINISHED, placed_file
+from gtpin.errors import GtpinError
+from gtpin.output import writing
+from gtpin.ownership import MARKER, aside, refuse_foreign
+from gtpin.work_folder import work_folder
+
+SCHEMA = "gtpin-blind/1"
+CLAIM = "check.json"
+"""What the check was asked to do."""
+SCORE_FILES = ("judged.json", "score.json", "score.html")
+"""What is written when all cases are judged."""
+
+
+@contextlib.contextmanager
+def claimed(folder: CheckFolder, settings: Settings, force: bool = False) -> Iterator[None]:
+    """Make a folder, or go on in it where it is that of the same check; nobody else works in it meanwhile.
+
+    Of a new check that ends before there is anything to go on with, nothing is left. With ``force``, what belongs to
+    another check, or is none of gtpin's, is moved aside (``NAME.old-1``).
+
+    Raises
+    ------
+    GtpinError
+        If it holds anything else, another run works in it, or it can't be written.
+    """
+    root = folder.root
+    if os.path.lexists(root) and not os.path.isdir(root):
+        raise GtpinError("this is not the folder of a check", file=root, hint="name a new folder")
+    missing = [place for place in (root, *root.parents) if not os.path.lexists(place)]
+    try:
+        with contextlib.ExitStack() as held:
+            with writing(root):
+                root.mkdir(parents=True, exist_ok=True)
+                held.enter_context(work_folder(root, "check"))
+                _claim(folder, settings, force)
+            try:
+                yield
+            finally:
+                if _unbegun(folder):
+                    _give_up(folder)
+    finally:
+        for place in missing:
+            with contextlib.suppress(OSError):  # it holds the check
+                place.rmdir()
+
+
+def _claim(folder: CheckFolder, settings: Settings, force: bool) -> None:
+    told = {"schema": SCHEMA, **asdict(settings)}
+    there = _there(folder)
+    other = next((name for name, value in told.items() if there.get(name) != value), None)
+    if there and other and _unbegun(folder):
+        _give_up(folder)
+    elif other:
+        _make_room(folder, _others(folder.root, other) if there else _foreign_files(folder), force)
+    refuse_foreign(folder.root, SCORE_FILES, force)
+    for part in folder.parts:
+        part.mkdir(exist_ok=True)
+        for unfinished in part.glob(f"{UNFINISHED}*"):  # of a run that was killed
+            unfinished.unlink()
+    if not _there(folder):
+        try:
+            with placed_file(folder.root / CLAIM) as new:
+                new.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        except GtpinError:
+            _give_up(folder)
+            raise
+
+
+def _there(folder: CheckFolder) -> dict[str, object]:
+    """What the folder's check was asked to do; nothing where there is none."""
+    try:
+        there = json.loads((folder.root / CLAIM).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return there if isinstance(there, dict) and there.get("schema") == SCHEMA else {}
+
+
+def _unbegun(folder: CheckFolder) -> bool:
+    """Whether nothing is lost with the check: no case was made, or the cases of others were not yet all taken in."""
+    begun = any((folder.root / "sealed").glob("*.json"))
+    return not folder.published and (not begun or _there(folder).get("source") is not None)
+
+
+def _give_up(folder: CheckFolder) -> None:
+    for part in folder.parts:
+        shutil.rmtree(part, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        (folder.root / CLAIM).unlink()
+
+
+def _others(root: Path, other: str) -> GtpinError:
+    words = {"diagnosis": "sources of the diagnosis", "plant": "sources of the plant", "source": "cases"}
+    what = f"the folder belongs to another check: other {words.get(other, other)}"
+    return GtpinError(what, file=root, hint="name a new folder, ask for the same again, or move it aside with --force")
+
+
+def _foreign_files(folder: CheckFolder) -> GtpinError | None:
+    """What keeps a folder from being taken for a check; None where it is empty, but for what a crash may have left."""
+    for entry in folder.root.iterdir():
+        if entry.name.startswith((UNFINISHED, MARKER)):
+            continue
+        crash = not any(entry.iterdir()) if entry in folder.parts and entry.is_dir() else _is_empty_claim(entry)
+        if not crash:
+            hint = "name a new folder, or move what is in the way aside with --force"
+            return GtpinError("this is not the folder of a check", file=folder.root, hint=hint)
+    return None
+
+
+def _is_empty_claim(entry: Path) -> bool:
+    return entry.name == CLAIM and entry.is_file() and not entry.is_symlink() and entry.stat().st_size == 0
+
+
+def _make_room(folder: CheckFolder, problem: GtpinError | None, force: bool) -> None:
+    """Move what is foreign aside, or refuse to; take away what is empty."""
+    if problem is None:
+        _give_up(folder)
+        return
+    if not force:
+        raise problem
+    for place in (*(folder.root / name for name in (CLAIM, "seconds.txt", *SCORE_FILES)), *folder.parts):
+        if os.path.lexists(place):
+            os.replace(place, aside(place))
