@@ -9,6 +9,8 @@ Machines are drawn by the plant, with and without an effect, written as files, s
   that the model misses by far more than the instrument's noise.
 
     python examples/mistakes/bench.py [--machines 5] [--only WORDS] [-o mistakes.csv]
+
+``python examples/pages/refresh.py --measure mistakes`` measures the table of docs/mistakes.md again.
 """
 
 from __future__ import annotations
@@ -19,7 +21,6 @@ import re
 import tempfile
 import tomllib
 import warnings
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ EFFECTS = (
 CONDITIONS = Conditions(rest=0.5, sessions=2, push=60.0, warming=1.8, direct=0.3)
 
 
-def machine(mistake: Mistake, number: int, with_effect: bool, folder: Path) -> tuple[str, str] | None:
+def write_machine(mistake: Mistake, number: int, with_effect: bool, folder: Path) -> tuple[str, str] | None:
     """Write a good dataset of a machine into a folder; gives the effect that it has."""
     effect = (mistake.effect or EFFECTS[number % len(EFFECTS)]) if with_effect else None
     case = make_case(
@@ -76,12 +77,24 @@ def spoil(mistake: Mistake, folder: Path, seed: int) -> None:
     (folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def answer(mistake: Mistake, number: int, with_effect: bool) -> tuple[str, str]:
+def jobs(machines: int, only: str = "") -> list[dict[str, object]]:
+    """Which machines are spoiled how."""
+    names = [m.name for m in MISTAKES if re.search(only, m.name)]
+    return [{"mistake": m, "machine": n, "effect": e} for m in names for n in range(machines) for e in (False, True)]
+
+
+def measured(mistake: str, machine: int, effect: bool) -> list[dict[str, str]]:
     """What is said of a machine's data with a mistake in them: one of ``ANSWERS``, and the words."""
+    given, words = answer(next(m for m in MISTAKES if m.name == mistake), machine, effect)
+    return [{"answer": given, "words": words}]
+
+
+def answer(mistake: Mistake, number: int, with_effect: bool) -> tuple[str, str]:
+    """One of ``ANSWERS``, and the words of the message or of the diagnosis."""
     with tempfile.TemporaryDirectory() as place, warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always", gtpin.GtpinWarning)
         folder = Path(place) / "measured"
-        effect = machine(mistake, number, with_effect, folder)
+        effect = write_machine(mistake, number, with_effect, folder)
         spoil(mistake, folder, number)
         heard.clear()
         try:
@@ -115,26 +128,26 @@ def _wrong(found: gtpin.Diagnosis, effect: tuple[str, str] | None, mistake: Mist
     return missed or found.gap.after > FAR * floor
 
 
+def table(records: pd.DataFrame) -> str:
+    """Answers by mistake."""
+    lines = ["| mistake |" + "".join(f" {a} |" for a in ANSWERS), "|---|" + "---|" * len(ANSWERS)]
+    for name, rows in records.groupby("mistake", sort=False):
+        lines.append(f"| {name} |" + "".join(f" {int((rows['answer'] == a).sum())} |" for a in ANSWERS))
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--machines", type=int, default=5)
     parser.add_argument("--only", default="", help="a regular expression of the names of mistakes")
     parser.add_argument("--output", "-o", type=Path, help="CSV file with every answer")
     chosen = parser.parse_args()
-    mistakes = [m for m in MISTAKES if re.search(chosen.only, m.name)]
-    jobs = [(m, n, e) for m in mistakes for n in range(chosen.machines) for e in (False, True)]
-    answers = Parallel(n_jobs=-1)(delayed(answer)(*job) for job in jobs)
-    rows = [
-        {"mistake": m.name, "machine": n, "effect": e, "answer": a, "words": words}
-        for (m, n, e), (a, words) in zip(jobs, answers, strict=True)
-    ]
+    work = jobs(chosen.machines, chosen.only)
+    answers = Parallel(n_jobs=-1)(delayed(measured)(**job) for job in work)
+    records = pd.DataFrame([{**job, **row} for job, rows in zip(work, answers, strict=True) for row in rows])
     if chosen.output:
-        pd.DataFrame(rows).to_csv(chosen.output, index=False)
-    print("| mistake |" + "".join(f" {a} |" for a in ANSWERS))
-    print("|---|" + "---|" * len(ANSWERS))
-    for mistake in mistakes:
-        count = Counter(row["answer"] for row in rows if row["mistake"] == mistake.name)
-        print(f"| {mistake.name} |" + "".join(f" {count[a]} |" for a in ANSWERS))
+        records.to_csv(chosen.output, index=False)
+    print(table(records))
 
 
 if __name__ == "__main__":
