@@ -31,7 +31,7 @@ FULL = 1000
 """Cases from which a run is a full one."""
 LOG = "blind_runs.md"
 KEPT = ("cases", "check", "failures", "figures")
-"""Of ``score.json``, what other pages need."""
+"""Of ``score.json``, what other pages need; with it goes which single effects were named right, and nothing else."""
 LOG_HEAD = """# All full runs of the blind check
 
 Every run of at least 1,000 cases, the bad ones too, the latest last. [The page](blind.md) shows the latest.
@@ -146,8 +146,8 @@ if __name__ == "__main__":
     docs, run = Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None
     (docs / "blind.md").write_text(page(run), encoding="utf-8")
     if run is not None:
-        result, _ = _read(run)
-        kept = {key: result[key] for key in KEPT}
+        result, cases = _read(run)
+        kept = {key: result[key] for key in KEPT} | {"right": {c.name: c.strict for c in cases if c.kind == "one"}}
         (docs / "figures" / "blind.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
         logged(docs / LOG, run, datetime.datetime.now(datetime.UTC).date())
     elif not (docs / LOG).exists():
