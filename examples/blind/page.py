@@ -3,6 +3,8 @@
 
 python examples/blind/page.py docs                   # the page without a run
 python examples/blind/page.py docs DIR               # with the check in DIR
+
+Writes docs/figures/blind.json too, from which other pages take their sealed scores (``examples/pages/refresh.py``).
 """
 
 from __future__ import annotations
@@ -28,6 +30,8 @@ from gtpin.report.page import Table
 FULL = 1000
 """Cases from which a run is a full one."""
 LOG = "blind_runs.md"
+KEPT = ("cases", "check", "failures", "figures")
+"""Of ``score.json``, what other pages need; with it goes which single effects were named right, and nothing else."""
 LOG_HEAD = """# All full runs of the blind check
 
 Every run of at least 1,000 cases, the bad ones too, the latest last. [The page](blind.md) shows the latest.
@@ -137,9 +141,14 @@ def _power(told: list[dict[str, Any]]) -> str:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("give the folder of the pages: python page.py docs [DIR]")
     docs, run = Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None
     (docs / "blind.md").write_text(page(run), encoding="utf-8")
     if run is not None:
+        result, cases = _read(run)
+        kept = {key: result[key] for key in KEPT} | {"right": {c.name: c.strict for c in cases if c.kind == "one"}}
+        (docs / "figures" / "blind.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
         logged(docs / LOG, run, datetime.datetime.now(datetime.UTC).date())
     elif not (docs / LOG).exists():
         (docs / LOG).write_text(LOG_HEAD, encoding="utf-8")

@@ -1,15 +1,13 @@
 """How often a cause is named where there is none, beside the rate that was asked for: a table of docs/diagnosis.md.
 
 Machines without an effect, but with noise and with a repeatability of their own, are measured at few and at many poses,
-by instruments that declare their sigmas and by such that don't. Run ``python examples/diagnosis/false_alarms.py
-[MACHINES]`` (100 of each kind by default).
+by instruments that declare their sigmas and by such that don't. ``python examples/pages/refresh.py --measure false_alarms``
+measures the table of the page again.
 """
 
 from __future__ import annotations
 
-import sys
-
-from joblib import Parallel, delayed
+import pandas as pd
 from scipy.stats import beta
 
 import gtpin
@@ -23,16 +21,21 @@ SEEDS = 7_000_000
 """From here on nothing else draws its machines."""
 
 
-def smallest_alarm(poses: int, declared: bool, number: int) -> float:
+def jobs(machines: int) -> list[dict[str, object]]:
+    """Which machines are diagnosed."""
+    return [{"poses": p, "declared": d, "machine": i} for p, d in KINDS for i in range(machines)]
+
+
+def measured(poses: int, declared: bool, machine: int) -> list[dict[str, float]]:
     """Smallest of the rates at which a diagnosis of a machine without an effect is not silent; infinite for none."""
     noise = Noise(declared=declared)
-    case = make_case(SEEDS + number, n_effects=0, poses=poses, held_out=1, noise=noise, background=False)
+    case = make_case(SEEDS + machine, n_effects=0, poses=poses, held_out=1, noise=noise, background=False)
     smallest = float("inf")
     for rate in RATES:
         if gtpin.diagnose(case.dataset, false_alarm=rate).verdict == "none":
             break
         smallest = rate
-    return smallest
+    return [{"smallest": smallest}]
 
 
 def bound(alarms: int, machines: int) -> float:
@@ -40,16 +43,18 @@ def bound(alarms: int, machines: int) -> float:
     return float(beta.ppf(0.975, alarms + 1, machines - alarms)) if alarms < machines else 1.0
 
 
-def main() -> None:
-    machines = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    print("| poses | noise declared |" + "".join(f" {rate:g} |" for rate in RATES))
-    print("|---|---|" + "---|" * len(RATES))
-    for poses, declared in KINDS:
-        found = Parallel(n_jobs=-1)(delayed(smallest_alarm)(poses, declared, i) for i in range(machines))
-        counts = [sum(smallest <= rate for smallest in found) for rate in RATES]
-        told = "".join(f" {n} of {machines} (below {bound(n, machines):.3f}) |" for n in counts)
-        print(f"| {poses:,} | {'yes' if declared else 'no'} |{told}", flush=True)
+def table(records: pd.DataFrame) -> str:
+    """Alarms by rate, with bounds."""
+    lines = [
+        "| poses | noise declared |" + "".join(f" asked for {rate:g} |" for rate in RATES),
+        "|---|---|" + "---|" * len(RATES),
+    ]
+    for (poses, declared), rows in records.groupby(["poses", "declared"], sort=False):
+        counts = [int((rows["smallest"].astype(float) <= rate).sum()) for rate in RATES]
+        told = "".join(f" {n} of {len(rows)} (below {bound(n, len(rows)):.3f}) |" for n in counts)
+        lines.append(f"| {poses:,} | {'yes' if declared else 'no'} |{told}")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    main()
+    print(table(pd.DataFrame([{**job, **row} for job in jobs(3) for row in measured(**job)])))

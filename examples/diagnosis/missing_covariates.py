@@ -1,16 +1,14 @@
 """What is said of a cause whose covariate nobody recorded: a table of docs/diagnosis.md.
 
 Machines with one effect each, energies log-uniform from 100 to 4,000, are measured without the columns that the effect
-goes with. Run ``python examples/diagnosis/missing_covariates.py [MACHINES]`` (20 of each kind by default).
+depends on. ``python examples/pages/refresh.py --measure missing_covariates`` measures the table of the page again.
 """
 
 from __future__ import annotations
 
-import sys
 import warnings
-from collections import Counter
 
-from joblib import Parallel, delayed
+import pandas as pd
 
 import gtpin
 from gtpin.plant import make_case
@@ -34,12 +32,28 @@ SURE = 0.95
 ANSWERS = ("another cause, sure of it", "a class that holds it", "a class without it", "unknown", "none")
 
 
-def answer(effect: str, without: tuple[str, ...], seed: int) -> str:
+def jobs(machines: int) -> list[dict[str, object]]:
+    """Which machines are diagnosed."""
+    return [
+        {"effect": effect, "without": " ".join(without), "seed": 1000 * number + machine}
+        for number, (effect, without) in enumerate(KINDS)
+        for machine in range(machines)
+    ]
+
+
+def measured(effect: str, without: str, seed: int) -> list[dict[str, str]]:
     """What a diagnosis says of a machine with such an effect."""
-    warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of poses that a large effect makes look like gross errors
-    case = make_case(SEEDS + seed, effects=[(effect, None)], energy=(100.0, 4000.0), held_out=1, without=without)
-    found = gtpin.diagnose(case.dataset)
-    truth = (effect, case.effects[0].site)
+    case = make_case(
+        SEEDS + seed, effects=[(effect, None)], energy=(100.0, 4000.0), held_out=1, without=tuple(without.split())
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of poses that a large effect makes look like gross errors
+        found = gtpin.diagnose(case.dataset)
+    return [{"answer": answer(found, (effect, case.effects[0].site))}]
+
+
+def answer(found: gtpin.Diagnosis, truth: tuple[str, str]) -> str:
+    """One of ``ANSWERS``."""
     if any(c.probability >= SURE and (c.effect, c.site) != truth for c in found.causes):
         return ANSWERS[0]
     if found.verdict in ("unknown", "none"):
@@ -48,18 +62,18 @@ def answer(effect: str, without: tuple[str, ...], seed: int) -> str:
     return ANSWERS[1] if held else ANSWERS[2]
 
 
-def main() -> None:
-    machines = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    print("| effect | columns missing |" + "".join(f" {words} |" for words in ANSWERS))
-    print("|---|---|" + "---|" * len(ANSWERS))
-    for number, (effect, without) in enumerate(KINDS):
-        seeds = range(1000 * number, 1000 * number + machines)
-        told = Counter(Parallel(n_jobs=-1)(delayed(answer)(effect, without, seed) for seed in seeds))
-        print(
-            f"| `{effect}` | {' '.join(f'`{name}`' for name in without)} |" + "".join(f" {told[a]} |" for a in ANSWERS),
-            flush=True,
-        )
+def table(records: pd.DataFrame) -> str:
+    """Answers by effect and columns missing."""
+    lines = [
+        "| effect | columns missing |" + "".join(f" {words} |" for words in ANSWERS),
+        "|---|---|" + "---|" * len(ANSWERS),
+    ]
+    for (effect, without), rows in records.groupby(["effect", "without"], sort=False):
+        columns = " ".join(f"`{name}`" for name in str(without).split())
+        told = "".join(f" {int((rows['answer'] == a).sum())} |" for a in ANSWERS)
+        lines.append(f"| `{effect}` | {columns} |{told}")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    main()
+    print(table(pd.DataFrame([{**job, **row} for job in jobs(2) for row in measured(**job)])))

@@ -1,14 +1,11 @@
 """Which effects can stand in for which on the Gantry-Tau, once the geometry has taken what it can.
 
 Draws every effect at its typical size, scales it to the same whitened energy past geometry, and asks how much log evidence
-every other effect gains on it, as a share of its own. Writes `confusable.csv` and prints the three best imitators of each.
-
-    python examples/effects/confusable.py
+every other effect gains on it, as a share of its own. ``python examples/pages/refresh.py --measure imitators`` measures the
+table of docs/effects/index.md again.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -26,6 +23,7 @@ SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
 ENERGY = 1000.0
 SETTINGS = {"rack_periodic": (0.04, 0.1), "rack_step": (-0.2, 0.05, 0.25)}
 DRAWS = 3
+ROBOT = "gantry_tau"
 
 
 def past_geometry(at: Situation, geometry: gtpin.Geometry):
@@ -46,10 +44,16 @@ def gain(gram: np.ndarray, moment: np.ndarray, form: tuple[int, ...]) -> float:
     return float(best_scales(gram[None], moment.T, form)[0][0])
 
 
-def main() -> None:
+def jobs(machines: int) -> list[dict[str, object]]:
+    """One job: all effects on one machine."""
+    return [{"robot": ROBOT}]
+
+
+def measured(robot: str) -> list[dict[str, object]]:
+    """The share of each effect's evidence that each effect at each site gains on it."""
     conditions = Conditions(sessions=3, push=100.0, warming=1.5, rest=0.5)
-    data = make_case(1, effects=[], poses=160, conditions=conditions).dataset
-    geometry = gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))
+    data = make_case(1, effects=[], poses=160, conditions=conditions, robot=robot).dataset
+    geometry = gtpin.Geometry.nominal(gtpin.load_robot(robot))
     kinematics = gtpin.Model(geometry).kinematics
     at = Situation(kinematics, data.q, kinematics.forward(data.q), data.covariates)
     product = past_geometry(at, geometry)
@@ -76,18 +80,24 @@ def main() -> None:
                 form = catalogue()[other[0]].form
                 found = max(gain(G, product(Y, d[:, None]), form) for G, Y in zip(grams[other], others, strict=True))
                 rows.append((name, site, *other, max(found, 0.0) / own))
-    table = pd.DataFrame(rows, columns=["effect", "site", "imitator", "at", "share"])
-    table = table.groupby(["effect", "site", "imitator", "at"], as_index=False)["share"].median()
-    table.round(3).to_csv(Path("confusable.csv"), index=False)
+    found = pd.DataFrame(rows, columns=["effect", "site", "imitator", "at", "share"])
+    found = found.groupby(["effect", "site", "imitator", "at"], as_index=False)["share"].median()
+    return [{**row, "share": round(float(row["share"]), 3)} for row in found.to_dict("records")]
+
+
+def table(records: pd.DataFrame) -> str:
+    """The three best imitators of each effect."""
     # The best place of each imitator, and the median over the effect's own sites.
-    best = table.groupby(["effect", "site", "imitator"])["share"].max().groupby(["effect", "imitator"]).median()
+    best = records.groupby(["effect", "site", "imitator"])["share"].max().groupby(["effect", "imitator"]).median()
+    lines = ["| effect | the best imitators | itself at another site |", "|---|---|---|"]
     for name in catalogue():
         if name in best.index.get_level_values(0):
             top = best[name].drop(name, errors="ignore").nlargest(3)
             elsewhere = best[name].get(name)
-            others = ", ".join(f"{imitator} {share:.0%}" for imitator, share in top.items())
-            print(f"{name:16s} {others}" + ("" if elsewhere is None else f"; at another site {elsewhere:.0%}"))
+            others = ", ".join(f"`{imitator}` {100 * share:.0f} %" for imitator, share in top.items())
+            lines.append(f"| `{name}` | {others} | {'' if elsewhere is None else f'{100 * elsewhere:.0f} %'} |")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    main()
+    print(table(pd.DataFrame(measured(ROBOT))))

@@ -1,17 +1,17 @@
 """How much a planned round of measurements tells beside a random one: the table of docs/next_experiment.md.
 
-Machines of the plant with one effect each are measured, calibrated, and measured again at planned rows and at random ones. Run
-``python examples/next_experiment/compare.py [MACHINES]`` (8 for each pair of effects by default, some minutes).
+Machines of the plant with one effect each are measured, calibrated, and measured again at planned rows and at random ones.
+``python examples/pages/refresh.py --measure next_experiment`` measures the table of the page again.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 import gtpin
 from gtpin.calibration.calibrate import measured_poses
@@ -135,41 +135,46 @@ def factor(known: Known, dataset: Dataset, truth: Candidate, rival: Candidate) -
     return gain(groups, NOTHING, truth.name)[0] - gain(groups, NOTHING, rival.name)[0]
 
 
-def main(machines: int) -> None:
-    """Print the table."""
+def jobs(machines: int) -> list[dict[str, object]]:
+    """Which machines are measured again."""
+    return [{"truth": truth, "rival": rival, "machine": seed} for truth, rival in PAIRS for seed in range(machines)]
+
+
+def measured(truth: str, rival: str, machine: int) -> list[dict[str, float]]:
+    """One machine; nothing where no poses part the two."""
     effects = catalogue()
-    print(
-        "| truth | rival | expected: planned | random | told: planned | random | planned tells more | settled of those open |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
-    for pair in PAIRS:
-        truth, rival = (Candidate(effects[name.split("@")[0]], name.split("@")[1]) for name in pair)
-        told = [t for t in (compare(truth, rival, seed) for seed in range(machines)) if t is not None]
-        if not told:
-            print(f"| {pair[0]} | {pair[1]} | - | - | - | - | 0 of 0 | |", flush=True)
-            continue
-        means = [
-            np.mean([getattr(t, name) for t in told]) for name in ("expected", "expected_random", "planned", "random")
-        ]
-        more = sum(t.planned > t.random for t in told)
-        left = [t for t in told if t.before < OPEN]
-        settled = [sum(t.before + gained(t) >= OPEN for t in left) for gained in (_planned, _random)]
+    pair = [Candidate(effects[name.split("@")[0]], name.split("@")[1]) for name in (truth, rival)]
+    found = compare(*pair, machine)
+    return [] if found is None else [asdict(found)]
+
+
+def table(records: pd.DataFrame) -> str:
+    """Means by pair of effects."""
+    lines = [
+        "| truth | rival | planned (expected) | random (expected) | planned told more | settled by planned, random, of open |",
+        "|---|---|---|---|---|---|",
+    ]
+    total = np.zeros(3, dtype=int)
+    for (truth, rival), rows in records.groupby(["truth", "rival"], sort=False):
+        mean = rows[["planned", "expected", "random", "expected_random"]].mean()
+        left = rows[rows["before"] < OPEN]
+        settled = [int((left["before"] + left[name] >= OPEN).sum()) for name in ("planned", "random")]
         cells = [
-            *pair,
-            *(f"{m:.1f}" for m in means),
-            f"{more} of {len(told)}",
-            f"{settled[0]} and {settled[1]} of {len(left)}",
+            truth.replace("@", " "),
+            rival.replace("@", " "),
+            f"{mean['planned']:.1f} ({mean['expected']:.1f})",
+            f"{mean['random']:.1f} ({mean['expected_random']:.1f})",
+            f"{int((rows['planned'] > rows['random']).sum())} of {len(rows)}",
+            f"{settled[0]}, {settled[1]} of {len(left)}",
         ]
-        print(f"| {' | '.join(cells)} |", flush=True)
-
-
-def _planned(told: Told) -> float:
-    return told.planned
-
-
-def _random(told: Told) -> float:
-    return told.random
+        lines.append(f"| {' | '.join(cells)} |")
+        total += [len(left), *settled]
+    lines += [
+        "",
+        f"Of {total[0]} cases open before, {total[1]} were settled by planned poses and {total[2]} by random ones.",
+    ]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8)
+    print(table(pd.DataFrame([{**job, **row} for job in jobs(2) for row in measured(**job)])))

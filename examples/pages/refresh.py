@@ -1,0 +1,56 @@
+"""Makes the figures of the pages in docs anew.
+
+    python examples/pages/refresh.py                        # the pages from the records in docs/figures
+    python examples/pages/refresh.py --measure false_alarms # first measure the records of a figure again (minutes)
+
+A figure stands on a page between ``<!-- figures: NAME -->`` and ``<!-- end of figures -->``; what stands there is replaced.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from figures import FIGURES, ROOT
+from scores import jugglebot, machine_scores, sealed_score, sealed_sentence
+
+BLOCK = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
+TABLES: dict[str, Callable[[], str]] = {
+    **{figure.name: figure.table for figure in FIGURES},
+    "sealed_score": sealed_score,
+    "sealed_sentence": sealed_sentence,
+    "machine_scores": machine_scores,
+    "jugglebot": jugglebot,
+}
+
+
+def refreshed(page: str) -> str:
+    """The text of a page with its figures as the records have them."""
+    return BLOCK.sub(lambda found: f"{found[1]}{TABLES[found[2]]()}\n{found[4]}", page)
+
+
+def pages() -> list[Path]:
+    """The pages that have figures."""
+    every = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+    return [page for page in every if BLOCK.search(page.read_text(encoding="utf-8"))]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--measure", choices=[figure.name for figure in FIGURES], help="measure this figure again first"
+    )
+    parser.add_argument("--machines", type=int, help="of each kind; as many as the page has where left out")
+    chosen = parser.parse_args()
+    for figure in FIGURES:
+        if figure.name == chosen.measure:
+            figure.measure(chosen.machines or figure.machines).to_csv(figure.record, index=False)
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        page.write_text(refreshed(text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

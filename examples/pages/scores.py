@@ -1,0 +1,101 @@
+"""Tables of sealed scores for the pages, from ``blind.json`` and ``machines.json`` in docs/figures."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from figures import RECORDS
+
+OUT = "outside the catalogue: "
+TAKEN = "taken out of the catalogue: "
+STRONG = ", where others leave more than 250"
+UNKNOWN, SURE = f"unknown{STRONG}", f"a cause named with confidence{STRONG}"
+SEALED = {
+    "detected, E > 63": "detected, E > 63",
+    "class holds the truth, E > 63": "class holds the truth, E > 63",
+    "members of the class, E > 63": "members of that class, mean",
+    "cause and site right, nothing else named, D > 63": "cause and site right, nothing else named, D > 63",
+    "no false name with confidence, D <= 63": "no false name with confidence, D <= 63",
+    "no effect: silent": "no effect: silent",
+    OUT + UNKNOWN: f"in no catalogue: `unknown`{STRONG}",
+    OUT + SURE: "the same: a cause named with confidence",
+    TAKEN + UNKNOWN: f"{TAKEN}`unknown`{STRONG}",
+    TAKEN + SURE: "the same: a cause named with confidence",
+    "two effects, E > 63 of each: F1 of the set": "two effects at once, E > 63 of each: F1 of the set",
+    "rough data: class holds the truth, E > 63, covariate there": "rough data: class right, E > 63",
+    "95 % interval of shrinkage covers": "95 % interval of the shrinkage covers",
+    "shrinkage said less realised": "shrinkage: said less realised, mean",
+    "95 % intervals of parameters cover": "95 % intervals of parameters cover",
+}
+"""Figures of ``score.json``, and how docs/diagnosis.md calls them."""
+MACHINE = {
+    "detected, E > 63": "detected, E > 63",
+    "class holds the truth, E > 63": "class right, E > 63",
+    "cause and site right, nothing else named, D > 63": "cause right, D > 63",
+    "no effect: silent": "silent on nothing",
+    "no false name with confidence, D <= 63": "no false name, D <= 63",
+    "two effects: F1 of the set": "F1 of two",
+    TAKEN + UNKNOWN: "taken out: unknown",
+    "95 % interval of shrinkage covers": "shrinkage covered",
+}
+"""The same for docs/machines.md."""
+
+
+def _record(name: str) -> Any:
+    return json.loads((RECORDS / name).read_text(encoding="utf-8"))
+
+
+def value(row: dict[str, Any]) -> str:
+    """A figure with its 95 % bounds."""
+    if row["value"] is None:
+        return "no case"
+    bounds = "" if row["low"] is None else f" ({row['low']:.2f} to {row['high']:.2f})"
+    return f"{row['value']:.2f}{bounds}"
+
+
+def sealed_sentence() -> str:
+    """Which run the scores are of."""
+    check = _record("blind.json")["check"]
+    command = f"gtpin blind -o DIR --cases {check['cases']} --seed {check['seed']}"
+    return f"On {check['cases']:,} sealed cases (`{command}`), with 95 % bounds:"
+
+
+def sealed_score() -> str:
+    """The scores of the latest full run, as docs/diagnosis.md has them."""
+    rows = {row["figure"]: row for row in _record("blind.json")["figures"]}
+    lines = ["| | | of |", "|---|---|---|"]
+    lines += [f"| {words} | {value(rows[name])} | {rows[name]['of']} |" for name, words in SEALED.items()]
+    return "\n".join(lines)
+
+
+def machine_scores() -> str:
+    """The scores of the other machines, as docs/machines.md has them."""
+    lines = ["| machine | failed | " + " | ".join(MACHINE.values()) + " |", "|---" * (len(MACHINE) + 2) + "|"]
+    for machine, score in _record("machines.json").items():
+        rows = {row["figure"]: row for row in score["figures"]}
+        cells = [f"{value(rows[name])} of {rows[name]['of']}" for name in MACHINE]
+        lines.append(f"| `{machine}` | {len(score['failures'])} of {score['cases']} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def jugglebot() -> str:
+    """What is found on Jugglebot's measurements, as docs/machines.md has it."""
+    found = _record("jugglebot.json")
+    lines = ["| RMS, mm | calibrated geometry | with what is named |", "|---|---|---|"]
+    for key, words in (
+        ("legs_sample", "leg residual, in the sample"),
+        ("legs_left_out", f"leg residual, poses that were not fitted ({found['folds']} folds)"),
+    ):
+        lines.append(f"| {words} | " + " | ".join(f"{x:.3f}" for x in found[key]) + " |")
+    before, after, floor = found["gap"]
+    lines.append(f"| position on left-out poses (noise floor {floor:.2f}) | {before:.2f} | {after:.2f} |")
+    for cause in found["causes"]:
+        sizes = ", ".join(f"{name} {v:.2g} ± {s:.1g} {unit}" for name, (v, s, unit) in cause["parameters"].items())
+        lines += [
+            "",
+            f"Named: `{cause['effect']}` at `{cause['site']}`, probability {min(cause['probability'], 0.99):.2f}",
+        ]
+        lines[-1] += f" or more; {sizes}; the same in {found['same_cause']} of {found['folds']} folds."
+    untestable, candidates = found["untestable"]
+    return "\n".join([*lines, "", f"{untestable} of {candidates} candidates can't be tested."])

@@ -1,0 +1,115 @@
+"""The figures that pages print are those of the records, and the records are what the code as it is measures."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from gtpin.blind.judged import Judged
+from gtpin.diagnosis import decide, pool, splitting
+from gtpin.diagnosis.believed import MOST_POSES
+from gtpin.diagnosis.diagnose import FALSE_ALARM
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "examples" / "pages"))
+
+import figures  # noqa: E402  (the scripts of examples are no package)
+import refresh  # noqa: E402
+
+AGAIN = {
+    "false_alarms": 4,
+    "missing_covariates": 6,
+    "mistakes": 12,
+    "next_experiment": 4,
+    "imitators": 1,
+}
+"""Jobs that are measured again, spread over all; a whole measurement takes minutes."""
+SAME = 0.75
+"""Share of the rows measured again that must be as recorded: rounding may tip a weak case, a change of the code tips many."""
+
+
+@pytest.mark.parametrize("page", refresh.pages(), ids=lambda page: page.name)
+def test_a_page_shows_what_its_records_hold(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert refresh.refreshed(text) == text, "run python examples/pages/refresh.py"
+
+
+def test_every_figure_is_on_a_page() -> None:
+    shown = {found[2] for page in refresh.pages() for found in refresh.BLOCK.finditer(page.read_text(encoding="utf-8"))}
+    assert shown == set(refresh.TABLES)
+
+
+@pytest.mark.parametrize("figure", figures.FIGURES, ids=lambda figure: figure.name)
+def test_some_of_a_figures_records_are_measured_again_alike(figure: figures.Figure) -> None:
+    records = figure.records()
+    jobs = figure.module().jobs(figure.machines)
+    chosen = [jobs[i] for i in np.unique(np.linspace(0, len(jobs) - 1, AGAIN[figure.name]).astype(int))]
+    same = []
+    for job in chosen:
+        rows = records[np.logical_and.reduce([records[key].astype(str) == str(value) for key, value in job.items()])]
+        found = pd.DataFrame(figures.rows_of(figure, job))
+        assert len(rows) == len(found), f"{figure.name}: {job}"
+        same += [alike(a, b) for a, b in zip(rows.to_dict("records"), found.to_dict("records"), strict=True)]
+    assert np.mean(same) >= SAME, f"measure them again: python examples/pages/refresh.py --measure {figure.name}"
+
+
+def alike(recorded: dict[str, object], found: dict[str, object]) -> bool:
+    """Whether two rows agree: words to the letter but for sentences, numbers to 2 %."""
+    for name, value in found.items():
+        if name == "words":  # sentences, for people who read the record
+            continue
+        if isinstance(value, float):
+            if not np.isclose(float(str(recorded[name])), value, rtol=0.02, atol=0.01):
+                return False
+        elif str(recorded[name]) != str(value):
+            return False
+    return True
+
+
+def test_the_first_sealed_cases_come_out_as_the_page_of_the_blind_check_says(tmp_path: Path) -> None:
+    record = json.loads((figures.RECORDS / "blind.json").read_text(encoding="utf-8"))
+    seed = str(record["check"]["seed"])
+    command = [sys.executable, "-m", "gtpin", "blind", "-o", str(tmp_path / "check"), "--cases", "20", "--seed", seed]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert ran.returncode == 0, ran.stderr
+    cases = json.loads((tmp_path / "check" / "judged.json").read_text(encoding="utf-8"))
+    judged = [Judged.model_validate(case) for case in cases]
+    singles = [case for case in judged if case.kind == "one"]
+    assert len(singles) > 5
+    changed = [case.name for case in singles if case.strict != record["right"][case.name]]
+    assert len(changed) <= 1, f"make docs/blind.md anew; these cases come out otherwise: {changed}"
+    assert (
+        json.loads((tmp_path / "check" / "score.json").read_text(encoding="utf-8"))["check"]["plant"]
+        == (record["check"]["plant"])
+    )
+
+
+CONSTANTS = (
+    ("docs/diagnosis.md", "is ahead by {} % of what the free motions", 100 * decide.DEPARTURE),
+    ("docs/diagnosis.md", "({} % where they only say that a named cause bends)", 100 * decide.BENDING),
+    ("docs/diagnosis.md", "What has at least {} % of the leader's belongs to the class", 100 * decide.CLASS_SHARE),
+    ("docs/diagnosis.md", "each with a probability of {} % or more", 100 * decide.SURE),
+    ("docs/report.md", "each has a probability of {} % or more", 100 * decide.SURE),
+    ("docs/diagnosis.md", "divided by a temperature of {} to", decide.TEMPERATURE),
+    ("docs/diagnosis.md", "name: {} % at the same site over the same coordinates", 100 * pool.SAME),
+    ("docs/diagnosis.md", "{} % where it could pass for it", 100 * pool.RELATED),
+    ("docs/diagnosis.md", "or both by load), {} % elsewhere", 100 * pool.OTHER),
+    ("docs/diagnosis.md", "Above {} poses the search takes", f"{MOST_POSES:,}"),
+    ("docs/next_experiment.md", "is expected to tell less than {} nats is not proposed", splitting.HOPELESS),
+    ("docs/next_experiment.md", "Up to {} nats it says", splitting.SETTLED),
+    ("docs/next_experiment.md", "up to {} nat what to watch", splitting.LEAST),
+    ("docs/diagnosis.md", "`--false-alarm` ({} where left out)", FALSE_ALARM),
+)
+"""Numbers that a page says of the code, and the code's own."""
+
+
+@pytest.mark.parametrize(("page", "phrase", "value"), CONSTANTS)
+def test_a_constant_on_a_page_is_the_codes(page: str, phrase: str, value: float | str) -> None:
+    text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+    assert phrase.format(value if isinstance(value, str) else f"{value:g}") in text
