@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import stat
 from collections.abc import Iterable, Iterator
 from itertools import count
@@ -99,3 +100,8 @@ def aside(path: Path) -> Path:
     """The first free name of ``NAME.old-1``, ``NAME.old-2``, ..."""
     names = (path.with_name(f"{path.name}.old-{number}") for number in count(1))
     return next(name for name in names if not os.path.lexists(name))
+
+
+def was_moved_aside(name: str) -> bool:
+    """Whether a name is one that :func:`aside` gives."""
+    return re.search(r"\.old-[1-9][0-9]*$", name) is not None

@@ -51,11 +51,10 @@ def blind(
     if source is not None and (cases is not None or robot is not None):
         one = "--cases" if cases is not None else "--robot"
         raise GtpinError(f"{one} and --from", hint=f"--from takes all cases of its folder: leave {one} out")
-    with _watched() as watch:
+    with _watched(None if source else digest()) as watch:
         if source is not None:
             checked = check_given(output, source, watch, cluster, force=force)
         else:
-            typer.echo(f"plant {digest()}", err=True)
             checked = check(output, cases or CASES, seed, watch, cluster, robot or ROBOT, force=force)
     result = score(checked.cases, checked.about)
     with results_folder(output, SCORE_FILES, force=force) as folder:
@@ -90,12 +89,14 @@ class _Rate(ProgressColumn):
 class _Bars:
     """One bar for each part of the work."""
 
-    def __init__(self, bars: Progress) -> None:
-        self._bars = bars
+    def __init__(self, bars: Progress, plant: str | None) -> None:
+        self._bars, self._plant = bars, plant
         self._task = bars.add_task("", visible=False, total=0)
 
     def published(self, digest: str) -> None:
-        """Say the manifest's digest."""
+        """Say the digests of the plant, where it made the cases, and of the manifest."""
+        if self._plant:
+            self._bars.console.print(f"plant {self._plant}", soft_wrap=True, highlight=False)
         self._bars.console.print(f"manifest {digest}", soft_wrap=True, highlight=False)
 
     def begin(self, what: str, total: int, done: int) -> None:
@@ -108,8 +109,8 @@ class _Bars:
 
 
 @contextmanager
-def _watched() -> Iterator[_Bars]:
+def _watched(plant: str | None) -> Iterator[_Bars]:
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
-        yield _Bars(bars)
+        yield _Bars(bars, plant)

@@ -32,7 +32,7 @@ from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_name
 from gtpin.data.table import Column, Floats
 from gtpin.errors import DatasetError, warn
 from gtpin.output import results_folder, writing
-from gtpin.ownership import refuse_foreign
+from gtpin.ownership import refuse_foreign, was_moved_aside
 
 FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
 """What a dataset's folder may consist of."""
@@ -195,7 +195,8 @@ class Dataset:
             poses |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
         if not force and folder.is_dir():
             with writing(folder, DatasetError):
-                refuse_foreign(folder, sorted(os.listdir(folder)), force, DatasetError)
+                names = (name for name in sorted(os.listdir(folder)) if not was_moved_aside(name))
+                refuse_foreign(folder, names, force, DatasetError)
         with results_folder(folder, FILES, force=force, kind=DatasetError) as beside:
             write_description(beside / "dataset.toml", self._description(self._robot_seen_from(folder)))
             write_table(beside / f"poses.{table}", poses | dict(self.covariates))
