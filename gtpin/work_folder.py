@@ -83,27 +83,39 @@ def _hold(work: Path, until: float) -> int | None:
     """Lock a work folder, which is made where it is missing; None where another process holds it until then."""
     while True:
         made = _made(work)
-        held = -1
         try:
             held = os.open(work / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(held), os.stat(work / LOCK)):
-                return held
         except FileNotFoundError:
-            pass  # whoever held it has taken it away meanwhile: once more
-        except (BlockingIOError, PermissionError):  # another process, or another user
-            if made or time.monotonic() >= until:
+            continue  # whoever held it has taken it away meanwhile
+        except PermissionError:
+            busy = True  # another user's
+        else:
+            busy = not _locked(held, made)
+            if not busy and _is_there(held, work / LOCK):
+                return held
+            os.close(held)
+        if busy:
+            if time.monotonic() >= until:
                 return None
             time.sleep(0.01)
-        except OSError:
-            if held < 0:
-                raise
-            if made:  # a file system without locks: to have made the folder is the lock
-                return held
-            os.close(held)
-            return None
-        if held >= 0:
-            os.close(held)
+
+
+def _locked(held: int, made: bool) -> bool:
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks: to have made the folder is the lock
+        return made
+    return True
+
+
+def _is_there(held: int, file: Path) -> bool:
+    """Whether an open file is still the one of that name: whoever held it before may have taken it away."""
+    try:
+        return os.path.samestat(os.fstat(held), file.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _made(work: Path) -> bool:
