@@ -96,11 +96,19 @@ def calibrate(
             )
         geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset, orientations=orientations)
         dataset = without_sigmas(dataset)
-    return calibrate_geometry(dataset, geometry, progress)
+    return calibrate_geometry(dataset, geometry, progress, lacking=model is not None)
 
 
-def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress | None = None) -> Calibration:
-    """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone."""
+def calibrate_geometry(
+    dataset: Dataset, geometry: Geometry, progress: Progress | None = None, *, lacking: bool = False
+) -> Calibration:
+    """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone.
+
+    Parameters
+    ----------
+    lacking
+        Whether the geometry leaves out by design what others hold: see :class:`~gtpin.calibration.rounds.Rounds`.
+    """
     nominal = Model(geometry)
     poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
     reached = _plausible(dataset, nominal, poses)
@@ -109,7 +117,7 @@ def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress 
     free = dataset.instrument.frame == "free"
     _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
     start = Model(geometry, rough_frame(poses, measured) if free else Frame())
-    settled = Rounds(start, measured, kept.visits, poses, kept.instrument, progress).run()
+    settled = Rounds(start, measured, kept.visits, poses, kept.instrument, progress, lacking).run()
     if not settled.used.all():
         named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
         warnings.warn(f"set aside as gross errors: poses {named}", GtpinWarning, stacklevel=2)
