@@ -93,7 +93,7 @@ class Calibration:
         p, tolerance = problem.n_geometry, geometry.tolerance
         covariance = x_covariance[:p, :p] * np.outer(tolerance, tolerance)
         return Calibration(
-            model=replace(final.point.model, covariance=covariance),
+            model=replace(final.point.model, covariance=covariance, solver="arrays"),
             covariance=covariance,
             observability=observability(np.sqrt(settled.tails.kept(components)) * final.factor, p, final.residual.size),
             noise=settled.noise,

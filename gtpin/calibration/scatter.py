@@ -10,6 +10,8 @@ autocorrelation among regression residuals", Geographical Analysis 4 (1972) 267-
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import cdist
@@ -47,7 +49,10 @@ def independent(start: Model, point: Point, measured: Measured, noise: Noise, J:
     measured, J = measured.take(some), J[some]
     # From where the frame came to rest, which no prior holds; geometry counts from nominal.
     problem = Problem(
-        Model(start.geometry, point.model.frame), measured, noise.take(some).whitening(J, measured.components), free_frame
+        replace(start, frame=point.model.frame),
+        measured,
+        noise.take(some).whitening(J, measured.components),
+        free_frame,
     )
     x = point.x.copy()
     x[problem.n_geometry :] = 0.0
@@ -58,7 +63,7 @@ def independent(start: Model, point: Point, measured: Measured, noise: Noise, J:
 def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
     """How many standard deviations the drives' errors at neighbouring poses are alike beyond chance, by kind of neighbour."""
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
-    poses, c, k = B.shape
+    c, k = B.shape[1:]
     y = problem.residual(point) + B @ point.x
     flat = B.reshape(-1, k)
     C = np.linalg.inv(flat.T @ flat + np.diag(problem.prior))

@@ -45,9 +45,7 @@ def huber(residual: Floats) -> Floats:
     return np.where(norm > ABSURD, 0.0, np.minimum(1.0, bound / np.maximum(norm, 1e-300)))
 
 
-def gross(
-    residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf
-) -> npt.NDArray[np.bool_]:
+def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> npt.NDArray[np.bool_]:
     """(N,) poses whose residual no noise of the size and tails of the others explains.
 
     Parameters

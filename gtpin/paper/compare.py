@@ -33,6 +33,8 @@ class Block:
         Names of the rows and columns.
     printed, ours
         (r, c) the paper's numbers and gtpin's.
+    spread
+        (r, c) standard deviation of gtpin's from one set of poses to the next; None where there is none.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Block:
     columns: tuple[str, ...]
     printed: Floats
     ours: Floats
+    spread: Floats | None = None
 
     @property
     def ratio(self) -> Floats:
@@ -126,11 +129,13 @@ def compare_table1(model: Model, grid: Grid = RECOVERED, seed: int = 0) -> tuple
     printed = tables()
     found = expected_table1(model, grid.commands(model), seed=seed)
     models = ("1", "2", "3", "4", "5")
-    mean = 1e6 * np.array([[error.position.mean for error in found]])
-    largest = 1e6 * np.array([[error.position.maximum for error in found]])
+    told = np.array(
+        [(e.position.mean, e.position.maximum, e.position.mean_spread, e.position.maximum_spread) for e in found]
+    )
+    mean, largest, mean_spread, largest_spread = 1e6 * told.T[:, None]
     return (
-        Block("Table I, mean", "um", ("mean",), models, printed.mean_um[None], mean),
-        Block("Table I, maximum", "um", ("max",), models, printed.max_um[None], largest),
+        Block("Table I, mean", "um", ("mean",), models, printed.mean_um[None], mean, mean_spread),
+        Block("Table I, maximum", "um", ("max",), models, printed.max_um[None], largest, largest_spread),
     )
 
 

@@ -1,4 +1,4 @@
-"""The grid of the paper's first measurement set, whose limits are not printed, recovered from Table III and the count of poses."""
+"""The grid of the paper's first measurement set: its limits are not printed, Table III and the count of poses give them."""
 
 from __future__ import annotations
 
