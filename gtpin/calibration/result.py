@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.rounds import Settled
+from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -138,6 +139,11 @@ class Calibration:
         """Directions in parameter space that the data can't see, the least seen first."""
         return self.observability.unobservable(self.names)
 
+    @cached_property
+    def zeros(self) -> tuple[Zero, ...]:
+        """By actuator, the shift of its zero that the joints on its carrier moved by in common."""
+        return equivalent_zeros(self.model.geometry, self.covariance)
+
     @property
     def chi2_per_dof(self) -> float:
         """Chi-square per degree of freedom: 1 for a model that fits data whose noise is known."""
@@ -184,6 +190,9 @@ class Calibration:
                 )
             ],
             "unobservable": [{"direction": d.weights, "learned": d.learned} for d in self.unobservable],
+            "equivalent_zeros": [
+                {"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in self.zeros
+            ],
             "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in self.correlated()],
             "observability": self.observability.indices,
             "degrees_of_freedom": self.dof,

@@ -187,7 +187,11 @@ class Rounds:
             sight, reach = noises.line_of_sight(self.measured.T, station)
         # What is not declared starts at a tracker's usual size; only its share in the whole matters until it is estimated.
         return Noise(
-            self.instrument.position_sigma or 2e-5, self.instrument.orientation_sigma or 5e-5, sight=sight, reach=reach
+            self.instrument.position_sigma or 2e-5,
+            self.instrument.orientation_sigma or 5e-5,
+            sight=sight,
+            reach=reach,
+            estimated=(not self._declared[0], not self._declared[1]),
         ).at_least(noises.SMALLEST)
 
     def _fit(

@@ -89,9 +89,25 @@ def scatters(c: Calibration) -> str:
     )
 
 
+def cannot_judge(c: Calibration) -> str:
+    """Why chi-square does not judge the fit of the geometry; empty where it does."""
+    if c.noise.source != "residuals":
+        return ""
+    position, orientation = c.noise.estimated
+    if position != orientation and c.residual.shape[1] == 6:
+        taken, other = ("position", "orientation") if position else ("orientation", "position")
+        return (
+            f"the noise of {taken} was taken from these residuals, that of {other} was declared: above 1, what was declared "
+            "is exceeded"
+        )
+    if np.isfinite(c.freedom):
+        return "the noise was taken from these residuals, and far poses count in full here: this can't judge the fit"
+    return "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
+
+
 def _fit(c: Calibration) -> str:
-    if c.noise.source == "residuals":
-        return "The noise was taken from the residuals, so chi-square can't judge the fit of the geometry."
+    if why := cannot_judge(c):
+        return f"Chi-square of geometry alone is {c.chi2_per_dof:.2f} per degree of freedom ({why})."
     spread = np.sqrt(2.0 / c.dof)
     return (
         f"Chi-square of geometry alone is {c.chi2_per_dof:.2f} per degree of freedom; {1.0 - 2.0 * spread:.2f} to "
