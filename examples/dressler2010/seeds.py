@@ -115,7 +115,10 @@ def printed_rods(model: int) -> Floats:
 
 
 def turning_alone() -> Floats:
-    """(3,) what the plate's turning leaves of each cart's links in a reduced arm, um of rod length: Table II's geometry, no errors."""
+    """(3,) what the plate's turning leaves of each cart's links in a reduced arm, um of rod length.
+
+    Of Table II's geometry at the twin's poses, without any other error.
+    """
     robot = gtpin.load_robot("gantry_tau")
     dataset, _ = measure()
     poses = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(dataset.q)

@@ -66,8 +66,9 @@ def calibrate(
         Which parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
         joints, lengths and one direction per cart.
     kinematics
-        ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose by Pinocchio, an order of magnitude slower, with the same
-        result to rounding; for robots with rods whose geometry a URDF carries, and nothing else for robots without rods.
+        Of robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose by Pinocchio, an order of
+        magnitude slower, with the same result to rounding, for geometries that a URDF carries. Robots without rods have
+        Pinocchio in either case.
     progress
         Called with what is being done, the iteration, and the size of the residuals in units of the noise.
 

@@ -49,7 +49,8 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     robot = geometry.robot
     if not robot.rods:
         return ()
-    rates = np.array([seat.by_travel(np.zeros(1))[0] for seat in RodKinematics(geometry).seats])
+    kinematics = RodKinematics(geometry)
+    rates = np.array([seat.by_travel(np.zeros(1))[0] for seat in kinematics.seats]) * kinematics.scale[:, None]
     found = []
     for a, actuator in enumerate(robot.actuators):
         carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == a]

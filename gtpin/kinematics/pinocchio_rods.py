@@ -88,7 +88,7 @@ class PinocchioRods:
 
     @cached_property
     def _at_nominal(self) -> Geometry:
-        """The same parameters of the URDF's robot, whose nominal values they have; of a direction, its turns about both axes."""
+        """The same parameters of the URDF's robot, all at its nominal values; of a direction, its turns about both axes."""
         found = {}
         for p in self.geometry.parameters:
             for one in (replace(p, component=0), replace(p, component=1)) if p.kind == "direction" else (p,):

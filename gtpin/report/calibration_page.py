@@ -106,7 +106,11 @@ def _numbers(c: Calibration) -> list[tuple[str, str]]:
         (
             f"{c.chi2_per_dof:.2f}",
             "chi-square per degree of freedom"
-            + (", which does not judge the fit here" if cannot_judge(c) else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"),
+            + (
+                ", which does not judge the fit here"
+                if cannot_judge(c)
+                else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+            ),
         )
     )
     return numbers

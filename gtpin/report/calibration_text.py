@@ -11,7 +11,7 @@ HEAVY = 1.5
 """Chi-square per degree of freedom from which heavy tails are not taken for granted."""
 ZEROS = """\
 The zero of a drive is no parameter of its own: a shifted zero moves all joints of its cart or arm alike, and stands in the
-cart_joint or arm_joint values above. What they moved by in common, as a shift of the zero (the drive at command 0 stands there)"""
+cart_joint or arm_joint values above. What they moved by in common, as a shift of the zero (where the drive stands at 0)"""
 """What the report says of the drives' zeros."""
 SHOWN = 8
 """Correlations and unobservable directions that are listed."""
