@@ -136,7 +136,8 @@ def calibrate_geometry(
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
-    return Calibration.of(settled, start.seen(poses[settled.used]), rejected)
+    lines = tuple(int(line) for line in dataset.row[aside])
+    return Calibration.of(settled, start.seen(poses[settled.used]), rejected, lines)
 
 
 def _check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:

@@ -13,6 +13,7 @@ from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.rounds import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
+from gtpin.data import Dataset
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -50,6 +51,8 @@ class Calibration:
         Degrees of freedom of the noise's tails; infinite for Gaussian noise.
     poses, rejected
         Number of rows that were used, and the ids of poses of which rows were set aside.
+    rejected_rows
+        Lines of these rows in their file, as the dataset numbers them: of two visits to a pose one may be good.
     chi2, dof
         Squares of the whitened residuals, and measured components less what was learned.
     iterations
@@ -68,6 +71,7 @@ class Calibration:
     freedom: float
     poses: int
     rejected: tuple[str, ...]
+    rejected_rows: tuple[int, ...]
     chi2: float
     dof: float
     iterations: int
@@ -75,15 +79,15 @@ class Calibration:
     residual_before: Floats
 
     @staticmethod
-    def of(settled: Settled, before: Poses, rejected: tuple[str, ...]) -> Calibration:
+    def of(settled: Settled, before: Poses, rejected: tuple[str, ...], rejected_rows: tuple[int, ...]) -> Calibration:
         """Sum up the rounds of a calibration.
 
         Parameters
         ----------
         before
             Nominal poses, as the instrument would see them, of the rows that were used.
-        rejected
-            Ids of the poses set aside.
+        rejected, rejected_rows
+            Ids of the poses set aside, and their lines.
         """
         judged, enlarged = settled.fit, settled.excess
         final = settled.refit(enlarged) if enlarged > 1.0 and not settled.tails.heavy else judged
@@ -102,12 +106,17 @@ class Calibration:
             freedom=settled.tails.freedom,
             poses=len(final.residual),
             rejected=rejected,
+            rejected_rows=rejected_rows,
             chi2=settled.chi2,
             dof=settled.dof,
             iterations=settled.steps,
             residual=problem.measured.minus(final.point.model.seen(final.point.poses)),
             residual_before=problem.measured.minus(before),
         )
+
+    def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
+        """(N,) the rows of the calibrated dataset that were not set aside."""
+        return ~np.isin(dataset.row, self.rejected_rows)
 
     @property
     def names(self) -> tuple[str, ...]:

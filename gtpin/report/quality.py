@@ -30,8 +30,8 @@ class Quality:
     set_aside: Table
 
 
-def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] | None = None) -> Quality:
-    """Judge a dataset by its calibration; ``aside`` are the ids of the poses set aside, the calibration's by default."""
+def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] | None = None) -> Quality:
+    """Judge a dataset by its calibration; ``aside`` are the lines of the rows set aside, the calibration's by default."""
     visits = len(np.unique(dataset.visits))
     repeats = len(dataset) - visits
     facts = [
@@ -53,7 +53,7 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] |
     return Quality(
         tuple(fact for fact in facts if fact),
         _ranges(dataset),
-        _set_aside(dataset, calibration, calibration.rejected if aside is None else aside),
+        _set_aside(dataset, calibration, calibration.rejected_rows if aside is None else aside),
     )
 
 
@@ -134,9 +134,9 @@ def _range(name: str, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]])
     return [label, whole(f"{low:.4g}"), "does not vary" if low == high else whole(f"{high:.4g}")]
 
 
-def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[str]) -> Table:
-    """The poses that were set aside, by how far they lie from the calibrated geometry."""
-    rows = np.flatnonzero(np.isin(dataset.pose.astype(str), list(aside)))
+def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Table:
+    """The rows that were set aside, by how far they lie from the calibrated geometry."""
+    rows = np.flatnonzero(np.isin(dataset.row, list(aside)))
     head = ("pose", "line", "off by")
     if not len(rows):
         return Table(head, [])
