@@ -103,7 +103,7 @@ def _told_once(number: int) -> Iterator[None]:
         warnings.simplefilter("always", GtpinWarning)
         yield
     for text, category in dict.fromkeys((str(w.message), w.category) for w in caught):
-        warnings.warn(f"model {number}: {text}", category, stacklevel=2)
+        warnings.warn(f"model {number}: {text}", category, stacklevel=4)  # past contextlib and compare
 
 
 def within_tracks(robot: Robot, dataset: Dataset) -> npt.NDArray[np.bool_]:

@@ -67,7 +67,7 @@ def test_it_stands_in_the_reports_with_the_word_zero(found):
 
 
 def test_joints_that_no_calibration_may_move_have_no_zero():
-    machine, dataset = shifted(1)
+    dataset = shifted(1)[1]
     assert gtpin.calibrate(dataset, without=["cart_joint"]).zeros == ()
 
 
