@@ -16,6 +16,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
 from gtpin.data import Dataset, check_plausible
 from gtpin.errors import DatasetError, ModelError, RobotError, warn
+from gtpin.kinematics.kinematics import Solver
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model import Frame, Model
@@ -43,6 +44,7 @@ def calibrate(
     directions: Per = "actuator",
     scale: Per | None = None,
     without: Iterable[str] = (),
+    kinematics: Solver = "arrays",
     progress: Progress | None = None,
 ) -> Calibration:
     """Identify joint offsets, rod lengths and track geometry by Gauss-Newton with manufacturing tolerances as priors.
@@ -62,6 +64,10 @@ def calibrate(
     directions, scale, without
         Which parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
         joints, lengths and one direction per cart.
+    kinematics
+        Of robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose by Pinocchio, an order of
+        magnitude slower, with the same result to rounding, for geometries that a URDF carries. Robots without rods have
+        Pinocchio in either case.
     progress
         Called with what is being done, the iteration, and the size of the residuals in units of the noise.
 
@@ -95,20 +101,33 @@ def calibrate(
             )
         geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset, orientations=orientations)
         dataset = without_sigmas(dataset)
-    return calibrate_geometry(dataset, geometry, progress)
+    return calibrate_geometry(dataset, geometry, progress, lacking=model is not None, kinematics=kinematics)
 
 
-def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress | None = None) -> Calibration:
-    """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone."""
-    nominal = Model(geometry)
+def calibrate_geometry(
+    dataset: Dataset,
+    geometry: Geometry,
+    progress: Progress | None = None,
+    *,
+    lacking: bool = False,
+    kinematics: Solver = "arrays",
+) -> Calibration:
+    """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone.
+
+    Parameters
+    ----------
+    lacking
+        Whether the geometry leaves out by design what others hold: see :class:`~gtpin.calibration.rounds.Rounds`.
+    """
+    nominal = Model(geometry, solver=kinematics)
     poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
     reached = _plausible(dataset, nominal, poses)
     kept, poses = dataset.take(reached), poses[reached]
     measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
     free = dataset.instrument.frame == "free"
     _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
-    start = Model(geometry, rough_frame(poses, measured) if free else Frame())
-    settled = Rounds(start, measured, kept.visits, poses, kept.instrument, progress).run()
+    start = replace(nominal, frame=rough_frame(poses, measured) if free else Frame())
+    settled = Rounds(start, measured, kept.visits, poses, kept.instrument, progress, lacking).run()
     if not settled.used.all():
         named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
         warn(f"set aside as gross errors: poses {named}")
@@ -116,7 +135,8 @@ def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress 
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
-    return Calibration.of(settled, start.seen(poses[settled.used]), rejected)
+    lines = tuple(int(line) for line in dataset.row[aside])
+    return Calibration.of(settled, start.seen(poses[settled.used]), rejected, lines)
 
 
 def _check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:

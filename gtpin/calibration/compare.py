@@ -165,7 +165,7 @@ def _closures_known(dataset: Dataset) -> bool:
 
 def _fitted(geometry: Geometry, dataset: Dataset, cost: Cost) -> Model:
     if cost == "pose":
-        return calibrate_geometry(without_sigmas(dataset), geometry).model
+        return calibrate_geometry(without_sigmas(dataset), geometry, lacking=True).model
     return Model(fit_closures(geometry, dataset.q, _poses(dataset)).geometry)
 
 

@@ -45,6 +45,8 @@ class Noise:
         Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
     dof
         Degrees of freedom that the sigmas were estimated with; infinite where they are declared.
+    estimated
+        Whether the position's and the orientation's sigma were estimated from the data.
     """
 
     position_sigma: float
@@ -55,6 +57,7 @@ class Noise:
     range_ratio: float = 1.0
     source: str = "declared"
     dof: float = np.inf
+    estimated: tuple[bool, bool] = (False, False)
 
     def covariance(self, command_jacobian: Floats, components: int) -> Floats:
         """(N, c, c) covariance of the measured pose: position alone (c = 3) or with the rotation vector (c = 6).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -95,7 +95,8 @@ class Problem:
     def point(self, x: Floats, near: Poses | None = None) -> Point:
         """The model at x, and its poses; NaN where it can't reach one."""
         geometry = self.start.geometry
-        model = Model(geometry.with_values(geometry.values + geometry.tolerance * x[: self.n_geometry]), self._frame(x))
+        moved = geometry.with_values(geometry.values + geometry.tolerance * x[: self.n_geometry])
+        model = replace(self.start, geometry=moved, frame=self._frame(x))
         return Point(x, model, model.kinematics.forward(self.measured.q, near))
 
     def residual(self, point: Point) -> Floats:

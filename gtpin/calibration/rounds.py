@@ -14,6 +14,7 @@ from gtpin.calibration import weights
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Problem, in_frame
+from gtpin.calibration.scatter import independent
 from gtpin.data import Instrument
 from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.poses import Poses
@@ -40,6 +41,12 @@ NEAREST = 0.1
 """Least distance, m, of an instrument from what it measures."""
 CORE = 1.2
 """Size of the residuals' core over the noise from which heavy tails are a lack of fit too."""
+LACKING_FREEDOM = 7.0
+"""Freedoms of the t distribution that gross errors of a model that lacks something by design are judged by: nobody knows the
+tails of what it leaves, which are longest at the workspace's edge. Assumed; of 50 poses, one whose residual is 14 times
+(positions alone) or 18 times the core's sigma is a gross error then. ``examples/dressler2010/seeds.py`` counts the good poses
+that are set aside all the same.
+"""
 LACK_OF_FIT = 1e-3
 """Chance of a larger chi-square below which the model counts as lacking something."""
 
@@ -112,6 +119,9 @@ class Rounds:
         What the dataset declares.
     progress
         Called with what is being done, the iteration, and the size of the residuals in units of the noise.
+    lacking
+        Whether the model leaves out by design what others hold. Residuals of single visits are then no scatter of the drives,
+        and gross errors are judged by heavier tails than they may show.
     """
 
     start: Model
@@ -120,6 +130,7 @@ class Rounds:
     near: Poses
     instrument: Instrument
     progress: Progress | None
+    lacking: bool = False
 
     def run(self) -> Settled:
         """Run until the poses set aside and the noise stay as they are.
@@ -137,8 +148,8 @@ class Rounds:
             noise = noises.roughly(noise, self.measured.minus(self._predicted(outcome)), self._declared)
         for number in range(1, MAX_ROUNDS + 1):
             left = self.measured.minus(self._predicted(outcome))
-            now_used = ~weights.gross(_whiten(noise, J, left), used)
-            now_noise = self._estimated(noise, outcome, now_used, left, J)
+            now_used = ~weights.gross(_whiten(noise, J, left), used, LACKING_FREEDOM if self.lacking else np.inf)
+            now_noise = self._estimated(noise, outcome, now_used, now_used[used], left, J)
             # By the noise of the round before: squares of residuals that were not weighted by their tails hide them.
             now_tails = weights.Tails.of(_whiten(noise, J, left)[now_used])
             if number > FREE_ROUNDS:
@@ -176,7 +187,11 @@ class Rounds:
             sight, reach = noises.line_of_sight(self.measured.T, station)
         # What is not declared starts at a tracker's usual size; only its share in the whole matters until it is estimated.
         return Noise(
-            self.instrument.position_sigma or 2e-5, self.instrument.orientation_sigma or 5e-5, sight=sight, reach=reach
+            self.instrument.position_sigma or 2e-5,
+            self.instrument.orientation_sigma or 5e-5,
+            sight=sight,
+            reach=reach,
+            estimated=(not self._declared[0], not self._declared[1]),
         ).at_least(noises.SMALLEST)
 
     def _fit(
@@ -205,8 +220,16 @@ class Rounds:
         model = outcome.point.model
         return model.seen(model.kinematics.forward(self.measured.q, self.near))
 
-    def _estimated(self, noise: Noise, outcome: Fit, used: Mask, left: Floats, J: Floats) -> Noise:
-        """The noise, as far as it is not declared, from repeated visits or else from the residuals."""
+    def _estimated(self, noise: Noise, outcome: Fit, used: Mask, still: Mask, left: Floats, J: Floats) -> Noise:
+        """The noise, as far as it is not declared, from repeated visits or else from the residuals.
+
+        Parameters
+        ----------
+        used
+            (N,) the poses that are no gross errors.
+        still
+            Which of the poses that ``outcome`` was fitted to are among them.
+        """
         if noise.sight is not None:
             noise = replace(noise, range_ratio=noises.range_ratio(noise.take(used), left[used, :3]))
         contrast, rows = noises.contrasts(self.visits[used], left[used])
@@ -217,44 +240,51 @@ class Rounds:
             if all(self._declared) or told.repeatability > 0.0:
                 return told
             # A few repeats tell the noise roughly, all the residuals well: theirs holds unless it is larger.
-            fitted = self._from_residuals(noise, outcome)
+            fitted = self._from_residuals(noise, outcome, still)
             return told if _larger(fitted, told) else fitted
         if all(self._declared):
             return noise
-        fitted = self._from_residuals(noise, outcome)
+        fitted = self._from_residuals(noise, outcome, still)
         # Positions alone, or beside a sigma that is declared, hardly tell drives' scatter from an instrument's.
-        if any(self._declared):
+        if any(self._declared) or self.lacking:
             return fitted
-        told = self._with_repeatability(fitted.take(used), outcome, left[used], J[used])
-        return replace(told, sight=noise.sight, reach=noise.reach)
+        return self._with_repeatability(fitted, outcome, used, left[used], J[used])
 
-    def _with_repeatability(self, noise: Noise, outcome: Fit, left: Floats, J: Floats) -> Noise:
+    def _with_repeatability(self, noise: Noise, outcome: Fit, used: Mask, left: Floats, J: Floats) -> Noise:
         """The same sigmas, or others with the machine's own scatter, where few poses were visited twice and residuals show it.
 
         An instrument's noise does not know where the drives point: residuals that lie along the motions of single drives
-        are the machine's. They are counted up for the freedoms that the fit took.
+        are the machine's. They are counted up for the freedoms that the fit took. They are its scatter only where they are
+        independent from pose to pose: what neighbouring poses share, the model lacks.
         """
         some = np.arange(len(left))[:: 1 + len(left) // ENOUGH]
         whole = left[some] * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))
-        told = noises.from_repeats(noise.take(some), whole, J[some], self._declared)
+        told = noises.from_repeats(noise.take(used).take(some), whole, J[some], self._declared)
         if told.repeatability == 0.0:
             return noise
-        return replace(told, sight=noise.sight, reach=noise.reach, source="residuals", dof=outcome.residual.size / 2.0)
+        measured, free = self.measured.take(used), self.instrument.frame == "free"
+        shown = replace(told, sight=noise.sight, reach=noise.reach, source="residuals", dof=outcome.residual.size / 2.0)
+        return shown if independent(self.start, outcome.point, measured, shown.take(used), J, free) else noise
 
     def _volume(self, noise: Noise, J: Floats) -> float:
         """How much a noise admits: the mean log determinant of its covariance."""
         return float(np.linalg.slogdet(noise.covariance(J, self.measured.components))[1].mean())
 
-    def _from_residuals(self, noise: Noise, outcome: Fit) -> Noise:
-        """Undeclared sigmas by the residuals' squares, over the freedoms that the fit left in each kind of component."""
+    def _from_residuals(self, noise: Noise, outcome: Fit, still: Mask) -> Noise:
+        """Undeclared sigmas by the residuals' squares, over the freedoms that the fit left in each kind of component.
+
+        Of the poses that are ``still`` used: a gross error that the fit was made with would make the noise so large that it
+        is taken for good in the next round, and set aside in the one after that.
+        """
+        weight = outcome.weight * still
         taken, covariance = np.zeros(self.measured.components), outcome.covariance
         for rows in outcome.problem.chunks():
-            J = outcome.problem.jacobian(outcome.point, rows) * np.sqrt(outcome.weight[rows])[:, None, None]
+            J = outcome.problem.jacobian(outcome.point, rows) * np.sqrt(weight[rows])[:, None, None]
             taken += np.einsum("nci,ij,ncj->c", J, covariance, J, optimize=True)
-        squares = (outcome.weight[:, None] * outcome.residual**2).sum(axis=0)
+        squares = (weight[:, None] * outcome.residual**2).sum(axis=0)
         factors = [1.0, 1.0]
         for i, kind in enumerate((slice(0, 3), slice(3, 6))):
-            freedoms = outcome.weight.sum() * len(taken[kind]) - taken[kind].sum()
+            freedoms = weight.sum() * len(taken[kind]) - taken[kind].sum()
             if not self._declared[i]:
                 factors[i] = float(np.sqrt(squares[kind].sum() / max(freedoms, 1.0)))
         return replace(

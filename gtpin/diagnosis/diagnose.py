@@ -82,9 +82,12 @@ def diagnose(
     report("searching for causes", 0, float(np.sqrt(baseline.chi2_per_dof)))
     rng = np.random.default_rng(seed)
     believable, sure = believed(dataset, baseline, excluded, false_alarm)
-    kept, rows, everything, evidence = _sought(dataset.take(believable), baseline, excluded, false_alarm, rng)
+    kept, rows, everything, evidence = _sought(
+        dataset.take(believable), ~sure[believable], baseline, excluded, false_alarm, rng
+    )
     if not evidence.found.named.names and (believable != sure).any():
-        kept, rows, everything, evidence = _sought(dataset.take(sure), baseline, excluded, false_alarm, rng)
+        none = np.zeros(np.count_nonzero(sure), dtype=bool)
+        kept, rows, everything, evidence = _sought(dataset.take(sure), none, baseline, excluded, false_alarm, rng)
     found, design, pool = evidence.found, evidence.design, evidence.pool
     names = found.named.names
     candidates = [pool.candidates[name] for name in names]
@@ -114,6 +117,7 @@ def diagnose(
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     left_over = unexplained(pool, found.named, found.verdict == "unknown")
+    aside = ~np.isin(dataset.row, kept.row)
     report("what to measure next", 0, float("nan"))
     return Diagnosis(
         verdict=found.verdict,
@@ -124,7 +128,8 @@ def diagnose(
         unexplained=left_over,
         baseline=baseline,
         model=model,
-        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[~np.isin(dataset.row, kept.row)])),
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside])),
+        set_aside_rows=tuple(int(line) for line in dataset.row[aside]),
         next_experiment=plan(
             evidence.observed,
             baseline.model,
@@ -168,10 +173,21 @@ class _Evidence:
 
 
 def _sought(
-    kept: Dataset, baseline: Calibration, exclude: Collection[str], false_alarm: float, rng: np.random.Generator
+    kept: Dataset,
+    readmitted: npt.NDArray[np.bool_],
+    baseline: Calibration,
+    exclude: Collection[str],
+    false_alarm: float,
+    rng: np.random.Generator,
 ) -> tuple[Dataset, npt.NDArray[np.intp], Observed, _Evidence]:
-    """The same poses, which of them (k,) the search was made on, all as they were observed, and what was found."""
-    rows = np.sort(rng.permutation(len(kept))[:MOST_POSES])
+    """The same poses, which of them (k,) the search was made on, all as they were observed, and what was found.
+
+    Of more than ``MOST_POSES`` a random part; of poses that the calibration had set aside (``readmitted``) as many as half
+    of it has room for, so that their cause is there to be found and they to be judged again.
+    """
+    drawn = rng.permutation(len(kept))
+    first = drawn[readmitted[drawn]][: MOST_POSES // 2]
+    rows = np.sort(np.concatenate([first, drawn[~readmitted[drawn]]])[:MOST_POSES])
     everything = Observed.of(kept, baseline)
     found = _searched(everything.take(rows), baseline.model, kept.instrument, exclude, false_alarm)
     return kept, rows, everything, found

@@ -97,7 +97,9 @@ class Diagnosis:
     model
         Predicts with the causes in; ``baseline.model`` without.
     set_aside
-        Ids of the poses that were taken for gross errors, beside the causes.
+        Ids of the poses of which rows were taken for gross errors, beside the causes.
+    set_aside_rows
+        Lines of these rows in their file.
     next_experiment
         What to measure to tell more.
     """
@@ -111,6 +113,7 @@ class Diagnosis:
     baseline: Calibration
     model: Model
     set_aside: tuple[str, ...]
+    set_aside_rows: tuple[int, ...]
     next_experiment: tuple[Experiment, ...] = ()
 
     def to_json(self) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         Of the diagnosis, for the record.
     """
     robot = diagnosis.baseline.model.robot
-    residuals = Residuals.of(dataset, diagnosis.baseline, diagnosis.model, diagnosis.set_aside)
+    residuals = Residuals.of(dataset, diagnosis.baseline, diagnosis.model, diagnosis.set_aside_rows)
     own_curves = _found_curves(diagnosis, residuals)
     named = named_causes(diagnosis, {key: reach(found) for key, found in own_curves.items()})
     sites = [c.site for c in diagnosis.causes] or [site for site, _, _ in diagnosis.unexplained.correlates]
@@ -98,7 +98,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         untestable=untestable(diagnosis.candidates),
         moved=moved,
         parameters=parameters,
-        quality=quality(dataset, diagnosis.baseline, diagnosis.set_aside),
+        quality=quality(dataset, diagnosis.baseline, diagnosis.set_aside_rows),
         method=diagnosis.to_json()["gap"]["method"],
     )
 

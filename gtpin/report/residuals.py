@@ -52,18 +52,18 @@ class Residuals:
 
     @staticmethod
     def of(
-        dataset: Dataset, baseline: Calibration, model: Model | None = None, aside: Collection[str] | None = None
+        dataset: Dataset, baseline: Calibration, model: Model | None = None, aside: Collection[int] | None = None
     ) -> Residuals:
-        """Of the poses that were not set aside.
+        """Of the rows that were not set aside.
 
         Parameters
         ----------
         model
             With the causes; the baseline's own where there are none.
         aside
-            Ids of the poses that were; the baseline's by default.
+            Lines of the rows that were; the baseline's by default.
         """
-        kept = dataset.take(~np.isin(dataset.pose.astype(str), list(baseline.rejected if aside is None else aside)))
+        kept = dataset.take(~np.isin(dataset.row, list(baseline.rejected_rows if aside is None else aside)))
         measured = measured_poses(kept if baseline.residual.shape[1] == 6 else replace(kept, orientation=None))
         before = measured.minus(baseline.model.predict(kept.q))
         after = before if model is None else measured.minus(model.predict(kept.q, kept.covariates))
