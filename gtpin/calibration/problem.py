@@ -36,9 +36,9 @@ class Measured:
         """Numbers measured per pose."""
         return 3 if self.R is None else 6
 
-    def take(self, rows: npt.NDArray[np.generic]) -> Measured:
+    def take(self, rows: npt.NDArray[np.generic] | slice) -> Measured:
         """Some of the poses; these themselves where a mask names all."""
-        if rows.dtype == bool and rows.all():
+        if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.all():
             return self
         return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
 
