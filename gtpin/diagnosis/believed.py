@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.data.ids import among
 from gtpin.diagnosis.decide import rough_guess
 from gtpin.diagnosis.evidence import Posterior
 from gtpin.diagnosis.fit import Observed
@@ -42,9 +43,11 @@ def believed(
         (N,) poses that the calibration kept, or set aside and a cause explains; and (N,) those that it kept. Of more than
         ``MOST_POSES`` the same.
     """
-    sure = ~np.isin(dataset.pose.astype(str), baseline.rejected)
+    sure = ~among(dataset.pose, baseline.rejected)
+    if len(dataset) > MOST_POSES:
+        return sure, sure
     suspects = ~sure & baseline.model.kinematics.forward(dataset.q).reached
-    if suspects.sum() < FEWEST or len(dataset) > MOST_POSES:
+    if suspects.sum() < FEWEST:
         return sure, sure
     rows = np.flatnonzero(sure | suspects)
     design = Observed.of(dataset.take(rows), baseline).design(baseline.model)

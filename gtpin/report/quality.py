@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.data.ids import among
 from gtpin.data.names import lookalikes
 from gtpin.report.page import Table
 from gtpin.report.words import counted, covariate_unit, length, quantity, whole, with_unit
@@ -120,7 +121,7 @@ def _range(name: str, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]])
 
 def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[str]) -> Table:
     """The poses that were set aside, by how far they lie from the calibrated geometry."""
-    rows = np.flatnonzero(np.isin(dataset.pose.astype(str), list(aside)))
+    rows = np.flatnonzero(among(dataset.pose, aside))
     head = ("pose", "line", "off by")
     if not len(rows):
         return Table(head, [])
