@@ -219,10 +219,12 @@ class Rounds:
             if self.progress is not None:
                 self.progress(what, iteration, rms)
 
+        near = self.near if near is None else near
+        if not used.all():
+            noise, J, near = noise.take(used), J[used], near[used]
         measured = self.measured.take(used)
-        whitening = noise.take(used).whitening(J[used], measured.components)
+        whitening = noise.whitening(J, measured.components)
         problem = Problem(self.start, measured, whitening, self.instrument.frame == "free")
-        near = self.near[used] if near is None else near[used]
         if rough:
             return fit(problem, weigh, x, report, near=near, decrease=ROUGHLY, enough=ROUGH_STEPS)
         return fit(problem, weigh, x, report, near=near)
