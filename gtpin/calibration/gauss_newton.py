@@ -163,5 +163,5 @@ def _step(curvature: Floats, gradient: Floats, damping: float) -> Floats:
         return np.asarray(cho_solve(cho_factor(damped), gradient))
     except LinAlgError:
         raise ConvergenceError(
-            "the fit has no unique minimum", hint="measure more poses, or leave parameters out"
+            "the fit has no unique minimum", hint=f"measure more poses, leave parameters out, or {_HINT}"
         ) from None
