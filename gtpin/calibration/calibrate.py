@@ -19,6 +19,7 @@ from gtpin.errors import DatasetError, ModelError, RobotError, warn
 from gtpin.kinematics.kinematics import Solver
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
+from gtpin.memory import amount, require
 from gtpin.model import Frame, Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
@@ -27,6 +28,12 @@ from gtpin.robot.robot import Robot
 
 Mask = npt.NDArray[np.bool_]
 
+FIXED = 80e6
+"""Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
+PER_POSE = 1200.0
+"""Bytes of memory that it needs for each pose, besides the dataset. Measured: 600 to 900 (docs/speed.md)."""
+MANY = 100_000
+"""Poses from which on the memory that they need is told beforehand."""
 FAR = 0.01
 """Median position error after a fit, m, that no calibrated robot shows."""
 MISFIT = 10.0
@@ -119,6 +126,10 @@ def calibrate_geometry(
     lacking
         Whether the geometry leaves out by design what others hold: see :class:`~gtpin.calibration.rounds.Rounds`.
     """
+    needed = FIXED + PER_POSE * len(dataset)
+    require(f"calibrating {len(dataset):,} poses", needed)
+    if progress is not None and len(dataset) >= MANY:
+        progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
     nominal = Model(geometry, solver=kinematics)
     poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
     reached = _plausible(dataset, nominal, poses)

@@ -42,7 +42,8 @@ def believed(
         (N,) rows that the calibration kept, or set aside and a cause explains; and (N,) those that it kept.
     """
     sure = baseline.used(dataset)
-    suspects = np.flatnonzero(~sure & baseline.model.kinematics.forward(dataset.q).reached)
+    suspects = np.flatnonzero(~sure)
+    suspects = suspects[baseline.model.kinematics.forward(dataset.q[suspects]).reached]
     if len(suspects) < FEWEST:
         return sure, sure
     explained = np.zeros(len(dataset), dtype=bool)

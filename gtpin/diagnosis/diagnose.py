@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.calibrate import FIXED, PER_POSE, calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
@@ -28,6 +28,7 @@ from gtpin.diagnosis.unexplained import unexplained
 from gtpin.diagnosis.where import where
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.memory import require
 from gtpin.model import Model
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
@@ -38,6 +39,10 @@ FALSE_ALARM = 0.01
 """Chance of naming a cause where there is none."""
 REGIONS = 12
 """Boxes that the workspace is cut into."""
+SEARCHED, SEARCHED_A_COVARIATE = 130e3, 45e3
+"""Bytes of memory for each pose that a search is made on, and for each of its covariates in addition: displacements by every
+candidate. Measured: docs/speed.md.
+"""
 TOGETHER = 4
 """Neighbouring poses that are left out together."""
 ROUNDS = 2
@@ -75,6 +80,8 @@ def diagnose(
     """
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
     excluded = check_excluded(exclude, nominal)
+    searching = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
+    require(f"diagnosing {len(dataset):,} poses", FIXED + searching + PER_POSE * len(dataset))
     baseline = calibrate(dataset, nominal, progress=progress)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")

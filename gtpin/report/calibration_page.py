@@ -12,7 +12,7 @@ from gtpin.report.maps import maps
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import cannot_judge, quality, scatters
-from gtpin.report.residual_plots import ONE_LAYER, against_covariates, components
+from gtpin.report.residual_plots import ONE_LAYER, against_covariates, components, selection
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
@@ -58,6 +58,7 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
         sketch=sketch(machine, robot.rod_sites, {}, {}) if machine else None,
         views=views,
         component=component,
+        selection=selection(residuals),
         layers=ONE_LAYER,
         moved=moved,
         parameters=parameters,

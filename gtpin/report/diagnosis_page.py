@@ -21,7 +21,16 @@ from gtpin.report.maps import maps
 from gtpin.report.page import Plot, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import quality
-from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_covariates, commanded, components, leading, over_two
+from gtpin.report.residual_plots import (
+    LAYERS,
+    ONE_LAYER,
+    against_covariates,
+    commanded,
+    components,
+    leading,
+    over_two,
+    selection,
+)
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
@@ -84,6 +93,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         where=_where_bars(diagnosis.where),
         regions=_regions(diagnosis.where),
         component=component,
+        selection=selection(residuals),
         layers=LAYERS if named else ONE_LAYER,
         views=views,
         bars=bars,
