@@ -12,10 +12,15 @@ import numpy.typing as npt
 
 from gtpin.calibration import weights
 from gtpin.calibration.paper_models import MEASURED, model_geometry
+from gtpin.calibration.prepared import prepared
 from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.recognise import REACHED, recognised
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
-from gtpin.data import Dataset, check_plausible
+from gtpin.data import Dataset, check_commands, check_measurements
+from gtpin.data.extremes import check_extremes
+from gtpin.data.names import ORIENTATION
+from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError, GtpinWarning, ModelError, RobotError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
@@ -102,9 +107,13 @@ def calibrate(
 def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress | None = None) -> Calibration:
     """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone."""
     nominal = Model(geometry)
-    poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
-    reached = _plausible(dataset, nominal, poses)
-    kept, poses = dataset.take(reached), poses[reached]
+    check_extremes(dataset)
+    dataset = prepared(_with_actuators_of(nominal.robot, dataset)[1], nominal)
+    reached = sane_rows(dataset)
+    poses = nominal.kinematics.forward(dataset.q[reached])
+    plausible = _plausible(dataset.take(reached), nominal, poses)
+    reached[reached] = plausible
+    kept, poses = dataset.take(reached), poses[plausible]
     measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
     free = dataset.instrument.frame == "free"
     _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
@@ -211,17 +220,31 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
     if geometry.reduced:
         dataset = replace(dataset, orientation=None)
-    plausible = check_plausible(
-        dataset,
-        names=robot.sites,
-        lower=robot.lower,
-        upper=robot.upper,
-        revolute=robot.revolute,
-        predicted_position=poses.T,
-        predicted_rotation=poses.R,
-        reach=max(0.05, 50.0 * max(lengths, default=0.0)),
-    )
+    if poses.reached.mean() <= REACHED:
+        _check_readings(dataset, nominal, poses, ~outside)
+    try:
+        check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    except DatasetError:
+        _check_readings(dataset, nominal, poses, ~outside)  # which unit it is, the measurements may say
+        raise
+    reach = max(0.05, 50.0 * max(lengths, default=0.0))
+    try:
+        plausible = check_measurements(dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach)
+    except DatasetError as error:
+        if error.column == " ".join(ORIENTATION):  # which order it is, positions that do not fit can't say
+            _check_readings(replace(dataset, orientation=None), nominal, poses, ~outside)
+        raise
+    _check_readings(dataset, nominal, poses, plausible & ~outside)
     return np.asarray(plausible & ~outside)
+
+
+def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> None:
+    """Refuse data that only fit the robot when they are read in another way than the format's."""
+    looks = recognised(
+        nominal, poses[rows], measured_poses(dataset.take(rows)), free=dataset.instrument.frame == "free"
+    )
+    if looks is not None:
+        raise DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
 
 
 def _check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:

@@ -9,13 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.prepared import prepared
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
+from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.believed import MOST_POSES, believed
 from gtpin.diagnosis.causes import cause
 from gtpin.diagnosis.decide import Decision, decide, rough_guess, split, with_fine
 from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.filled_in import without_filled_in
 from gtpin.diagnosis.fit import Observed, fit_together
 from gtpin.diagnosis.next_experiment import plan
 from gtpin.diagnosis.noise import asked_again, gross_errors
@@ -29,6 +32,7 @@ from gtpin.diagnosis.where import where
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Model
+from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 
@@ -75,6 +79,8 @@ def diagnose(
     """
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
     excluded = check_excluded(exclude, nominal)
+    recorded = dataset = prepared(dataset, Model(Geometry.nominal(nominal)))
+    dataset = without_filled_in(dataset.take(sane_rows(dataset)))
     baseline = calibrate(dataset, nominal, progress=progress)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
@@ -124,7 +130,7 @@ def diagnose(
         unexplained=left_over,
         baseline=baseline,
         model=model,
-        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[~np.isin(dataset.row, kept.row)])),
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[~np.isin(recorded.row, kept.row)])),
         next_experiment=plan(
             evidence.observed,
             baseline.model,
