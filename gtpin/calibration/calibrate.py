@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration import weights
+from gtpin.calibration.convention import other_convention
 from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.prepared import prepared
 from gtpin.calibration.problem import Measured, rough_frame
-from gtpin.calibration.recognise import REACHED, recognised
+from gtpin.calibration.recognise import REACHED, either, recognised
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
 from gtpin.data import Dataset, check_commands, check_measurements
@@ -122,11 +123,20 @@ def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress 
     if not settled.used.all():
         named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
         warnings.warn(f"set aside as gross errors: poses {named}", GtpinWarning, stacklevel=2)
+    _check_convention(dataset, settled)
     _check_fit(dataset, settled, start.seen(poses))
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
     return Calibration.of(settled, start.seen(poses[settled.used]), rejected)
+
+
+def _check_convention(dataset: Dataset, settled: Settled) -> None:
+    """Refuse orientations that fit far better when they are read by another convention."""
+    found = other_convention(settled.fit)
+    if found:
+        looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
+        raise DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
 
 
 def _check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -97,13 +97,19 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
     enough = AS_GOOD * min(misfit for misfit, _ in tried) + CLOSE * search.size
     good = [(misfit, reading) for misfit, reading in tried if misfit <= enough]
     fewest = min(reading.mistakes for _, reading in good)
-    chosen = sorted((t for t in good if t[1].mistakes == fewest), key=lambda t: t[0])
-    # Of readings that fit alike none is preferred: all are named.
-    alike = [reading for misfit, reading in chosen if misfit <= AS_GOOD * chosen[0][0]][:MOST_NAMED]
-    looks, hints = (
-        "; or ".join(dict.fromkeys(words)) for words in zip(*((r.looks, r.hint) for r in alike), strict=True)
-    )
+    chosen = [t for t in good if t[1].mistakes == fewest]
+    # Of readings that fit alike none is preferred: all are named, the usual ones first.
+    best = min(misfit for misfit, _ in chosen)
+    alike = [reading for misfit, reading in chosen if misfit <= AS_GOOD * best]
+    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in alike), strict=True))
     return Reading(alike[0].columns, looks, hints, fewest, alike[0].measured, alike[0].poses)
+
+
+def either(words: Iterable[str]) -> str:
+    """Several possibilities, and that there are more where only the first are named."""
+    different = list(dict.fromkeys(words))
+    more = ["something alike"] * (len(different) > MOST_NAMED)
+    return "; or ".join(different[:MOST_NAMED] + more)
 
 
 class Search:

@@ -6,16 +6,20 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import permutations
+from typing import Final, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtpin.data.table import Floats
 
-VECTOR = "rotation vector"
-BY_AXIS = (VECTOR, "xyz", "zyx", "yxz", "xzy", "yzx", "zxy")
+Sequence = Literal["xyz", "zyx", "yxz", "xzy", "yzx", "zxy", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ"]
+Convention = Sequence | Literal["rotation vector"]
+
+VECTOR: Final = "rotation vector"
+BY_AXIS: tuple[Convention, ...] = (VECTOR, "xyz", "zyx", "yxz", "xzy", "yzx", "zxy")
 """Three numbers, one about each of x, y and z; the turns in that order about fixed axes, or in reverse about moving ones."""
-BY_ORDER = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ")
+BY_ORDER: tuple[Sequence, ...] = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ")
 """Three angles in the order of the turns: lower case about fixed axes, upper case about moving ones (SciPy's names)."""
 
 
@@ -31,8 +35,8 @@ class Misread:
         Whether each number stayed with its axis; else each stayed at its place among the three.
     """
 
-    meant: str
-    taken: str
+    meant: Convention
+    taken: Convention
     by_axis: bool
 
     @property
@@ -63,7 +67,7 @@ class Misread:
             numbers = numbers[:, ["xyz".index(axis) for axis in self.meant]]
         return np.asarray(Rotation.from_euler(self.meant, numbers).as_matrix())
 
-    def _said(self, convention: str) -> str:
+    def _said(self, convention: Convention) -> str:
         if convention == VECTOR:
             return "rotation vectors"
         if self.by_axis:

@@ -60,8 +60,8 @@ KINDS = (
 ROOM = (-40.0, 90.0)
 """degC between which a shop floor's temperatures lie when they are read in kelvin."""
 WARM, MILD, USUAL = 45.0, (10.0, 40.0), 25.0
-"""Temperatures look like Fahrenheit where their middle is above the first, between the next two when it is read so, and above the
-reference temperature by the last, K."""
+"""Temperatures look like Fahrenheit where their middle is above the first, between the next two when it is read so, and
+above the reference temperature by the last, K."""
 
 
 def sane_rows(dataset: Dataset) -> Mask:
