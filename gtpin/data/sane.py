@@ -47,10 +47,12 @@ class Kind:
     spans: float = 1.0
 
 
+FASTEST = 20.0
+"""Speed, m/s or rad/s, that no actuator of a parallel robot has: a stated assumption."""
 KINDS = (
     # 85 degC stands in a DS18B20 at power-up, -127 degC is its library's error; 0 and -273.15 are 0 counts and 0 K.
     Kind(re.compile("temp.*"), "a temperature in degC", -60.0, 150.0, (0.0, 85.0, 127.0, -127.0, *_OVERFLOW), 5.0),
-    Kind(re.compile("speed[0-9]+"), "a speed in m/s or rad/s", -20.0, 20.0, _OVERFLOW, 10.0),
+    Kind(re.compile("speed[0-9]+"), "a speed in m/s or rad/s", -FASTEST, FASTEST, _OVERFLOW, 10.0),
     Kind(re.compile("payload"), "a payload in kg", 0.0, 1e5, (65535.0, 32767.0, 9999.0, 99999.0), 1e3),
     Kind(re.compile("f[xyz]"), "a force in N", -1e6, 1e6, _OVERFLOW, 500.0),
     Kind(re.compile("time"), "a time in s", -1e20, 1e20, (0.0, -1.0, *_OVERFLOW), 60.0, 10.0),
@@ -125,7 +127,7 @@ def _check_units(dataset: Dataset, name: str, values: Floats) -> None:
             raise _looks(dataset, name, "degrees Fahrenheit", hint)
     if re.fullmatch("speed[0-9]+", name):
         moving = np.abs(values[values != 0.0])
-        if len(moving) and float(np.median(moving)) > KINDS[1].highest:
+        if len(moving) and FASTEST < float(np.median(moving)) <= 1e3 * FASTEST:
             raise _looks(dataset, name, "mm/s or degrees/s", "speeds are in m/s or rad/s")
 
 
