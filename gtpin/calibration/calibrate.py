@@ -15,7 +15,7 @@ from gtpin.calibration.convention import other_convention
 from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.prepared import prepared
 from gtpin.calibration.problem import Measured, rough_frame
-from gtpin.calibration.recognise import REACHED, either, recognised
+from gtpin.calibration.recognise import REACHED, Reading, either, recognised
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
 from gtpin.data import Dataset, check_commands, check_measurements
@@ -242,7 +242,10 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         plausible = check_measurements(dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach)
     except DatasetError as error:
         if error.column == " ".join(ORIENTATION):  # which order it is, positions that do not fit can't say
-            _check_readings(replace(dataset, orientation=None), nominal, poses, ~outside)
+            alone = replace(dataset, orientation=None)
+            if _read_otherwise(alone, nominal, poses, ~outside) is not None:
+                _check_readings(dataset, nominal, poses, ~outside)
+                _check_readings(alone, nominal, poses, ~outside)
         raise
     _check_readings(dataset, nominal, poses, plausible & ~outside)
     return np.asarray(plausible & ~outside)
@@ -250,11 +253,14 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
 
 def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> None:
     """Refuse data that only fit the robot when they are read in another way than the format's."""
-    looks = recognised(
-        nominal, poses[rows], measured_poses(dataset.take(rows)), free=dataset.instrument.frame == "free"
-    )
+    looks = _read_otherwise(dataset, nominal, poses, rows)
     if looks is not None:
         raise DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
+
+
+def _read_otherwise(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> Reading | None:
+    free = dataset.instrument.frame == "free"
+    return recognised(nominal, poses[rows], measured_poses(dataset.take(rows)), free=free)
 
 
 def _check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:

@@ -100,7 +100,7 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
     chosen = [t for t in good if t[1].mistakes == fewest]
     # Of readings that fit alike none is preferred: all are named, the usual ones first.
     best = min(misfit for misfit, _ in chosen)
-    alike = [reading for misfit, reading in chosen if misfit <= AS_GOOD * best]
+    alike = [reading for misfit, reading in chosen if misfit <= max(AS_GOOD * best, search.fits)]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in alike), strict=True))
     return Reading(alike[0].columns, looks, hints, fewest, alike[0].measured, alike[0].poses)
 
@@ -215,10 +215,11 @@ class Search:
             if rotation is None:
                 if turned and positions.mirrored and (np.diag(positions.axes) != _MIRROR).any():
                     continue  # positions alone do not tell which axis it is
-                yield Reading(columns, positions.looks, positions.hint, positions.mistakes, Measured(q, T, None), poses)
+                yield Reading(columns, *positions.words(turned), positions.mistakes, Measured(q, T, None), poses)
                 continue
             seen = self._seen(poses, Measured(q, T, None), turned)
-            rotations: list[RotationReading] = [*orientation_readings(positions, turned=turned), *misread()]
+            plain, conjugate, *others = orientation_readings(positions, turned=turned)
+            rotations: list[RotationReading] = [plain, conjugate, *misread(), *others]
             for o in rotations:
                 R = o.read(rotation)
                 # Where positions tell the frame, orientations are tried in it.

@@ -61,6 +61,13 @@ class Positions:
         """Whether it turns a left-handed frame into a right-handed one."""
         return bool(np.linalg.det(self.axes) < 0.0)
 
+    def words(self, turned: bool) -> tuple[str, str]:
+        """What positions alone look like, and what to do; they do not tell which axis is reversed where a frame is fitted."""
+        if not (turned and self.mirrored):
+            return self.looks, self.hint
+        looks = self.looks.replace("x looks reversed", "the frame looks left-handed (an axis reversed, or two swapped)")
+        return looks, self.hint.replace("change the sign of x", "change the sign of the axis, or swap the two")
+
 
 @dataclass(frozen=True)
 class Orientations:
@@ -84,13 +91,14 @@ class Orientations:
 
 
 def signed_permutations() -> list[Floats]:
-    """All 48 matrices that swap and reverse axes, the identity first."""
+    """All 48 matrices that swap and reverse axes: the identity, its negative, the reversals of one axis, and so on."""
     found = [
         np.eye(3)[list(p)] * np.array(s)[:, None]
         for p in permutations(range(3))
         for s in product((1.0, -1.0), repeat=3)
     ]
-    return sorted(found, key=lambda m: int((m != np.eye(3)).sum()))
+    one = np.eye(3)
+    return sorted(found, key=lambda m: int((m != one).sum()) - 3 * int((m == -one).all()))
 
 
 def position_readings(*, turned: bool) -> Iterator[Positions]:
