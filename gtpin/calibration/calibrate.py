@@ -10,11 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration import weights
+from gtpin.calibration.convention import other_convention
 from gtpin.calibration.paper_models import MEASURED, model_geometry
+from gtpin.calibration.prepared import prepared
 from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.recognise import REACHED, Reading, either, recognised
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
-from gtpin.data import Dataset, check_plausible
+from gtpin.data import Dataset, check_commands, check_measurements
+from gtpin.data.extremes import check_extremes
+from gtpin.data.names import ORIENTATION
+from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError, ModelError, RobotError, warn
 from gtpin.kinematics.kinematics import Solver
 from gtpin.kinematics.poses import Poses
@@ -131,9 +137,13 @@ def calibrate_geometry(
     if progress is not None and len(dataset) >= MANY:
         progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
     nominal = Model(geometry, solver=kinematics)
-    poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
-    reached = _plausible(dataset, nominal, poses)
-    kept, poses = dataset.take(reached), poses[reached]
+    check_extremes(dataset)
+    dataset = prepared(_with_actuators_of(nominal.robot, dataset)[1], nominal)
+    reached = sane_rows(dataset)
+    poses = nominal.kinematics.forward(dataset.q[reached])
+    plausible = _plausible(dataset.take(reached), nominal, poses)
+    reached[reached] = plausible
+    kept, poses = dataset.take(reached), poses[plausible]
     measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
     free = dataset.instrument.frame == "free"
     _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
@@ -142,12 +152,21 @@ def calibrate_geometry(
     if not settled.used.all():
         named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
         warn(f"set aside as gross errors: poses {named}")
+    _check_convention(dataset, settled)
     _check_fit(dataset, settled, start.seen(poses))
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
     lines = tuple(int(line) for line in dataset.row[aside])
     return Calibration.of(settled, start.seen(poses[settled.used]), rejected, lines)
+
+
+def _check_convention(dataset: Dataset, settled: Settled) -> None:
+    """Refuse orientations that fit far better when they are read by another convention."""
+    found = other_convention(settled.fit)
+    if found:
+        looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
+        raise DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
 
 
 def _check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
@@ -233,17 +252,37 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
     if geometry.reduced:
         dataset = replace(dataset, orientation=None)
-    plausible = check_plausible(
-        dataset,
-        names=robot.sites,
-        lower=robot.lower,
-        upper=robot.upper,
-        revolute=robot.revolute,
-        predicted_position=poses.T,
-        predicted_rotation=poses.R,
-        reach=max(0.05, 50.0 * max(lengths, default=0.0)),
-    )
+    if poses.reached.mean() <= REACHED:
+        _check_readings(dataset, nominal, poses, ~outside)
+    try:
+        check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    except DatasetError:
+        _check_readings(dataset, nominal, poses, ~outside)  # which unit it is, the measurements may say
+        raise
+    reach = max(0.05, 50.0 * max(lengths, default=0.0))
+    try:
+        plausible = check_measurements(dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach)
+    except DatasetError as error:
+        if error.column == " ".join(ORIENTATION):  # which order it is, positions that do not fit can't say
+            alone = replace(dataset, orientation=None)
+            if _read_otherwise(alone, nominal, poses, ~outside) is not None:
+                _check_readings(dataset, nominal, poses, ~outside)
+                _check_readings(alone, nominal, poses, ~outside)
+        raise
+    _check_readings(dataset, nominal, poses, plausible & ~outside)
     return np.asarray(plausible & ~outside)
+
+
+def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> None:
+    """Refuse data that only fit the robot when they are read in another way than the format's."""
+    looks = _read_otherwise(dataset, nominal, poses, rows)
+    if looks is not None:
+        raise DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
+
+
+def _read_otherwise(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> Reading | None:
+    free = dataset.instrument.frame == "free"
+    return recognised(nominal, poses[rows], measured_poses(dataset.take(rows)), free=free)
 
 
 def _check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:

@@ -9,13 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE, calibrate
+from gtpin.calibration.prepared import prepared
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
+from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.believed import MOST_POSES, believed
 from gtpin.diagnosis.causes import cause
 from gtpin.diagnosis.decide import Decision, decide, rough_guess, split, with_fine
 from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.filled_in import without_filled_in
 from gtpin.diagnosis.fit import Observed, fit_together
 from gtpin.diagnosis.next_experiment import plan
 from gtpin.diagnosis.noise import asked_again, gross_errors
@@ -30,6 +33,7 @@ from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.memory import require
 from gtpin.model import Model
+from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 
@@ -82,6 +86,8 @@ def diagnose(
     excluded = check_excluded(exclude, nominal)
     searching = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
     require(f"diagnosing {len(dataset):,} poses", FIXED + searching + PER_POSE * len(dataset))
+    recorded = prepared(dataset, Model(Geometry.nominal(nominal)))
+    dataset = without_filled_in(recorded.take(sane_rows(recorded)))
     baseline = calibrate(dataset, nominal, progress=progress)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
@@ -124,7 +130,7 @@ def diagnose(
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     left_over = unexplained(pool, found.named, found.verdict == "unknown")
-    aside = ~np.isin(dataset.row, kept.row)
+    aside = ~np.isin(recorded.row, kept.row)
     report("what to measure next", 0, float("nan"))
     return Diagnosis(
         verdict=found.verdict,
@@ -135,8 +141,8 @@ def diagnose(
         unexplained=left_over,
         baseline=baseline,
         model=model,
-        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside])),
-        set_aside_rows=tuple(int(line) for line in dataset.row[aside]),
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),
+        set_aside_rows=tuple(int(line) for line in recorded.row[aside]),
         next_experiment=plan(
             evidence.observed,
             baseline.model,
