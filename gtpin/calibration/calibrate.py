@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration import weights
+from gtpin.calibration.bumped import check_bumped
+from gtpin.calibration.declared_noise import settled_or_explained, used_noise
+from gtpin.calibration.noise import Noise
 from gtpin.calibration.paper_models import MEASURED, model_geometry
-from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.problem import Measured, Problem, rough_frame
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
-from gtpin.data import Dataset, check_plausible
-from gtpin.errors import DatasetError, GtpinWarning, ModelError, RobotError
+from gtpin.calibration.shifted_rows import check_stretch, far_from_nominal
+from gtpin.calibration.strain import relieved, strain
+from gtpin.data import Dataset, Instrument, check_plausible
+from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError, RobotError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model import Frame, Model
@@ -96,11 +101,16 @@ def calibrate(
             )
         geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset, orientations=orientations)
         dataset = without_sigmas(dataset)
-    return calibrate_geometry(dataset, geometry, progress)
+    return _calibrated(dataset, geometry, progress, doubt=model is None)
 
 
 def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress | None = None) -> Calibration:
     """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone."""
+    return _calibrated(dataset, geometry, progress, doubt=False)
+
+
+def _calibrated(dataset: Dataset, geometry: Geometry, progress: Progress | None, *, doubt: bool) -> Calibration:
+    """Fit; where ``doubt``, also ask whether noise, frame and tolerances can be what the dataset declares."""
     nominal = Model(geometry)
     poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
     reached = _plausible(dataset, nominal, poses)
@@ -108,16 +118,81 @@ def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress 
     measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
     free = dataset.instrument.frame == "free"
     _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
+
+    def settle(instrument: Instrument, geometry: Geometry = geometry) -> Settled:
+        frame = rough_frame(poses, measured) if instrument.frame == "free" else Frame()
+        return Rounds(Model(geometry, frame), measured, kept.visits, poses, instrument, progress).run()
+
     start = Model(geometry, rough_frame(poses, measured) if free else Frame())
-    settled = Rounds(start, measured, kept.visits, poses, kept.instrument, progress).run()
+    check_stretch(kept, measured, start.seen(poses), far_from_nominal(measured, start.seen(poses), _reach(geometry)))
+    instrument = dataset.instrument
+    if doubt:
+        try:
+            settled = settled_or_explained(dataset, settle)
+        except ConvergenceError:
+            problem, noise = _nominal_problem(start, measured, poses, instrument)
+            check_bumped(kept, problem, problem.point(np.zeros(problem.size), poses), noise)
+            raise
+        fit = settled.fit
+        check_bumped(kept.take(settled.used), fit.problem, fit.point, settled.noise.take(settled.used))
+    else:
+        settled = settle(instrument)
+    _check_used(kept, measured, settled)
     if not settled.used.all():
         named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
-        warnings.warn(f"set aside as gross errors: poses {named}", GtpinWarning, stacklevel=2)
-    _check_fit(dataset, settled, start.seen(poses))
+        warnings.warn(f"set aside as gross errors: poses {named}", GtpinWarning, stacklevel=3)
+    _check_fit(dataset, settled, settled.fit.problem.start.seen(poses))
+    if doubt:
+        settled, instrument = used_noise(dataset, settled, settle)
+        settled, instrument = _unstrained(settled, instrument, settle)
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
-    return Calibration.of(settled, start.seen(poses[settled.used]), rejected)
+    before = settled.fit.problem.start.seen(poses[settled.used])
+    return Calibration.of(settled, before, rejected, instrument)
+
+
+def _nominal_problem(start: Model, measured: Measured, near: Poses, instrument: Instrument) -> tuple[Problem, Noise]:
+    """The problem about the nominal machine, under the noise as declared or a tracker's usual one."""
+    noise = Noise(instrument.position_sigma or 2e-5, instrument.orientation_sigma or 5e-5)
+    J = np.zeros((len(near), 6, measured.q.shape[1]))
+    return Problem(start, measured, noise.whitening(J, measured.components), instrument.frame == "free"), noise
+
+
+def _check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
+    """Refuse data of which a whole stretch of rows was set aside, where it is known why."""
+    if settled.used.all():
+        return
+    model = settled.fit.point.model
+    check_stretch(kept, measured, model.predict(kept.q), ~settled.used)
+
+
+def _unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., Settled]) -> tuple[Settled, Instrument]:
+    """The calibration again, with what its geometry strained against set free, and a warning that names it."""
+    found = strain(settled)
+    if found is None:
+        return settled, instrument
+    if found.what == "frame":
+        instrument = instrument.model_copy(update={"frame": "free"})
+        warnings.warn(
+            f"the instrument's frame looks {found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's: it is "
+            'fitted as free; write frame = "free"',
+            GtpinWarning,
+            stacklevel=4,
+        )
+        return settle(instrument), instrument
+    if found.what == "zero":
+        said = f"the zero of {found.site} looks {found.size * 1e3:.3g} mm or mrad off"
+    elif found.what == "part":
+        said = f"{found.site} looks {abs(found.size):.2g} tolerances off"
+    else:
+        said = f"its parameters are off by {found.size:g} times their tolerances"
+    warnings.warn(
+        f"the nominal model is not this machine: {said}; tolerances are widened to admit it",
+        GtpinWarning,
+        stacklevel=4,
+    )
+    return settle(instrument, relieved(settled, found)), instrument
 
 
 def _check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
@@ -208,7 +283,6 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
                 "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
             )
         poses.T[outside], poses.R[outside] = poses.T[~outside][0], poses.R[~outside][0]
-    lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
     if geometry.reduced:
         dataset = replace(dataset, orientation=None)
     plausible = check_plausible(
@@ -219,9 +293,15 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         revolute=robot.revolute,
         predicted_position=poses.T,
         predicted_rotation=poses.R,
-        reach=max(0.05, 50.0 * max(lengths, default=0.0)),
+        reach=_reach(geometry),
     )
     return np.asarray(plausible & ~outside)
+
+
+def _reach(geometry: Geometry) -> float:
+    """How far geometry within its tolerances may move the TCP, m."""
+    lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
+    return max(0.05, 50.0 * max(lengths, default=0.0))
 
 
 def _check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.rounds import Settled
+from gtpin.data import Instrument
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -57,6 +58,8 @@ class Calibration:
         (poses, 3 or 6) measured less predicted of the rows that were used, m and rad, instrument's frame.
     residual_before
         The same for the nominal geometry.
+    instrument
+        As declared; less what the data show to be wrong, which is estimated instead.
     """
 
     model: Model
@@ -72,9 +75,10 @@ class Calibration:
     iterations: int
     residual: Floats
     residual_before: Floats
+    instrument: Instrument
 
     @staticmethod
-    def of(settled: Settled, before: Poses, rejected: tuple[str, ...]) -> Calibration:
+    def of(settled: Settled, before: Poses, rejected: tuple[str, ...], instrument: Instrument) -> Calibration:
         """Sum up the rounds of a calibration.
 
         Parameters
@@ -83,6 +87,8 @@ class Calibration:
             Nominal poses, as the instrument would see them, of the rows that were used.
         rejected
             Ids of the poses set aside.
+        instrument
+            As the rounds took it.
         """
         judged, enlarged = settled.fit, settled.excess
         final = settled.refit(enlarged) if enlarged > 1.0 and not settled.tails.heavy else judged
@@ -106,6 +112,7 @@ class Calibration:
             iterations=settled.steps,
             residual=problem.measured.minus(final.point.model.seen(final.point.poses)),
             residual_before=problem.measured.minus(before),
+            instrument=instrument,
         )
 
     @property

@@ -76,6 +76,7 @@ def diagnose(
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
     excluded = check_excluded(exclude, nominal)
     baseline = calibrate(dataset, nominal, progress=progress)
+    dataset = replace(dataset, instrument=baseline.instrument)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
     report = progress or _silent
