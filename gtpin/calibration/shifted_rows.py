@@ -79,7 +79,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
                 hint="move the commands of these rows, or export the table anew",
             )
     moved = _moved(measured, predicted, part)
-    left = float(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
+    left = np.float64(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
     if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, found.rows):
         raise DatasetError(
             f"{said} are {1e3 * np.nanmedian(off[part]):.3g} mm from where the other rows say, all by the same motion: the "
