@@ -170,7 +170,9 @@ def _check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
 def _unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., Settled]) -> tuple[Settled, Instrument]:
     """The calibration again, with what its geometry strained against set free, and a warning that names it."""
     found = strain(settled)
-    if found is None:
+    strayed = np.abs(settled.fit.point.x[: settled.fit.problem.n_geometry]).max(initial=0.0) > STRAYED
+    # Short of that a cause that geometry can't have, such as a ball out of round, may be what strains it.
+    if found is None or (found.what != "frame" and not strayed):
         return settled, instrument
     if found.what == "frame":
         instrument = instrument.model_copy(update={"frame": "free"})

@@ -60,7 +60,8 @@ def used_noise(dataset: Dataset, settled: Settled, settle: Settle) -> tuple[Sett
     wrong = [key for key in suspects if _overstated(again, instrument, key)]
     if not wrong:
         return settled, instrument
-    for key in wrong:
+    ratios = {key: getattr(instrument, key) / shown(again, key) for key in wrong}
+    for key in sorted(wrong, key=lambda k: -ratios[k]):
         declared, seen = getattr(instrument, key), shown(again, key)
         text = f"{key} is {declared:.2g}, but these data show a noise of {seen:.2g}, {declared / seen:.2g} times less"
         if declared > ABSURD * seen:
