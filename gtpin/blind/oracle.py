@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.blind.difficulty import Best
-from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.problem import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect

@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data import Dataset
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import exp, left_jacobian, skew
+from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, skew
 from gtpin.model import Frame, Model
 
 Floats = npt.NDArray[np.float64]
@@ -159,6 +160,12 @@ class Problem:
         shift, vector = self._frame_change(x)
         turn, old = exp(vector), self.start.frame
         return Frame(self._pivot + shift + turn @ (old.T - self._pivot), turn @ old.R)
+
+
+def measured_poses(dataset: Dataset) -> Measured:
+    """A dataset's poses, with rotations as matrices."""
+    R = None if dataset.orientation is None else from_quaternions(dataset.orientation)
+    return Measured(dataset.q, dataset.position, R)
 
 
 def in_frame(J: Floats, frame: Frame) -> Floats:

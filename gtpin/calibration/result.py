@@ -13,7 +13,7 @@ from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.rounds import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
-from gtpin.data import Dataset
+from gtpin.data import Dataset, Instrument
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -61,6 +61,8 @@ class Calibration:
         (poses, 3 or 6) measured less predicted of the rows that were used, m and rad, instrument's frame.
     residual_before
         The same for the nominal geometry.
+    instrument
+        As declared; less what the data show to be wrong, which is estimated instead.
     """
 
     model: Model
@@ -77,9 +79,16 @@ class Calibration:
     iterations: int
     residual: Floats
     residual_before: Floats
+    instrument: Instrument
 
     @staticmethod
-    def of(settled: Settled, before: Poses, rejected: tuple[str, ...], rejected_rows: tuple[int, ...]) -> Calibration:
+    def of(
+        settled: Settled,
+        before: Poses,
+        rejected: tuple[str, ...],
+        rejected_rows: tuple[int, ...],
+        instrument: Instrument,
+    ) -> Calibration:
         """Sum up the rounds of a calibration.
 
         Parameters
@@ -88,6 +97,8 @@ class Calibration:
             Nominal poses, as the instrument would see them, of the rows that were used.
         rejected, rejected_rows
             Ids of the poses set aside, and their lines.
+        instrument
+            As the rounds took it.
         """
         judged, enlarged = settled.fit, settled.excess
         final = settled.refit(enlarged) if enlarged > 1.0 and not settled.tails.heavy else judged
@@ -112,6 +123,7 @@ class Calibration:
             iterations=settled.steps,
             residual=problem.measured.minus(final.point.model.seen(final.point.poses)),
             residual_before=problem.measured.minus(before),
+            instrument=instrument,
         )
 
     def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.noise import Noise, line_of_sight
-from gtpin.calibration.problem import Measured, in_frame
+from gtpin.calibration.problem import Measured, in_frame, measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.candidates import Candidate

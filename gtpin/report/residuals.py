@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.calibrate import measured_poses
-from gtpin.calibration.problem import in_frame
+from gtpin.calibration.problem import in_frame, measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import command_names
