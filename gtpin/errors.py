@@ -5,6 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 
+LONGEST = 1000
+"""Letters of a message, above which its middle is left out."""
+
+
 class GtpinError(Exception):
     """Something that gtpin can't do with what it was given.
 
@@ -39,8 +43,10 @@ class GtpinError(Exception):
         where += [f"row {self.row}"] if self.row is not None else []
         where += [f"column {self.column}"] if self.column is not None else []
         text = f"{', '.join(where)}: {self.what}" if where else self.what
-        text = f"{text}; {self.hint}" if self.hint else text
-        return " ".join(text.split())
+        text = " ".join((f"{text}; {self.hint}" if self.hint else text).split())
+        if len(text) > LONGEST:  # a name or a value of thousands of letters hides what was wrong and what to do
+            text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
+        return text
 
 
 class RobotError(GtpinError):

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Ids = NDArray[np.object_]
 
+LONGEST = 500
+"""Letters that an id has at most: it stands in messages and reports."""
+
 # A leading zero makes a name ("007"), and so does an exponent without a sign ("1e3" may be a hash).
 _NUMBER = re.compile(r"([+-]?(?:0|[1-9][0-9]{0,300}))(?:\.(0*)([0-9]{0,300}))?([eE][+-][0-9]{1,4})?")
 
@@ -25,6 +28,8 @@ def normal_id(value: object) -> str:
         raise ValueError("the cell is blank")
     if text.lower() in ("nan", "<na>", "nat") or value is None:
         raise ValueError("the id is missing")
+    if len(text) > LONGEST:
+        raise ValueError(f"the id has {len(text)} letters, more than {LONGEST}")
     if not text.isprintable():
         raise ValueError("the id has unprintable characters")
     match = _NUMBER.fullmatch(text)

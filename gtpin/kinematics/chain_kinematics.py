@@ -50,7 +50,8 @@ class ChainKinematics:
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the TCP's pose by the commands; see ``RodKinematics``."""
-        return np.array([self._home.moved_to(row).jacobian for row in q]).reshape(len(q), 6, -1)
+        jacobians = [self._home.moved_to(row).jacobian for row in q]
+        return np.array(jacobians).reshape(len(q), 6, self.robot.n_actuators)
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the TCP's pose by the geometry's parameters; see ``RodKinematics``."""
