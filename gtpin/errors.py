@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-
 LONGEST = 1000
 """Letters of a message, above which its middle is left out."""
 

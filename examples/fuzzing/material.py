@@ -23,6 +23,11 @@ class Command:
     reads: tuple[str, ...]
     weight: float = 1.0
 
+    @property
+    def slow(self) -> bool:
+        """Whether it takes more than a few seconds."""
+        return self.line.startswith(("diagnose", "sensitivity"))
+
 
 SET, WITH_PARQUET = ("set/dataset.toml", "set/poses.csv"), ("parquet/poses.parquet", "parquet/dataset.toml")
 MODEL, BENT = ("calibrated/model/model.json", "calibrated/model/nominal.urdf"), ("bent/model.json", "bent/nominal.urdf")
@@ -93,7 +98,7 @@ FOUR_BAR = """\
   <loop_joint name="tip" type="spherical"><link1 link="b" xyz="0.5 0 0"/><link2 link="c" xyz="0.4 0 0"/></loop_joint>
   <gtpin>
     <actuator joint="crank"/><platform link="b"/>
-    <home q="0.9" tcp_xyz="0.12432199 0.15666538 0" tcp_rotvec="0 0 0.8957"/>
+    <home q="0.9" tcp_xyz="0.12432199 0.15666538 0" tcp_rotvec="0 0 0.4966"/>
   </gtpin>
 </robot>
 """

@@ -19,16 +19,84 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?(?![\w.])")
 WORD = re.compile(r"[A-Za-z_][A-Za-z_0-9]+")
 EXTREMES = (
     *("0", "-0.0", "1", "-1", "2", "1e-9", "-1e-300", "1e-320", "1e12", "-1e12", "1e160", "1e300", "-1e300", "1e400"),
-    *("nan", "-nan", "inf", "-inf", "", " ", "9" * 40, "9" * 5000, "-999", "65535", "4294967296", "9223372036854775808"),
-    *("0x10", "1_000", "1,5", "1.2.3", "--1", "true", "null", "None", "[]", "{}", "[1, 2]", "'", '"', '"x"', "\\", "#", "%s"),
-    *("\x00", "\u0663", "\u00e9\u202e", "\ufeff", "\U0001f600", "a" * 300, "b" * 1_000_000, "../../etc", "1979-05-27", "1 2"),
+    *(
+        "nan",
+        "-nan",
+        "inf",
+        "-inf",
+        "",
+        " ",
+        "9" * 40,
+        "9" * 5000,
+        "-999",
+        "65535",
+        "4294967296",
+        "9223372036854775808",
+    ),
+    *(
+        "0x10",
+        "1_000",
+        "1,5",
+        "1.2.3",
+        "--1",
+        "true",
+        "null",
+        "None",
+        "[]",
+        "{}",
+        "[1, 2]",
+        "'",
+        '"',
+        '"x"',
+        "\\",
+        "#",
+        "%s",
+    ),
+    *(
+        "\x00",
+        "\u0663",
+        "\u00e9\u202e",
+        "\ufeff",
+        "\U0001f600",
+        "a" * 300,
+        "b" * 1_000_000,
+        "../../etc",
+        "1979-05-27",
+        "1 2",
+    ),
 )
 VALUES: tuple[Any, ...] = (
-    *(None, True, False, 0, -1, 1e300, -1e-300, 1e12, 10**30, 10**400, float("nan"), float("inf"), "", "x" * 300, "\u00e9"),
+    *(
+        None,
+        True,
+        False,
+        0,
+        -1,
+        1e300,
+        -1e-300,
+        1e12,
+        10**30,
+        10**400,
+        float("nan"),
+        float("inf"),
+        "",
+        "x" * 300,
+        "\u00e9",
+    ),
     *([], {}, [[]], [0.0, 0.0, 0.0], {"a": 1}, ["a"], -0.0),
 )
-DEEP = ("[" * 5000, "{" * 5000, '{"a":' * 5000, "<a>" * 5000, "<link>" * 20000 + "</link>" * 20000, "a = " + "[" * 3000, "(" * 9999)
-ENTITIES = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;">]>'
+DEEP = (
+    "[" * 5000,
+    "{" * 5000,
+    '{"a":' * 5000,
+    "<a>" * 5000,
+    "<link>" * 20000 + "</link>" * 20000,
+    "a = " + "[" * 3000,
+    "(" * 9999,
+)
+ENTITIES = (
+    '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;">]>'
+)
 
 
 def mutate(content: bytes, suffix: str, rng: Random) -> bytes:
@@ -67,10 +135,14 @@ def _bytes(content: bytes, rng: Random) -> bytes:
     elif kind == 6:
         data[at:end] = rng.randbytes(rng.choice((1, 8, 200)))
     elif kind == 7:
-        return rng.choice((b"", b"\n", b"\xef\xbb\xbf" + content, content + content, b"\x00" * 100, content[::-1], b"\n\n" + content))
+        return rng.choice(
+            (b"", b"\n", b"\xef\xbb\xbf" + content, content + content, b"\x00" * 100, content[::-1], b"\n\n" + content)
+        )
     else:
         text = content.decode("utf-8", "replace")
-        return rng.choice((text.encode("utf-16"), text.encode("utf-8-sig"), text.replace("\n", "\r").encode("utf-8", "replace")))
+        return rng.choice(
+            (text.encode("utf-16"), text.encode("utf-8-sig"), text.replace("\n", "\r").encode("utf-8", "replace"))
+        )
     return bytes(data)
 
 
@@ -90,9 +162,17 @@ def _number(text: str, rng: Random) -> str:
     first = rng.randrange(len(found))
     extreme = rng.choice(EXTREMES)
     for match in reversed(found[first : first + rng.choice((1, 1, 1, 2, 12, 10**6))]):
-        by = rng.choice((extreme, "-" + match[0].lstrip("+-"), match[0] + "e3")) if rng.random() < 0.3 else extreme
+        by = extreme if rng.random() < 0.5 else _near(match[0], rng)
         text = text[: match.start()] + by + text[match.end() :]
     return text
+
+
+def _near(number: str, rng: Random) -> str:
+    """A number that looks sound: a little off, of the other sign, in another unit."""
+    value = float(number)
+    return rng.choice(
+        ("-" + number.lstrip("+-"), number + "e3", repr(value * 1.001), repr(value + 0.01), repr(value * 0.5))
+    )
 
 
 def _word(text: str, rng: Random) -> str:
@@ -143,7 +223,7 @@ def _table(content: bytes, rng: Random) -> bytes:
     other = rng.randrange(len(rows[0]))
     kind = rng.randrange(11)
     if kind == 0:
-        rows[row][column] = rng.choice(EXTREMES)
+        rows[row][column] = _near(rows[-1][column], rng) if rng.random() < 0.5 else rng.choice(EXTREMES)
     elif kind == 1:  # a column constant
         extreme = rng.choice((*EXTREMES, rows[-1][column]))
         rows[1:] = [[*r[:column], extreme, *r[column + 1 :]] for r in rows[1:]]
@@ -165,7 +245,7 @@ def _table(content: bytes, rng: Random) -> bytes:
     elif kind == 8:  # ids shared
         rows[1:] = [[str(i // rng.choice((2, 7))), *r[1:]] for i, r in enumerate(rows[1:])]
     elif kind == 9:
-        factor = rng.choice((1000.0, -1.0, 0.0, 1e-9, 1e150, 1e300))
+        factor = rng.choice((1000.0, -1.0, 0.0, 1e-9, 1.001, 1e12, 1e150, 1e300))
         rows[1:] = [[*r[:column], repr(float(r[column]) * factor), *r[column + 1 :]] for r in rows[1:]]
     else:
         body = rows[1:]
@@ -180,7 +260,9 @@ def _parquet(content: bytes, rng: Random) -> bytes:
     name, values = table.column_names[index], table.column(index).to_pylist()
     kind = rng.randrange(5)
     if kind == 0:
-        table = table.rename_columns([rng.choice(EXTREMES) if i == index else n for i, n in enumerate(table.column_names)])
+        table = table.rename_columns(
+            [rng.choice(EXTREMES) if i == index else n for i, n in enumerate(table.column_names)]
+        )
     elif kind == 1:
         table = table.remove_column(index)
     elif kind == 2:
@@ -218,7 +300,9 @@ def _xml(content: bytes, rng: Random) -> bytes:
         root.extend(copy.deepcopy(one) for _ in range(rng.choice((2, 3000))))
     elif kind == 5:
         text = content.decode("utf-8")
-        return (ENTITIES + re.sub(r'(xyz|name|rpy)="[^"]*"', r'\1="&c;"', re.sub(r"^<\?.*?\?>", "", text), count=1)).encode()
+        return (
+            ENTITIES + re.sub(r'(xyz|name|rpy)="[^"]*"', r'\1="&c;"', re.sub(r"^<\?.*?\?>", "", text), count=1)
+        ).encode()
     else:
         named = [element for element in elements if element.attrib]
         one, two = rng.choice(named), rng.choice(named)
@@ -259,7 +343,9 @@ def _json(content: bytes, rng: Random) -> bytes:
     else:
         value = one[key]
         numeric = isinstance(value, (int, float)) and not isinstance(value, bool)
-        one[key] = value * rng.choice((-1, 1e3, 1e300, 1e-300, 0)) if numeric and rng.random() < 0.4 else rng.choice(VALUES)
+        one[key] = (
+            value * rng.choice((-1, 1e3, 1e300, 1e-300, 0)) if numeric and rng.random() < 0.4 else rng.choice(VALUES)
+        )
     return json.dumps(tree).encode("utf-8", "surrogatepass")
 
 
@@ -268,7 +354,9 @@ def _toml(content: bytes, rng: Random) -> bytes:
     keyed = [i for i, line in enumerate(lines) if "=" in line]
     at = rng.choice(keyed)
     key = lines[at].split("=")[0]
-    value = rng.choice((*EXTREMES, "-inf", "[inf, 0, 0]", "[1e300, 1e300, 1e300]", "[0.0, 0.0, 0.0]", "{a = 1}", "[[1], [2]]", "'x'"))
+    value = rng.choice(
+        (*EXTREMES, "-inf", "[inf, 0, 0]", "[1e300, 1e300, 1e300]", "[0.0, 0.0, 0.0]", "{a = 1}", "[[1], [2]]", "'x'")
+    )
     lines[at] = f"{rng.choice((key, key, key, 'x ', 'a.b '))}= {value}"
     return "\n".join(lines).encode("utf-8")
 

@@ -105,6 +105,7 @@ def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress 
     poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
     reached = _plausible(dataset, nominal, poses)
     kept, poses = dataset.take(reached), poses[reached]
+    _check_spread(kept)
     measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
     free = dataset.instrument.frame == "free"
     _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
@@ -222,6 +223,13 @@ def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         reach=max(0.05, 50.0 * max(lengths, default=0.0)),
     )
     return np.asarray(plausible & ~outside)
+
+
+def _check_spread(dataset: Dataset) -> None:
+    if (np.ptp(dataset.q, axis=0) == 0.0).all():
+        raise DatasetError(
+            "all usable rows have the same commands", file=dataset.file, hint="measure poses all over the workspace"
+        )
 
 
 def _check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from gtpin.calibration.cart_tracks import Linearity
 from gtpin.calibration.comparison import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
+from gtpin.json_text import json_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -156,7 +156,7 @@ def write_comparison(
     """
     folder.mkdir(parents=True, exist_ok=True)
     comparison.table().to_csv(folder / "compare.csv", index=False, lineterminator="\n")
-    told = json.dumps(comparison.to_json(), indent=1, allow_nan=False) + "\n"
+    told = json_text(comparison.to_json())
     (folder / "compare.json").write_text(told, encoding="utf-8")
     try:
         figures = all_figures(comparison, carts, roaming)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +14,7 @@ from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeE
 from rich.text import Text
 
 from gtpin.calibration.rounds import Progress
+from gtpin.json_text import json_text
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; created.", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
@@ -32,12 +32,12 @@ PIPED_WIDTH = 120
 
 def write_json(file: Path, content: object) -> None:
     """Write a result as JSON, floats so that they read back bit by bit."""
-    file.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    file.write_text(json_text(content), encoding="utf-8")
 
 
 def tell(result: object, text: str, as_json: bool) -> None:
     """Print a result: as text for people, or as JSON alone."""
-    typer.echo(json.dumps(result, indent=1, allow_nan=False) if as_json else text.rstrip("\n"))
+    typer.echo(json_text(result).rstrip("\n") if as_json else text.rstrip("\n"))
 
 
 def rendered(*parts: RenderableType) -> str:

@@ -81,10 +81,11 @@ def diagnose(
     report = progress or _silent
     report("searching for causes", 0, float(np.sqrt(baseline.chi2_per_dof)))
     rng = np.random.default_rng(seed)
-    believable, sure = believed(dataset, baseline, excluded, false_alarm)
-    kept, rows, everything, evidence = _sought(dataset.take(believable), baseline, excluded, false_alarm, rng)
+    ordered = dataset.in_order()  # what is drawn from rows must not depend on the order that they came in
+    believable, sure = believed(ordered, baseline, excluded, false_alarm)
+    kept, rows, everything, evidence = _sought(ordered.take(believable), baseline, excluded, false_alarm, rng)
     if not evidence.found.named.names and (believable != sure).any():
-        kept, rows, everything, evidence = _sought(dataset.take(sure), baseline, excluded, false_alarm, rng)
+        kept, rows, everything, evidence = _sought(ordered.take(sure), baseline, excluded, false_alarm, rng)
     found, design, pool = evidence.found, evidence.design, evidence.pool
     names = found.named.names
     candidates = [pool.candidates[name] for name in names]
