@@ -7,6 +7,9 @@ import warnings
 from pathlib import Path
 from types import FrameType
 
+LONGEST = 1000
+"""Letters of a message, above which its middle is left out."""
+
 
 class GtpinError(Exception):
     """Something that gtpin can't do with what it was given.
@@ -42,8 +45,10 @@ class GtpinError(Exception):
         where += [f"row {self.row}"] if self.row is not None else []
         where += [f"column {self.column}"] if self.column is not None else []
         text = f"{', '.join(where)}: {self.what}" if where else self.what
-        text = f"{text}; {self.hint}" if self.hint else text
-        return " ".join(text.split())
+        text = " ".join((f"{text}; {self.hint}" if self.hint else text).split())
+        if len(text) > LONGEST:  # a name or a value of thousands of letters hides what was wrong and what to do
+            text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
+        return text
 
 
 class RobotError(GtpinError):

@@ -25,7 +25,9 @@ from gtpin.robot.tracks import MeasuredTrack
 FILES = ("model.json", "robot.urdf", "nominal.urdf")
 """What ``write_model`` writes."""
 NOT_TURNED = 1e-9
-"""By how much a rotation matrix may differ from one."""
+"""By how much a rotation matrix may differ from one, and a correlation be larger."""
+MOST_UNCERTAIN = 1e3
+"""Standard deviation, m or rad, that no geometric parameter has: tolerances are millimetres."""
 
 
 def calibrated_urdf(model: Model) -> str:
@@ -176,7 +178,13 @@ def _covariance(geometry: Geometry, told: ModelFile) -> npt.NDArray[np.float64] 
         raise ModelError(f"the covariance is not {count} x {count}")
     # In the order of the file's parameters, as it was written.
     order = [list(told.parameters).index(name) for name in geometry.names]
-    return np.array(told.covariance)[np.ix_(order, order)]
+    covariance = np.array(told.covariance)[np.ix_(order, order)]
+    sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+    if (covariance.diagonal() < 0.0).any() or (sigma > MOST_UNCERTAIN).any():
+        raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column="covariance")
+    if (np.abs(covariance) > (1.0 + NOT_TURNED) * np.outer(sigma, sigma)).any():
+        raise ModelError("a covariance larger than the variances allow", column="covariance")
+    return covariance
 
 
 def _frame(told: ModelFile) -> Frame:

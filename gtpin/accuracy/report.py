@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -19,6 +18,7 @@ from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, workspace
 from gtpin.errors import GtpinError, ModelError, warn
+from gtpin.json_text import json_text
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 from gtpin.output import results_folder
@@ -177,7 +177,7 @@ def write_sensitivity(
     with results_folder(folder, FILES, force=force) as new:
         found = analyse(model, q, costs=costs, cost_poses=cost_poses, uncertainty=uncertainty, seed=seed)
         found.sensitivity.to_table().to_csv(new / "sensitivity.csv", index=False, lineterminator="\n")
-        told = json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n"
+        told = json_text(found.to_json())
         (new / "accuracy.json").write_text(told, encoding="utf-8")
         try:
             figures.new_figure(1.0, 1.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from gtpin.calibration.cart_tracks import Linearity
 from gtpin.calibration.comparison import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, GtpinError, warn
+from gtpin.json_text import json_text
 from gtpin.output import results_folder
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ def write_comparison(
     """
     with results_folder(folder, FILES, force=force) as new:
         comparison.table().to_csv(new / "compare.csv", index=False, lineterminator="\n")
-        told = json.dumps(comparison.to_json(), indent=1, allow_nan=False) + "\n"
+        told = json_text(comparison.to_json())
         (new / "compare.json").write_text(told, encoding="utf-8")
         try:
             figures = all_figures(comparison, carts, roaming)

@@ -25,6 +25,12 @@ scatter alone mimics would make every noise look larger than it is.
 """
 
 
+FARTHEST = 10.0
+"""Distance from the instrument, over the median, beyond which a position counts as a gross error: an assumption. Poses of one
+machine are not spread over ten times their distance, since the instrument does not stand among them.
+"""
+
+
 @dataclass(frozen=True)
 class Noise:
     """One-sigma noise of every measured pose.
@@ -125,10 +131,17 @@ class Noise:
 
 
 def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
-    """Unit vectors (N, 3) from a station to positions (N, 3), and the distances (N,) over their mean."""
+    """Unit vectors (N, 3) from a station to positions (N, 3), and the distances (N,) over their mean.
+
+    Gross errors of position are not in the mean, and count as ``FARTHEST`` times as far away as it at most.
+    """
     sight = position - station
-    distance = np.linalg.norm(sight, axis=1)
-    return sight / distance[:, None], distance / distance.mean()
+    size = np.abs(sight).max(axis=1, keepdims=True)  # the square of a gross error need not be a number
+    unit = sight / size
+    length = np.linalg.norm(unit, axis=1)
+    distance = length * size[:, 0]
+    near = distance[distance <= FARTHEST * np.median(distance)].mean()
+    return unit / length[:, None], np.minimum(distance / near, FARTHEST)
 
 
 def range_ratio(noise: Noise, residual: Floats) -> float:

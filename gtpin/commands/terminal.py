@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from rich.text import Text
 
 from gtpin.calibration.rounds import Progress
 from gtpin.errors import GtpinError
+from gtpin.json_text import json_text
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; created.", show_default=False)]
 Force = Annotated[
@@ -38,7 +38,7 @@ PIPED_WIDTH = 120
 
 def write_json(file: Path, content: object) -> None:
     """Write a result as JSON, floats so that they read back bit by bit."""
-    file.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    file.write_text(json_text(content), encoding="utf-8")
 
 
 def not_its_input(output: Path, read: Path) -> None:
@@ -50,7 +50,7 @@ def not_its_input(output: Path, read: Path) -> None:
 def tell(result: object, text: str, as_json: bool) -> None:
     """Print a result: as text for people, or as JSON alone."""
     try:
-        typer.echo(json.dumps(result, indent=1, allow_nan=False) if as_json else text.rstrip("\n"))
+        typer.echo(json_text(result).rstrip("\n") if as_json else text.rstrip("\n"))
     except BrokenPipeError:
         raise
     except OSError as error:

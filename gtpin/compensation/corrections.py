@@ -162,6 +162,11 @@ def _deviations(
             total += moved[1] @ active.coefficients
     # Where the others at home leave no posture, what goes with the load is as at the nearest one.
     there = np.isfinite(below) & np.isfinite(above)
+    if not there.any():
+        raise ModelError(
+            f"with the other actuators at home, no command of {model.robot.sites[index]} can be reached",
+            hint="check the model's parameters",
+        )
     return np.interp(q, q[there], below[there]), np.interp(q, q[there], above[there])
 
 

@@ -18,6 +18,8 @@ from gtpin.errors import DatasetError
 
 _NORM_TOLERANCE = 1e-3
 _SAME_COMMAND = 1e-12
+LARGEST = 1e30
+"""Largest number that a covariate may hold: the tenth power of it, of which no effect goes beyond the fourth, is still one."""
 
 
 def unnumbered() -> NDArray[np.int64]:
@@ -118,6 +120,8 @@ class Rows:
             except DatasetError as error:
                 raise DatasetError(error.what, file=self.file, row=1, column=error.column, hint=error.hint) from None
             result[name] = self.ids(column, name) if name == "session" else self.floats(column, [name])
+            if name != "session":
+                self._each(np.abs(result[name]) <= LARGEST, name, result[name], f"give a number up to {LARGEST:g}")
             if name == "payload":
                 self._each(result[name] >= 0.0, name, result[name], "a payload is a mass in kg, 0 or more")
             if is_approach(name):

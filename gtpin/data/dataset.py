@@ -145,6 +145,12 @@ class Dataset:
             row=self.row[rows],
         )
 
+    def in_order(self) -> Dataset:
+        """Give the rows by pose, and the visits of a pose by what was measured: the same whatever order they came in."""
+        keys = [pd.factorize(values, sort=True)[0] for values in self.covariates.values()]
+        measured = self.position if self.orientation is None else np.hstack([self.position, self.orientation])
+        return self.take(np.lexsort([*keys, *measured.T[::-1], self.visits]))
+
     @classmethod
     def read(cls, path: Path | str) -> Dataset:
         """Read a dataset folder.

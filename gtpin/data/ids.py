@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 Ids = NDArray[np.object_]
 
+LONGEST = 500
+"""Letters that an id has at most: it stands in messages and reports."""
+
 # A leading zero makes a name ("007"), and so does an exponent without a sign ("1e3" may be a hash).
 _NUMBER = re.compile(r"([+-]?(?:0|[1-9][0-9]{0,300}))(?:\.(0*)([0-9]{0,300}))?([eE][+-][0-9]{1,4})?")
 
@@ -26,6 +29,8 @@ def normal_id(value: object) -> str:
         raise ValueError("the cell is blank")
     if text.lower() in ("nan", "<na>", "nat") or value is None:
         raise ValueError("the id is missing")
+    if len(text) > LONGEST:
+        raise ValueError(f"the id has {len(text)} letters, more than {LONGEST}")
     if not text.isprintable():
         raise ValueError("the id has unprintable characters")
     match = _NUMBER.fullmatch(text)

@@ -99,7 +99,8 @@ def diagnose(
     recorded = prepared(dataset, Model(Geometry.nominal(nominal)))
     dataset = without_filled_in(recorded.take(sane_rows(recorded)))
     baseline = calibrate(dataset, nominal, progress=progress)
-    dataset = replace(dataset, instrument=baseline.instrument)
+    # What is drawn from rows must not depend on the order that they came in.
+    dataset = replace(dataset, instrument=baseline.instrument).in_order()
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
     report = progress or _silent

@@ -96,7 +96,7 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
         found = _likeliest(observed.noise, errors, weight * tails.scale**2, design, declared)
     fine = None
     if len(scatter) >= LEAST_CONTRASTS:
-        most = _most_repeatability(found, scatter, J[rows])
+        most = _most_repeatability(found.take(rows), scatter, J[rows])
         if found.repeatability > most:
             found = replace(found, repeatability=most)
             fine = _most_restless(found, errors, design, model.log_evidence) if all(declared) else None

@@ -79,6 +79,8 @@ class Effect(ABC):
                 return f"the covariate {name} is missing"
             if not at.varies(name):
                 return f"the covariate {name} does not vary"
+        if self.has_setting and not len(self.settings(at, site)):
+            return f"the commands of {site} are too few, or too close together"
         return ""
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ import pinocchio as pin
 from gtpin.errors import RobotError
 from gtpin.export.shapes import Shape, shapes_of
 from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.robot.chain import joint_jacobian
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
@@ -231,7 +232,7 @@ def _joint(robot: Robot, posture: ClosedPosture, joint: int, body: int) -> Joint
         raise RobotError(
             f"{name} has {model.nvs[joint]} degrees of freedom", hint="prismatic and revolute joints export"
         )
-    column = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[:, model.idx_vs[joint]]
+    column = joint_jacobian(model, data, joint)[:, model.idx_vs[joint]]
     slides = bool(np.linalg.norm(column[:3]) > 0.5)
     index = model.idx_qs[joint]
     endless = model.nqs[joint] == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
@@ -13,46 +15,63 @@ from gtpin.robot.chain import Chain
 Floats = npt.NDArray[np.float64]
 
 NEAR = 0.02
-"""Gap, m, below which Newton's method is left to finish."""
+"""Gap of the loops, m, and distance from the home that the URDF names, m and rad, below which Newton's method is left to
+finish."""
 ATTEMPTS = 20
 
 
 def assemble(robot: Chain) -> Floats:
     """(nq,) configuration at the home commands whose loops are closed to within some millimetres.
 
-    Where the URDF names a home pose and the platform floats, the platform is put there and the remaining passive joints
-    are turned until the rods meet their anchors; otherwise all passive joints are.
+    The pose that the URDF's ``<home>`` names selects the assembly mode. Where the platform floats, it is put there and the
+    remaining passive joints are turned until the rods meet their anchors. Otherwise all passive joints are turned until the
+    loops close with the platform there, or as near as they come. Without a ``<home>`` the first closure found is taken.
     """
     start = robot.with_commands(robot.neutral, robot.home_q)
     free = np.arange(robot.model.nv)[robot.passive]
     platform = robot.model.joints[robot.tcp_joint]
+    wanted: Any = None
     if robot.description.home and platform.nv == 6:
         start = _with_platform_at_home(robot, start)
         free = np.setdiff1d(free, np.arange(platform.idx_v, platform.idx_v + 6))
+    elif robot.description.home and free.size:
+        wanted = _home_of_platform(robot)
 
-    def gap(x: Floats) -> Floats:
-        return _gap_vector(robot, _turned(robot, start, free, x))
+    def off(x: Floats) -> Floats:
+        gap = _gap_vector(robot, _turned(robot, start, free, x))
+        return gap if wanted is None else np.concatenate([gap, _from(wanted, robot)])
+
+    def largest(x: Floats) -> float:
+        return float(np.abs(off(x)).max(initial=0.0))
 
     rng = np.random.default_rng(0)
-    best, smallest = start, np.inf
+    best, smallest = np.zeros(free.size), np.inf
     for attempt in range(ATTEMPTS):
-        guess = np.zeros(free.size) if attempt == 0 else rng.uniform(-np.pi, np.pi, free.size)
-        configuration = _turned(robot, start, free, guess)
-        if _gap(robot, configuration).max(initial=0.0) > NEAR:
-            found = least_squares(gap, guess, max_nfev=100)
-            configuration = _turned(robot, start, free, found.x)
-        largest = _gap(robot, configuration).max(initial=0.0)
-        if largest < smallest:
-            best, smallest = configuration, largest
+        x = np.zeros(free.size) if attempt == 0 else rng.uniform(-np.pi, np.pi, free.size)
+        if largest(x) > NEAR:
+            x = np.asarray(least_squares(off, x, max_nfev=100).x)
+        if largest(x) < smallest:
+            best, smallest = x, largest(x)
         if smallest <= NEAR:
             break
-    return best
+    return _turned(robot, start, free, best)
+
+
+def _home_of_platform(robot: Chain) -> Any:
+    """Placement in the base frame, at home, of the joint that carries the TCP."""
+    home = robot.description.home
+    assert home is not None
+    return pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.home_placement.inverse()
+
+
+def _from(wanted: Any, robot: Chain) -> Floats:
+    """(6,) shift, m, and rotation vector, rad, of the platform from where it is wanted, for the data as last computed."""
+    here = robot.data.oMi[robot.tcp_joint]
+    return np.concatenate([here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
 
 
 def _with_platform_at_home(robot: Chain, configuration: Floats) -> Floats:
-    home = robot.description.home
-    assert home is not None
-    wanted = pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.home_placement.inverse()
+    wanted = _home_of_platform(robot)
     pin.forwardKinematics(robot.model, robot.data, configuration)
     joint = robot.tcp_joint
     parent = robot.data.oMi[robot.model.parents[joint]] * robot.model.jointPlacements[joint]
@@ -72,7 +91,3 @@ def _turned(robot: Chain, configuration: Floats, free: npt.NDArray[np.int_], x: 
 def _gap_vector(robot: Chain, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
     return newton.constraint_error(robot)
-
-
-def _gap(robot: Chain, configuration: Floats) -> Floats:
-    return np.abs(_gap_vector(robot, configuration))

@@ -40,9 +40,15 @@ class ChainKinematics:
         """Poses at commands q (N, n), base frame; NaN where the loops can't be closed. ``start`` is not needed."""
         self.robot.check_commands(q)
         poses = Poses(np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan))
+        try:
+            home_posture = self._home
+        except ClosureError:
+            if not np.any(self.geometry.deviation):
+                raise  # not these commands are at fault but the URDF
+            return poses
         for i, row in enumerate(q):
             try:
-                posture = self._home.moved_to(row)
+                posture = home_posture.moved_to(row)
             except ClosureError:
                 continue
             poses.T[i], poses.R[i] = posture.T, posture.R
@@ -50,7 +56,8 @@ class ChainKinematics:
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the TCP's pose by the commands; see ``RodKinematics``."""
-        return np.array([self._home.moved_to(row).jacobian for row in q]).reshape(len(q), 6, -1)
+        jacobians = [self._home.moved_to(row).jacobian for row in q]
+        return np.array(jacobians).reshape(len(q), 6, self.robot.n_actuators)
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the TCP's pose by the geometry's parameters; see ``RodKinematics``."""

@@ -60,7 +60,8 @@ def constraint_jacobian(robot: Chain) -> Floats:
         return np.zeros((0, robot.model.nv))
     for constraint, data in robot.constraint_elements:
         constraint.calc(robot.model, robot.data, data)
-    return np.asarray(pin.getConstraintsJacobian(robot.model, robot.data, *robot.constraint_vectors))
+    jacobian = np.asarray(pin.getConstraintsJacobian(robot.model, robot.data, *robot.constraint_vectors))
+    return jacobian.reshape(-1, robot.model.nv)
 
 
 def solve(matrix: Floats, right: Floats) -> Floats:

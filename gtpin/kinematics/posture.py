@@ -18,6 +18,8 @@ Floats = npt.NDArray[np.float64]
 
 HOME_OFF = 0.1
 """Distance, m, from the home that a URDF tells, beyond which the loops count as closed in another assembly mode."""
+HOME_TURNED = 0.2
+"""Angle, rad, of the same: an assumption, far above what an angle is rounded to and below what parts assembly modes."""
 SMALLEST_STEP = 1.0 / 256.0
 SINGULAR = 1e3
 """A posture counts as near a singularity where closing the loops amplifies an error this many times more than at home."""
@@ -112,7 +114,7 @@ class ClosedPosture:
         frame = pin.getFrameJacobian(
             self.robot.model, data, self.robot.tcp_joint, self.robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED
         )
-        return _frozen(np.array(frame))
+        return _frozen(np.reshape(np.array(frame), (6, self.robot.model.nv)))
 
     @cached_property
     def passive_response(self) -> Floats:
@@ -221,11 +223,13 @@ def home(robot: Robot) -> ClosedPosture:
     posture = ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
     told = robot.description.home
     if told is not None:
-        there = (posture.placement(robot.tcp_joint) * robot.home_placement).translation
-        off = float(np.linalg.norm(there - np.array(told.tcp_xyz)))
-        if off > HOME_OFF:
+        there = posture.placement(robot.tcp_joint) * robot.home_placement
+        off = float(np.linalg.norm(there.translation - np.array(told.tcp_xyz)))
+        turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(told.tcp_rotvec)).T)))
+        if off > HOME_OFF or turned > HOME_TURNED:
+            far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
             raise AssemblyModeError(
-                f"the loops of {robot.name} close {off:.3g} m from the home that its URDF tells", hint="mend <home>"
+                f"the loops of {robot.name} close {far} from the home that its URDF tells", hint="mend <home>"
             )
     return posture
 

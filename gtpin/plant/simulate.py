@@ -68,6 +68,15 @@ def draw_commands(machine: Model, count: int, rng: np.random.Generator) -> Float
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
     at_home = _gain(machine, robot.home_q[None])[0]
+    if not np.isfinite(at_home):
+        equations, passive = 3 * len(robot.constraints), robot.n_passive
+        raise UnreachableError(
+            f"the loops of {robot.name} don't close at home with joints that are off by their tolerances",
+            hint=f"{equations} closure equations for {passive} passive coordinates hold for an exact geometry alone: give the "
+            "loops spherical or universal joints"
+            if equations > passive
+            else "give a home inside the workspace, or smaller tolerances",
+        )
     found = np.zeros((0, robot.n_actuators))
     for _ in range(TRIES):
         drawn = np.round(rng.uniform(lower, upper, (count, robot.n_actuators)) / RESOLUTION) * RESOLUTION

@@ -216,7 +216,7 @@ class Chain:
                 f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom", file=source, hint="drive one"
             )
         index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
-        column = pin.getJointJacobian(model, self.data, joint_id, pin.LOCAL_WORLD_ALIGNED)[:, index_v]
+        column = joint_jacobian(model, self.data, joint_id)[:, index_v]
         if not column.any():
             raise RobotError(f"actuator {element.joint} has an axis of no length", file=source, hint="mend its <axis>")
         revolute = bool(np.linalg.norm(column[3:]) > 0.5)
@@ -271,6 +271,12 @@ class Chain:
                 file=self.description.source,
                 hint="mend <home q>",
             )
+
+
+def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
+    """(6, nv) derivative of a joint's frame by Pinocchio velocities, base frame, of data whose Jacobians are computed."""
+    # Pinocchio gives the matrix of a model with a single coordinate as a vector.
+    return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
 
 
 def _as_slice(indices: npt.NDArray[np.int_]) -> slice | npt.NDArray[np.int_]:

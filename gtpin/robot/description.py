@@ -16,6 +16,9 @@ from gtpin.errors import RobotError
 
 Vector = tuple[float, ...]
 
+MOST_JOINTS = 300
+"""Joints of a URDF at most: its parser in C++ goes down the tree by recursion, and a chain of thousands overflows its stack."""
+
 LINK_COMPLIANCE = 4e-8
 """m/N: two metres of steel or carbon tube with a ball joint at either end give by as much, about."""
 
@@ -118,6 +121,9 @@ class Description:
         root = parse_xml(xml, source)
         if root.tag != "robot":
             raise RobotError(f"the outer element is <{root.tag}>", file=source, hint="a URDF's is <robot>")
+        joints = len(root.findall("joint"))
+        if joints > MOST_JOINTS:
+            raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
         reader = _Reader(source)
         loops = tuple(reader.loop(element) for element in root.findall("loop_joint"))
         elements = root.findall("gtpin")

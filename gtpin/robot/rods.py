@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.robot.chain import Chain
+from gtpin.robot.chain import Chain, joint_jacobian
 from gtpin.robot.description import Loop, RodElement
 
 Floats = npt.NDArray[np.float64]
@@ -118,7 +118,7 @@ def _rod(robot: Chain, element: RodElement, index: int, loop: Loop) -> Rod:
     L = float(np.linalg.norm(local.translation))
     for joint in chain:
         if joint in driven:
-            column = pin.getJointJacobian(model, robot.data, joint, pin.LOCAL_WORLD_ALIGNED)[:, model.idx_vs[joint]]
+            column = joint_jacobian(model, robot.data, joint)[:, model.idx_vs[joint]]
             if extension is not None or np.linalg.norm(column[:3] * L - (end - root)) > ALIGNED * max(1.0, L):
                 raise _error(robot, element, f"its actuator {model.names[joint]} does not change its length")
             extension = driven[joint]

@@ -39,7 +39,7 @@ def moved(
     return replace(dataset, position=position, orientation=orientation)
 
 
-def warned(dataset: Dataset) -> tuple[gtpin.calibration.result.Calibration, str]:
+def warned(dataset: Dataset) -> tuple[gtpin.Calibration, str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         found = gtpin.calibrate(dataset)

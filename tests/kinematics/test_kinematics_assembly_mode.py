@@ -8,6 +8,7 @@ from machines import Machine
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.errors import AssemblyModeError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import log
 from gtpin.robot.description import Description
@@ -146,3 +147,41 @@ def test_a_robot_whose_urdf_names_another_home_takes_that_mode(
     np.testing.assert_allclose(gtpin.home(other).T, T, rtol=0, atol=1e-11)
     poses = RodKinematics(gtpin.Geometry.nominal(other)).forward(np.zeros((1, 3)))
     np.testing.assert_allclose(poses.T[0], T, rtol=0, atol=1e-11)
+
+
+def closed_by_hand(q: float, side: float) -> dict[str, tuple[Floats, float]]:
+    """Origins (2,) and directions, rad, of the four-bar's links, by where two circles meet; side is +1 or -1."""
+    crank, base = 0.2 * np.array([np.cos(q), np.sin(q)]), np.array([0.6, 0.0])
+    way = base - crank
+    apart = float(np.hypot(*way))
+    along = (0.5**2 - 0.45**2 + apart**2) / (2.0 * apart)
+    height = side * np.sqrt(0.5**2 - along**2)
+    pin = crank + (along * way + height * np.array([-way[1], way[0]])) / apart
+    return {name: (at, float(np.arctan2(*(pin - at)[::-1]))) for name, at in (("coupler", crank), ("rocker", base))}
+
+
+@pytest.mark.parametrize("link", ["coupler", "rocker"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("q", [0.0, 0.7, 2.5])
+def test_the_home_that_a_urdf_names_selects_the_assembly_of_a_planar_loop(
+    four_bar: gtpin.Robot, link: str, side: float, q: float
+) -> None:
+    at, turn = closed_by_hand(q, side)[link]
+    named = f'<platform link="{link}"/><home q="{q}" tcp_xyz="{at[0]} {at[1]} 0" tcp_rotvec="0 0 {turn}"/>'
+    robot = gtpin.Robot(Description.parse(four_bar.description.xml.replace('<platform link="rocker"/>', named)))
+    home = gtpin.home(robot)
+    np.testing.assert_allclose(home.T[:2], at, atol=1e-12)
+    np.testing.assert_allclose(log(home.R)[2], turn, atol=1e-9)
+    moved = home.moved_to([q + 0.3])
+    at, turn = closed_by_hand(q + 0.3, side)[link]
+    np.testing.assert_allclose(log(moved.R)[2], turn, atol=1e-9)
+
+
+@pytest.mark.parametrize("turn", [0.4, -2.0])
+def test_a_home_where_the_loop_does_not_close_is_refused(four_bar: gtpin.Robot, turn: float) -> None:
+    named = f'<platform link="coupler"/><home q="0" tcp_xyz="0.2 0 0" tcp_rotvec="0 0 {turn}"/>'
+    robot = gtpin.Robot(Description.parse(four_bar.description.xml.replace('<platform link="rocker"/>', named)))
+    with pytest.raises(AssemblyModeError, match="rad from the home"):
+        gtpin.home(robot)
+    with pytest.raises(AssemblyModeError, match="rad from the home"):
+        gtpin.Model(gtpin.Geometry.nominal(robot)).predict([[0.0]])

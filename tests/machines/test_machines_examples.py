@@ -42,9 +42,9 @@ def test_a_log_of_jugglebot_becomes_the_dataset_that_it_says(tmp_path: Path) -> 
     rng = np.random.default_rng(0)
     q = closures.commands(rng, 60)
     made = closures.measured(q, rng)
-    table = {f"rev{i + 1}": q[:, i] / example.METRES_PER_REVOLUTION[i] for i in range(6)}
-    table |= {f"{axis}_mm": 1000.0 * made.position[:, i] for i, axis in enumerate("xyz")}
-    table |= {name: made.orientation[:, i] for i, name in enumerate(("qw", "qx", "qy", "qz"))}
+    table = {f"leg_length_{i + 1}": q[:, i] / example.METRES_PER_REVOLUTION[i] for i in range(6)}
+    table |= {f"position_{axis}": 1000.0 * made.position[:, i] for i, axis in enumerate("xyz")}
+    table |= {f"orientation_{axis}": made.orientation[:, i] for i, axis in enumerate("wxyz")}
     table |= {"session": np.repeat(["day1", "day2"], 30)}
     example.dataset_of(pd.DataFrame(table)).write(tmp_path / "dataset")
     dataset = gtpin.Dataset.read(tmp_path / "dataset")
@@ -53,6 +53,39 @@ def test_a_log_of_jugglebot_becomes_the_dataset_that_it_says(tmp_path: Path) -> 
     assert dataset.robot == "stewart_jugglebot"
     assert dataset.instrument.position_sigma is None
     assert sorted(set(dataset.covariates["session"])) == ["day1", "day2"]
+
+
+# The header and two rows of Project-DeepBlue-Juggling/Jugglebot, experimenting/platform_calibration/zOld/
+# 108_calibration_poses.csv (MIT licence, Copyright (c) 2022 Jugleer).
+UPSTREAM = """\
+leg_length_1,leg_length_2,leg_length_3,leg_length_4,leg_length_5,leg_length_6,position_x,position_y,position_z,orientation_x,\
+orientation_y,orientation_z,orientation_w
+1.6767652,1.22339,1.2163502,1.8778893,1.9548622,1.8523405,5.68169641494751,-2.3655965328216553,751.5284423828125,\
+0.07218229137154475,-0.013575722707873406,0.006013082209858942,0.9972809392557858
+1.5469415,2.1703525,2.1010568,1.2076908,1.2095655,1.545841,8.406487464904785,3.568390130996704,751.1178588867188,\
+-0.0919299520829081,0.03635264424291107,0.005202661216348001,0.9950880845655573
+"""
+
+
+def test_jugglebot_s_own_log_is_read(tmp_path: Path) -> None:
+    """The first leg's 13.21144 rev/m: 1.6767652 turns are 0.126917671 m."""
+    (tmp_path / "log.csv").write_text(UPSTREAM)
+    load("jugglebot/convert.py").main([str(tmp_path / "log.csv"), str(tmp_path / "dataset")])
+    dataset = gtpin.Dataset.read(tmp_path / "dataset")
+    np.testing.assert_allclose(dataset.q[0, 0], 0.126917671, atol=1e-9)
+    np.testing.assert_allclose(dataset.position[1], [0.008406487, 0.003568390, 0.751117859], atol=1e-9)
+    assert dataset.orientation is not None
+    np.testing.assert_allclose(dataset.orientation[0], [0.997280939, 0.072182291, -0.013575723, 0.006013082], atol=1e-8)
+
+
+@pytest.mark.parametrize("spoilt", [UPSTREAM.replace("position_x", "x_mm"), UPSTREAM.replace("1.22339", "one"), ""])
+def test_another_log_is_refused_in_one_line(tmp_path: Path, spoilt: str) -> None:
+    (tmp_path / "log.csv").write_text(spoilt)
+    with pytest.raises(SystemExit) as ended:
+        load("jugglebot/convert.py").main([str(tmp_path / "log.csv"), str(tmp_path / "dataset")])
+    assert str(ended.value.code).startswith(str(tmp_path / "log.csv"))
+    assert "\n" not in str(ended.value.code)
+    assert not (tmp_path / "dataset").exists()
 
 
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a machine off nominal reaches more than nominal
