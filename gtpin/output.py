@@ -49,17 +49,15 @@ def results_folder(
         If, before the block begins, something foreign has one of the names; another run is writing there; or the folder
         can't be written.
     """
-    shown, target = (
-        shown or target,
-        target.absolute(),
-    )  # ~ in a relative path is a name like others, but not to all that write
+    # A relative path may begin with ~, which is a letter like others, but not to all that write.
+    given, target = target, target.absolute()
     if os.path.lexists(target) and not os.path.isdir(target):
         what = "a link that leads nowhere" if os.path.islink(target) and not os.path.exists(target) else "a file"
-        raise kind(f"can't be written (there is {what} of this name)", file=shown, hint="name a folder")
+        raise kind(f"can't be written (there is {what} of this name)", file=given, hint="name a folder")
     missing = [folder for folder in (target, *target.parents) if not os.path.lexists(folder)]
     placed = False
     try:
-        with writing(shown, kind):
+        with writing(shown or given, kind):
             target.mkdir(parents=True, exist_ok=True)
             with work_folder(target, key) as work:
                 refuse_foreign(target, names, force, kind)
