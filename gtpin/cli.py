@@ -88,6 +88,9 @@ def _run() -> int:
         return INTERRUPTED
     except BrokenPipeError:
         return 0
+    except MemoryError:
+        _say("error", "there is too little memory: take fewer rows, or give it more (ulimit -v, a container's limit)")
+        return 2
     except Exception as error:
         if os.environ.get("GTPIN_TRACEBACK"):
             raise

@@ -13,7 +13,7 @@ from gtpin.data.ids import normal_ids
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
-from gtpin.kinematics.kinematics import Kinematics, kinematics
+from gtpin.kinematics.kinematics import Kinematics, Solver, kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.geometry import Geometry
@@ -51,12 +51,15 @@ class Model:
         What the geometry leaves out, with coefficients.
     covariance
         (p, p) of the geometry's parameters, m, rad and m/m, where they were identified; None where they are nominal.
+    solver
+        What solves the closures of a robot with rods: see :func:`~gtpin.kinematics.kinematics.kinematics`.
     """
 
     geometry: Geometry
     frame: Frame = field(default_factory=Frame)
     effects: tuple[ActiveEffect, ...] = ()
     covariance: Floats | None = None
+    solver: Solver = "arrays"
 
     @property
     def robot(self) -> Robot:
@@ -66,7 +69,7 @@ class Model:
     @cached_property
     def kinematics(self) -> Kinematics:
         """The kinematics of its geometry, in the base frame."""
-        return kinematics(self.geometry)
+        return kinematics(self.geometry, self.solver)
 
     def predict(self, q: npt.ArrayLike, covariates: Mapping[str, Column] | None = None) -> Poses:
         """Poses (N) that the instrument would read without noise at commands q (N, n), in the instrument's frame.

@@ -29,10 +29,16 @@ STATIONS = (  # where the tracker stood for sets 2 and 3: turn, rad, and shift, 
 )
 
 
-def measure(seed: int = 2010) -> tuple[gtpin.Dataset, CartMeasurements]:
-    """Sets 1 and 2 as a dataset, and set 3."""
+def measure(seed: int = 2010, places: Floats | None = None) -> tuple[gtpin.Dataset, CartMeasurements]:
+    """Sets 1 and 2 as a dataset, and set 3.
+
+    Parameters
+    ----------
+    places
+        (N, 3) TCP positions of set 1, base frame, m; the twin's own grid by default.
+    """
     twin, rng = Twin(seed), np.random.default_rng(seed + 1)
-    q = grid(twin)
+    q = grid(twin) if places is None else commands(twin, places)
     true = twin.poses(q)
     read = Rotation.from_rotvec(NOISE.orientation_sigma * rng.standard_normal(q.shape)) * Rotation.from_matrix(true.R)
     together = np.repeat(np.linspace(*RANGE, POINTS)[:, None], 3, axis=1)
@@ -53,19 +59,23 @@ def grid(twin: Twin) -> Floats:
     along, y, z = (np.linspace(-1, 1, n) for n in (6, 6, 5))
     path = np.array([[b, c] for j, b in enumerate(y) for c in (z if j % 2 == 0 else z[::-1])])
     layers = [np.column_stack([np.full(30, a), path[:: 1 if i % 2 == 0 else -1]]) for i, a in enumerate(along)]
-    return commands(twin, np.concatenate(layers)[:POSES])
+    return commands(twin, in_box(twin, np.concatenate(layers)[:POSES]))
 
 
 def anywhere(twin: Twin, rng: np.random.Generator) -> Floats:
     """(150, 3) commands of random places in the grid's box that leave no cart's measured range."""
-    q = commands(twin, rng.uniform(-1, 1, (10 * RANDOM, 3)))
+    q = commands(twin, in_box(twin, rng.uniform(-1, 1, (10 * RANDOM, 3))))
     return q[((q >= RANGE[0]) & (q <= RANGE[1])).all(axis=1)][:RANDOM]
 
 
-def commands(twin: Twin, places: Floats) -> Floats:
-    """(N, 3) commands of places in the grid's box, -1 to 1, to a micrometre."""
-    T = twin.rods.home.T[0] + CENTER + HALF_WIDTH * places
-    return np.asarray(np.round(commands_for(twin.rods, T)[0], 6))
+def in_box(twin: Twin, places: Floats) -> Floats:
+    """(N, 3) TCP positions, base frame, m, of places in the grid's box, -1 to 1."""
+    return np.asarray(twin.rods.home.T[0] + CENTER + HALF_WIDTH * places)
+
+
+def commands(twin: Twin, positions: Floats) -> Floats:
+    """(N, 3) commands of TCP positions (N, 3), base frame, m, to a micrometre."""
+    return np.asarray(np.round(commands_for(twin.rods, positions)[0], 6))
 
 
 def cart_poses(

@@ -6,10 +6,14 @@ python examples/dressler2010/seeds.py 24
 from __future__ import annotations
 
 import sys
+import warnings
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from measure import measure
+import numpy.typing as npt
+from machine import Twin
+from measure import POSES, measure
 
 import gtpin
 from gtpin.calibration.closure_fit import fit_closures
@@ -18,61 +22,150 @@ from gtpin.calibration.paper_models import model_geometry
 from gtpin.data import random
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
+from gtpin.paper.grid import RECOVERED
+from gtpin.paper.tables import tables
 
-COSTS = {  # Table II, m^4, over 61 poses; the reduced arm's by cart
-    1: (5.458e-6, 3.661e-6, 3.515e-7),
-    2: (5.506e-6, 2.4647e-6, 5.5341e-7),
-    3: (2.5339e-6, 2.9384e-6, 2.8946e-6, 4.4596e-7, 3.108e-7, 5.6626e-7),
-    4: (2.6253e-6, 1.6629e-6, 1.5159e-6, 1.1687e-6, 1.3091e-6, 4.3551e-7),
-}
-MEAN, LARGEST = (140, 120, 110, 100, 90), (410, 440, 260, 340, 240)  # Table I, micrometres
-KINDS = {  # rows of Table I: by what cost, and whether the carts' measured turning is used
-    "pose residuals": {"cost": "pose"},
-    "the paper's closure cost": {"cost": "closure"},
-    "pose residuals, carts' turning": {"cost": "pose", "orientations": True},
-}
+Floats = npt.NDArray[np.float64]
+
+PAIRS = (*pairwise(range(5)), (0, 2), (1, 3), (2, 4))
+"""Models less one, the first worse than the second in the paper's Table I."""
 
 
-def fitted_costs(dataset: gtpin.Dataset) -> dict[int, np.ndarray]:
-    """By model, the final cost by link of a fit to half of the poses within range, scaled to 61 poses, m^4."""
+@dataclass(frozen=True)
+class Draws:
+    """What came out of so many draws of the twin's errors.
+
+    Parameters
+    ----------
+    poses
+        Poses within the carts' measured range.
+    pose, closure, recovered
+        (draws, 5, 2) mean and largest held-out error of models 1 to 5, um: fitted by pose residuals, by the paper's closure
+        cost, and by pose residuals on the grid that Table III gives.
+    recovered_poses
+        Poses of that grid within the range.
+    rods
+        By model 1 to 4, (draws, k) what the final cost of each link stands for, um of rod length.
+    set_aside
+        How many of the 10 comparisons of a model by pose residuals in each draw set poses aside.
+    """
+
+    poses: int
+    pose: Floats
+    closure: Floats
+    recovered: Floats
+    recovered_poses: int
+    rods: dict[int, Floats]
+    set_aside: int
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+
+def order(errors: Floats) -> list[int]:
+    """By pair of ``PAIRS``, in how many draws the first model's mean error is the larger, as in the paper."""
+    mean = errors[:, :, 0]
+    return [int(np.count_nonzero(mean[:, a] > mean[:, b])) for a, b in PAIRS]
+
+
+def draw(seeds: int) -> Draws:
+    """Measure and compare the twins of seeds 0, 1, ..."""
+    found: dict[str, list[Floats]] = {"pose": [], "closure": [], "recovered": []}
+    rods: dict[int, list[Floats]] = {n: [] for n in (1, 2, 3, 4)}
+    poses, set_aside = {}, 0
+    for seed in range(seeds):
+        dataset, _ = measure(seed)
+        other, _ = measure(seed, RECOVERED.points(Twin(seed).rods)[:POSES])
+        for n, sizes in fitted_rods(dataset).items():
+            rods[n].append(sizes)
+        for kind, data, cost in (
+            ("pose", dataset, "pose"),
+            ("closure", dataset, "closure"),
+            ("recovered", other, "pose"),
+        ):
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always", gtpin.GtpinWarning)
+                table = compare(data, cost=cost).table()
+            set_aside += sum("set aside" in str(w.message) for w in caught)
+            found[kind].append(table[["mean_um", "max_um"]].to_numpy())
+            poses[kind] = int(table["poses"].iloc[0])
+    arrays = {kind: np.array(values) for kind, values in found.items()}
+    return Draws(
+        poses["pose"],
+        **arrays,
+        recovered_poses=poses["recovered"],
+        rods={n: np.array(values) for n, values in rods.items()},
+        set_aside=set_aside,
+    )
+
+
+def fitted_rods(dataset: gtpin.Dataset) -> dict[int, Floats]:
+    """By model, what the final cost by link of a fit to half of the poses within range stands for, um of rod length."""
     robot = gtpin.load_robot("gantry_tau")
     inside = dataset.take(within_tracks(robot, dataset))
     half = inside.take(random(inside, 2, seed=0)[0])
     poses = Poses(half.position, from_quaternions(half.orientation))
-    costs = {n: fit_closures(model_geometry(n, robot, half), half.q, poses).cost * 61 / len(half) for n in COSTS}
-    return {n: cost[[0, 1, 3]] if n < 3 else cost for n, cost in costs.items()}
+    costs = {n: fit_closures(model_geometry(n, robot, half), half.q, poses).cost / len(half) for n in (1, 2, 3, 4)}
+    return {n: rod_length(cost[[0, 1, 3]] if n < 3 else cost) for n, cost in costs.items()}
 
 
-def main(seeds: int) -> None:
-    costs = {n: [] for n in COSTS}
-    errors = {kind: [] for kind in KINDS}
-    for seed in range(seeds):
-        dataset, _ = measure(seed)
-        for n, cost in fitted_costs(dataset).items():
-            costs[n].append(cost)
-        for kind, options in KINDS.items():
-            errors[kind].append(compare(dataset, **options).table()[["mean_um", "max_um"]].to_numpy())
-    print(f"Table II, rms of a rod's length, um (paper / twin), {seeds} seeds")
-    for n, found in costs.items():
-        pairs = zip(COSTS[n], np.mean(found, axis=0), strict=True)
-        print(f"  model {n}: " + "  ".join(f"{_rod(paper):.0f} / {_rod(twin):.0f}" for paper, twin in pairs))
-    print(f"Table I, um: the paper's means {MEAN}, largest {LARGEST}")
-    for kind, found in errors.items():
-        mean, largest = np.moveaxis(np.array(found), 2, 0)
-        print(f"  {kind}: means {_row(mean.mean(axis=0))} +- {_row(mean.std(axis=0))} from seed to seed, "
-              f"largest {_row(largest.mean(axis=0))} +- {_row(largest.std(axis=0))}")  # fmt: skip
-        for a, b in [*pairwise(range(5)), (0, 2), (1, 3), (2, 4)]:
-            print(f"    model {a + 1} worse than {b + 1}: {np.count_nonzero(mean[:, a] > mean[:, b])} of {seeds}")
+def printed_rods(model: int) -> Floats:
+    """The same of the costs that the paper prints, over its 61 poses."""
+    return rod_length(tables().costs(model) / tables().measurement.calibration_poses)
 
 
-def _rod(cost: float) -> float:
-    """Error of a rod's length, um, that a cost over 61 poses stands for: the residual of L^2 is 2 L dL."""
-    return 1e6 * np.sqrt(cost / 61) / (2 * 2.044)
+def turning_alone() -> Floats:
+    """(3,) what the plate's turning leaves of each cart's links in a reduced arm, um of rod length.
+
+    Of Table II's geometry at the twin's poses, without any other error.
+    """
+    robot = gtpin.load_robot("gantry_tau")
+    dataset, _ = measure()
+    poses = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(dataset.q)
+    inside = within_tracks(robot, dataset)
+    fit = fit_closures(model_geometry(1, robot, dataset), dataset.q[inside], poses[inside])
+    return rod_length(fit.cost[[0, 1, 3]] / np.count_nonzero(inside))
 
 
-def _row(values: np.ndarray) -> str:
-    return " ".join(f"{value:.0f}" for value in values)
+def rod_length(square: Floats) -> Floats:
+    """Error of a rod's length, um, that a mean squared closure residual, m^4, stands for: the residual of L^2 is 2 L dL."""
+    return np.asarray(1e6 * np.sqrt(square) / (2.0 * tables().calibrated[3].length.mean()))
+
+
+def markdown(draws: Draws) -> str:
+    """The tables of the page: Table II, Table I, and the order of the models, paper and twin."""
+    paper = tables()
+    lines = ["| model | 1 | 2 or 2a | 2b | 3 or 3a | 3b | 3c |", "|---" * 7 + "|"]
+    for n, found in draws.rods.items():
+        cells = [f"{p:.0f} / {t:.0f}" for p, t in zip(printed_rods(n), found.mean(axis=0), strict=True)]
+        lines.append(f"| {n} | " + " | ".join(cells if n > 2 else [cells[0], cells[1], "", cells[2], "", ""]) + " |")
+    lines += [
+        "",
+        "What the final cost of each link stands for in rod length, rms, micrometres: the paper / the twin.",
+        "",
+    ]
+    kinds = {"pose cost": draws.pose, "the paper's cost": draws.closure, "grid of Table III": draws.recovered}
+    head = [f"{what}, {kind}" for what in ("mean", "largest") for kind in ("paper", *kinds)]
+    lines += ["| model | " + " | ".join(head) + " |", "|---" * 9 + "|"]
+    for i in range(5):
+        cells = []
+        for j, printed in enumerate((paper.mean_um, paper.max_um)):
+            cells.append(f"{printed[i]:.0f}")
+            cells += [f"{e[:, i, j].mean():.0f} ± {e[:, i, j].std():.0f}" for e in kinds.values()]
+        lines.append(f"| {i + 1} | " + " | ".join(cells) + " |")
+    lines += ["", f"Held-out error, micrometres: mean over {len(draws)} draws, and its spread from draw to draw.", ""]
+    lines += ["| worse | better | " + " | ".join(kinds) + " |", "|---" * 5 + "|"]
+    for (a, b), counts in zip(PAIRS, zip(*map(order, kinds.values()), strict=True), strict=True):
+        lines.append(f"| {a + 1} | {b + 1} | " + " | ".join(map(str, counts)) + " |")
+    lines += ["", f"In how many of {len(draws)} draws the means come in the paper's order.", ""]
+    lines += ["| seed | 1 | 2 | 3 | 4 | 5 |", "|---" * 6 + "|"]
+    for seed, errors in enumerate(draws.pose):
+        lines.append(f"| {seed} | " + " | ".join(f"{mean:.1f} / {largest:.0f}" for mean, largest in errors) + " |")
+    lines += ["", "Every draw, pose cost: mean / largest held-out error of each model, micrometres."]
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 12)
+    result = draw(int(sys.argv[1]) if len(sys.argv) > 1 else 12)
+    print(markdown(result))
+    print(f"{result.set_aside} fits set poses aside")

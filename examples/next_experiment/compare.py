@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 
 import gtpin
-from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.data.table import Column
 from gtpin.diagnosis.candidates import Candidate

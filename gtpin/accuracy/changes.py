@@ -30,13 +30,13 @@ class Errors:
         (N,) length of the TCP's error, m.
     rotation
         (N, 3) model less measured ZYZ angles, rad.
-    cost
-        (N,) the link's squared closure residual (\\|d\\|^2 - L^2)^2, m^4.
+    costs
+        (N, k) every link's squared closure residual (\\|d\\|^2 - L^2)^2, m^4.
     """
 
     position: Floats
     rotation: Floats
-    cost: Floats
+    costs: Floats
 
 
 @dataclass(frozen=True)
@@ -87,12 +87,14 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
         raise ModelError(f"link {link} of {model.robot.name} has no track", hint=f"{parameter} is of a track")
     poses = reached_poses(kinematics, q)
     ends = kinematics.ends(q)
+    closures = 2.0 * kinematics.closures(q, measured)
 
     def errors(size: float) -> Errors:
         now = poses_after(kinematics, ends, poses, change, size) if size else poses
-        closure, by = closure_change(change, ends, measured, size)
+        moved = closures.copy()
+        moved[:, change.rod] += closure_change(change, ends, measured, size)[1]
         off = np.linalg.norm(now.T - measured.T, axis=1)
-        return Errors(off, zyz_change(now.R, measured.R), np.asarray((closure + by) ** 2))
+        return Errors(off, zyz_change(now.R, measured.R), moved**2)
 
     return StepChange(parameter, link, step, errors(0.0), errors(step), errors(-step))
 

@@ -75,12 +75,16 @@ class Error:
         95 % of all machines and poses have less.
     maximum
         Expectation of the largest that one machine shows over the visited poses.
+    mean_spread, maximum_spread
+        Standard deviations, from machine to machine, of the mean and of the largest over the visited poses.
     """
 
     at: Floats
     mean: float
     p95: float
     maximum: float
+    mean_spread: float
+    maximum_spread: float
 
 
 @dataclass(frozen=True)
@@ -188,8 +192,9 @@ def mean_length(covariance: Floats) -> Floats:
 
 def _error(covariance: Floats, lengths: Floats) -> Error:
     at = mean_length(covariance)
-    largest = lengths.max(axis=1).mean()
-    return Error(at, float(at.mean()), float(np.quantile(lengths, 0.95)), float(largest))
+    mean, largest = lengths.mean(axis=1), lengths.max(axis=1)
+    p95 = float(np.quantile(lengths, 0.95))
+    return Error(at, float(at.mean()), p95, float(largest.mean()), float(mean.std()), float(largest.std()))
 
 
 def _sample(response: Response, visits: int, draws: int, rng: np.random.Generator) -> Floats:

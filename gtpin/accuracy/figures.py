@@ -73,21 +73,34 @@ def _shade(axis: Any, poses: int, layers: int) -> None:
         axis.axvspan(edges[i], edges[i + 1], color="0.92", zorder=0)
 
 
-def cost_and_position(change: StepChange) -> Figure:
-    """Position error and the link's cost, pose by pose, before and after a step to both sides, as in the paper's Fig. 9."""
-    figure = new_figure(9.0, 5.5)
-    upper, lower = figure.subplots(2, 1, sharex=True)
+def cost_and_position(change: StepChange, links: Sequence[str]) -> Figure:
+    """Position error and every link's cost, pose by pose, before and after a step to both sides, as in the paper's Fig. 9.
+
+    Parameters
+    ----------
+    links
+        (k,) names of the links.
+    """
+    figure = new_figure(9.0, 2.5 + 1.3 * len(links))
+    upper, *lower = figure.subplots(1 + len(links), 1, sharex=True, height_ratios=[2.0] + [1.0] * len(links))
+    worst = int(np.argmax(change.before.position))
     for errors, color, label in _three(change):
         upper.plot(1e6 * errors.position, color=color, linewidth=1.1, label=label)
-        lower.plot(errors.cost, color=color, linewidth=1.1, label=label)
+        for i, axis in enumerate(lower):
+            if i == links.index(change.link) or errors is change.before:
+                axis.plot(errors.costs[:, i], color=color, linewidth=1.1)
     upper.set_ylabel("position error (um)")
-    lower.set_ylabel(f"squared closure residual\nof link {change.link} (m$^4$)")
-    lower.set_xlabel("pose")
-    lower.set_xlim(0, len(change.before.cost) - 1)
-    for axis in (upper, lower):
+    for link, axis in zip(links, lower, strict=True):
+        axis.set_ylabel(f"link {link} (m$^4$)")
+    lower[-1].set_xlabel("pose")
+    lower[-1].set_xlim(0, len(change.before.position) - 1)
+    for axis in (upper, *lower):
+        axis.axvline(worst, color="0.75", zorder=0)
         axis.set_ylim(bottom=0.0)
         axis.grid(alpha=0.3)
-    figure.suptitle(f"Step of {_step(change)} in {change.parameter} of link {change.link}")
+    figure.suptitle(
+        f"Step of {_step(change)} in {change.parameter} of link {change.link}: position error, and squared closure residuals"
+    )
     figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
     return figure
 
@@ -102,7 +115,7 @@ def orientation_change(change: StepChange) -> Figure:
         axis.set_ylabel(f"{name} error (mrad)")
         axis.grid(alpha=0.3)
     axes[-1].set_xlabel("pose")
-    axes[-1].set_xlim(0, len(change.before.cost) - 1)
+    axes[-1].set_xlim(0, len(change.before.position) - 1)
     figure.suptitle(
         f"Orientation error, ZYZ angles: step of {_step(change)} in {change.parameter} of link {change.link}"
     )

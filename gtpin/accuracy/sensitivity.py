@@ -158,8 +158,8 @@ def sensitivity(
     return Sensitivity(links, len(q), step, sums[0], sums[1])
 
 
-def position_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ...]) -> Floats:
-    """(N, len(parameters), k) length of the TCP's displacement per unit of each parameter of each rod, by the Jacobian.
+def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ...]) -> tuple[Floats, Floats]:
+    """Change of the TCP per unit of each parameter of each rod, by the Jacobian.
 
     Parameters
     ----------
@@ -167,18 +167,38 @@ def position_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str
         (N, n) commands and the (N) poses there, base frame.
     parameters
         Some of :data:`~gtpin.accuracy.steps.PARAMETERS`; NaN where a rod has no such one.
+
+    Returns
+    -------
+    position, rotation
+        (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ angles.
     """
     kinematics = rod_kinematics(model)
     ends = kinematics.ends(q)
     d, RP = rod_vectors(poses, ends)
-    gain = np.linalg.norm(np.linalg.inv(pose_jacobian(d, RP))[:, :3], axis=1)
-    slopes = np.full((len(q), len(parameters), d.shape[1]), np.nan)
+    response = np.linalg.inv(pose_jacobian(d, RP))
+    length = np.linalg.norm(response[:, :3], axis=1)
+    angles = np.abs(np.einsum("nij,njk->nik", zyz_rates(poses.R), response[:, 3:])).sum(axis=1)
+    by_gap = np.full((len(q), len(parameters), d.shape[1]), np.nan)
     for row, parameter in enumerate(parameters):
         for rod in range(d.shape[1]):
             change = rod_step(kinematics, q, parameter, rod)
             if change is not None:
-                slopes[:, row, rod] = gain[:, rod] * np.abs(_gap(change, d[:, rod], ends, poses))
-    return slopes
+                by_gap[:, row, rod] = np.abs(_gap(change, d[:, rod], ends, poses))
+    return by_gap * length[:, None], by_gap * angles[:, None]
+
+
+def step_sums(kinematics: RodKinematics, q: Floats, poses: Poses, change: RodStep, sigma: float, step: float) -> Floats:
+    """(3,) exact sums of :class:`Sums` over poses (N) and both signs of a step of any change of one rod.
+
+    Parameters
+    ----------
+    sigma
+        Standard deviation of the rod's closure residual, m^2.
+    """
+    ends = kinematics.ends(q)
+    both = [_exact(kinematics, ends, poses, change, sign * step) for sign in (1.0, -1.0)]
+    return np.array([*(both[0] + both[1]), _cost(change, ends, poses, step, sigma)[0]])
 
 
 def _gap(change: RodStep, d: Floats, ends: RodEnds, poses: Poses) -> Floats:

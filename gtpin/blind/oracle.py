@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.blind.difficulty import Best
-from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.problem import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
@@ -24,7 +24,7 @@ def knowing(dataset: Dataset, baseline: Calibration, causes: Sequence[Best]) -> 
 
     The geometry's prior are its tolerances, that of a cause's coefficients their typical sizes times its scale.
     """
-    kept = dataset.take(~np.isin(dataset.pose.astype(str), baseline.rejected))
+    kept = dataset.take(baseline.used(dataset))
     model = baseline.model
     kinematics, geometry = model.kinematics, model.geometry
     assert isinstance(kinematics, RodKinematics)

@@ -7,31 +7,34 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from gtpin.calibration import weights
+from gtpin.calibration.declared_noise import used_noise
+from gtpin.calibration.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
 from gtpin.calibration.paper_models import MEASURED, model_geometry
-from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.prepared import prepared
+from gtpin.calibration.problem import measured_poses, rough_frame
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
-from gtpin.data import Dataset, check_plausible
+from gtpin.calibration.shifted_rows import check_stretch, far_from_nominal
+from gtpin.calibration.usable_rows import check_size, plausible_rows, reach_of
+from gtpin.data import Dataset, Instrument
+from gtpin.data.extremes import check_extremes
+from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError, ModelError, RobotError, warn
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import from_quaternions
+from gtpin.kinematics.kinematics import Solver
+from gtpin.memory import amount, require
 from gtpin.model import Frame, Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.parameters import KINDS, TOLERANCE, Per
 from gtpin.robot.robot import Robot
 
-Mask = npt.NDArray[np.bool_]
-
-FAR = 0.01
-"""Median position error after a fit, m, that no calibrated robot shows."""
-MISFIT = 10.0
-"""Size of the residuals over the noise that is worth a warning."""
-STRAYED = 6.0
-"""Deviation of a parameter from nominal, in tolerances, that is worth a warning."""
+FIXED = 80e6
+"""Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
+PER_POSE = 1200.0
+"""Bytes of memory that it needs for each pose, besides the dataset. Measured: 600 to 900 (docs/speed.md)."""
+MANY = 100_000
+"""Poses from which on the memory that they need is told beforehand."""
 
 
 def calibrate(
@@ -43,6 +46,7 @@ def calibrate(
     directions: Per = "actuator",
     scale: Per | None = None,
     without: Iterable[str] = (),
+    kinematics: Solver = "arrays",
     progress: Progress | None = None,
 ) -> Calibration:
     """Identify joint offsets, rod lengths and track geometry by Gauss-Newton with manufacturing tolerances as priors.
@@ -62,6 +66,10 @@ def calibrate(
     directions, scale, without
         Which parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
         joints, lengths and one direction per cart.
+    kinematics
+        Of robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose by Pinocchio, an order of
+        magnitude slower, with the same result to rounding, for geometries that a URDF carries. Robots without rods have
+        Pinocchio in either case.
     progress
         Called with what is being done, the iteration, and the size of the residuals in units of the noise.
 
@@ -93,56 +101,83 @@ def calibrate(
             raise ModelError(
                 f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
             )
-        geometry = model_geometry(model, _with_actuators_of(robot, dataset)[0], dataset, orientations=orientations)
+        _check_actuators(robot, dataset)
+        geometry = model_geometry(model, robot, dataset, orientations=orientations)
         dataset = without_sigmas(dataset)
-    return calibrate_geometry(dataset, geometry, progress)
+    return _calibrated(
+        dataset, geometry, progress, doubt=model is None, lacking=model is not None, kinematics=kinematics
+    )
 
 
-def calibrate_geometry(dataset: Dataset, geometry: Geometry, progress: Progress | None = None) -> Calibration:
-    """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone."""
-    nominal = Model(geometry)
-    poses = nominal.kinematics.forward(_with_actuators_of(nominal.robot, dataset)[1].q)
-    reached = _plausible(dataset, nominal, poses)
-    kept, poses = dataset.take(reached), poses[reached]
+def calibrate_geometry(
+    dataset: Dataset,
+    geometry: Geometry,
+    progress: Progress | None = None,
+    *,
+    lacking: bool = False,
+    kinematics: Solver = "arrays",
+) -> Calibration:
+    """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone.
+
+    Parameters
+    ----------
+    lacking
+        Whether the geometry leaves out by design what others hold: see :class:`~gtpin.calibration.rounds.Rounds`.
+    """
+    return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking, kinematics=kinematics)
+
+
+def _calibrated(
+    dataset: Dataset, geometry: Geometry, progress: Progress | None, *, doubt: bool, lacking: bool, kinematics: Solver
+) -> Calibration:
+    """Fit; where ``doubt``, also ask whether noise, frame and tolerances can be what the dataset declares."""
+    needed = FIXED + PER_POSE * len(dataset)
+    require(f"calibrating {len(dataset):,} poses", needed)
+    if progress is not None and len(dataset) >= MANY:
+        progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
+    nominal = Model(geometry, solver=kinematics)
+    check_extremes(dataset)
+    _check_actuators(nominal.robot, dataset)
+    dataset = prepared(dataset, nominal)
+    reached = sane_rows(dataset)
+    poses = nominal.kinematics.forward(dataset.q[reached])
+    plausible = plausible_rows(dataset.take(reached), nominal, poses)
+    reached[reached] = plausible
+    kept, poses = dataset.take(reached), poses[plausible]
     measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
-    free = dataset.instrument.frame == "free"
-    _check_size(dataset, measured, len(geometry.parameters) + (6 if free else 0))
-    start = Model(geometry, rough_frame(poses, measured) if free else Frame())
-    settled = Rounds(start, measured, kept.visits, poses, kept.instrument, progress).run()
+    instrument = dataset.instrument
+    check_size(dataset, measured, len(geometry.parameters) + (6 if instrument.frame == "free" else 0))
+
+    def started(instrument: Instrument, geometry: Geometry = geometry) -> Model:
+        frame = rough_frame(poses, measured) if instrument.frame == "free" else Frame()
+        return Model(geometry, frame, solver=kinematics)
+
+    def settle(instrument: Instrument, geometry: Geometry = geometry) -> Settled:
+        start = started(instrument, geometry)
+        return Rounds(start, measured, kept.visits, poses, instrument, progress, lacking).run()
+
+    start = started(instrument)
+    seen = start.seen(poses)
+    check_stretch(kept, measured, seen, far_from_nominal(measured, seen, reach_of(geometry)))
+    if doubt:
+        settled = settled_in_doubt(kept, start, measured, poses, settle)
+    else:
+        settled = settle(instrument)
+        check_convention(dataset, settled)
+    check_used(kept, measured, settled)
     if not settled.used.all():
         named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
         warn(f"set aside as gross errors: poses {named}")
-    _check_fit(dataset, settled, start.seen(poses))
+    check_fit(dataset, settled, seen)
+    if doubt:
+        settled, instrument = used_noise(dataset, settled, settle)
+        settled, instrument = unstrained(settled, instrument, settle)
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
-    return Calibration.of(settled, start.seen(poses[settled.used]), rejected)
-
-
-def _check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
-    """Refuse data that calibration does not bring near the robot, and warn of a fit that hardly deserves the name."""
-    problem, point = settled.fit.problem, settled.fit.point
-    model, measured = point.model, problem.measured
-    left, before = (
-        float(np.median(np.linalg.norm(measured.T - predicted.T, axis=1)))
-        for predicted in (model.seen(point.poses), nominal[settled.used])
-    )
-    if left > FAR and left > 0.25 * before:
-        raise DatasetError(
-            f"calibration leaves {left * 1e3:.3g} mm of {before * 1e3:.3g} mm: these can't be the robot's poses",
-            file=dataset.file,
-            hint='check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")',
-        )
-    size = weights.robust_scale(settled.fit.residual)
-    if size > MISFIT:
-        warn(f"residuals are {size:.0f} times the noise: the geometry does not explain these data")
-    x = point.x[: problem.n_geometry]
-    # How a measured track is rolled about itself is guessed from where targets sat on carts: no tolerance of the machine's.
-    rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])
-    far = np.flatnonzero((np.abs(x) > STRAYED) & ~rolled)
-    strayed = [f"{model.geometry.names[i]} ({x[i]:+.0f})" for i in far[np.argsort(-np.abs(x[far]))]]
-    if strayed:
-        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}")
+    lines = tuple(int(line) for line in dataset.row[aside])
+    before = settled.fit.problem.start.seen(poses[settled.used])
+    return Calibration.of(settled, before, rejected, lines, instrument)
 
 
 def _robot_of(dataset: Dataset) -> Robot:
@@ -171,55 +206,10 @@ def without_sigmas(dataset: Dataset) -> Dataset:
     return replace(dataset, instrument=undeclared)
 
 
-def measured_poses(dataset: Dataset) -> Measured:
-    """A dataset's poses, with rotations as matrices."""
-    R = None if dataset.orientation is None else from_quaternions(dataset.orientation)
-    return Measured(dataset.q, dataset.position, R)
-
-
-def _with_actuators_of(robot: Robot, dataset: Dataset) -> tuple[Robot, Dataset]:
+def _check_actuators(robot: Robot, dataset: Dataset) -> None:
     if dataset.n_actuators != robot.n_actuators:
         raise DatasetError(
             f"{dataset.n_actuators} commands a pose, but {robot.name} has {robot.n_actuators} actuators",
             file=dataset.file,
             hint=f"give q1 .. q{robot.n_actuators}",
-        )
-    return robot, dataset
-
-
-def _plausible(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
-    """(N,) the rows that the robot can reach; an error where the data can't be the robot's."""
-    robot, geometry = nominal.robot, nominal.geometry
-    outside = geometry.outside_tracks(dataset.q)
-    if outside.any():
-        named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[outside]))
-        warn(f"set aside, outside the measured tracks: poses {named}")
-        if outside.all():
-            raise DatasetError(
-                "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
-            )
-        poses.T[outside], poses.R[outside] = poses.T[~outside][0], poses.R[~outside][0]
-    lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
-    if geometry.reduced:
-        dataset = replace(dataset, orientation=None)
-    plausible = check_plausible(
-        dataset,
-        names=robot.sites,
-        lower=robot.lower,
-        upper=robot.upper,
-        revolute=robot.revolute,
-        predicted_position=poses.T,
-        predicted_rotation=poses.R,
-        reach=max(0.05, 50.0 * max(lengths, default=0.0)),
-    )
-    return np.asarray(plausible & ~outside)
-
-
-def _check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:
-    numbers = len(measured.T) * measured.components
-    if numbers <= unknowns:
-        raise DatasetError(
-            f"{len(measured.T)} usable rows give {numbers} numbers for {unknowns} parameters",
-            file=dataset.file,
-            hint=f"measure at least {unknowns // measured.components + 1} poses, or leave parameters out",
         )

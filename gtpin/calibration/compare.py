@@ -12,11 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.euler import zyz_change
-from gtpin.calibration.calibrate import calibrate_geometry, measured_poses, without_sigmas
+from gtpin.calibration.calibrate import calibrate_geometry, without_sigmas
 from gtpin.calibration.closure_fit import closure_residual, fit_closures
 from gtpin.calibration.comparison import Comparison, Cost, Held
 from gtpin.calibration.paper_models import MEASURED, MODELS, PAPERS_CHOICE, model_geometry
+from gtpin.calibration.problem import measured_poses
 from gtpin.data import Dataset, random
+from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinWarning, UnreachableError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log
@@ -80,6 +82,7 @@ def compare(
             hint="use cost pose, choice paper",
         )
     numbers = [n for n in MODELS if n not in MEASURED or dataset.carts is not None]
+    dataset = counted_once(dataset)  # a copy in the other half would be no test
     dataset = dataset.take(within_tracks(robot, dataset))
     if len(dataset) < 2 * HALVES:
         raise DatasetError(f"{len(dataset)} poses lie within the measured tracks", file=dataset.file, hint="add some")
@@ -165,7 +168,7 @@ def _closures_known(dataset: Dataset) -> bool:
 
 def _fitted(geometry: Geometry, dataset: Dataset, cost: Cost) -> Model:
     if cost == "pose":
-        return calibrate_geometry(without_sigmas(dataset), geometry).model
+        return calibrate_geometry(without_sigmas(dataset), geometry, lacking=True).model
     return Model(fit_closures(geometry, dataset.q, _poses(dataset)).geometry)
 
 

@@ -11,6 +11,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from gtpin.calibration.problem import Point, Problem
 from gtpin.errors import ConvergenceError
+from gtpin.kinematics.poses import Poses
 
 Floats = npt.NDArray[np.float64]
 
@@ -62,7 +63,7 @@ class Fit:
         size = self.problem.size
         factor: Floats = np.zeros((0, size))
         for rows in self.problem.chunks():
-            J = self.problem.jacobian(self.point, rows) * np.sqrt(self.weight[rows])[:, None, None]
+            J = self.problem.jacobian(self.point, rows, self.weight[rows])
             factor = np.asarray(np.linalg.qr(np.vstack([factor, J.reshape(-1, size)]), mode="r"), dtype=np.float64)
         return factor
 
@@ -78,6 +79,7 @@ def fit(
     x: Floats | None = None,
     progress: Callable[[int, float], None] | None = None,
     *,
+    near: Poses | None = None,
     decrease: float = DECREASE,
     enough: int = MAX_ITERATIONS,
 ) -> Fit:
@@ -93,6 +95,8 @@ def fit(
         Where to start: nominal by default.
     progress
         Called with the iteration and the root mean square of the weighted residuals.
+    near
+        Poses of a geometry near the one to start from, base frame, which save the way to its own.
     decrease
         Decrease of the cost that a step promises, per unit of cost, at which the fit has converged.
     enough
@@ -103,7 +107,7 @@ def fit(
     ConvergenceError
         If the cost has no minimum that can be reached within 200 steps.
     """
-    point = problem.point(np.zeros(problem.size) if x is None else x)
+    point = problem.point(np.zeros(problem.size) if x is None else x, near)
     if not point.poses.reached.all():
         raise ConvergenceError(
             f"{np.count_nonzero(~point.poses.reached)} poses can't be reached by the geometry that the fit starts from",
@@ -159,5 +163,5 @@ def _step(curvature: Floats, gradient: Floats, damping: float) -> Floats:
         return np.asarray(cho_solve(cho_factor(damped), gradient))
     except LinAlgError:
         raise ConvergenceError(
-            "the fit has no unique minimum", hint="measure more poses, or leave parameters out"
+            "the fit has no unique minimum", hint=f"measure more poses, leave parameters out, or {_HINT}"
         ) from None

@@ -9,6 +9,8 @@ import numpy.typing as npt
 from scipy.optimize import minimize, minimize_scalar
 from scipy.stats import chi2
 
+from gtpin.kinematics.chunks import chunks
+
 Floats = npt.NDArray[np.float64]
 
 SMALLEST = 1e-7
@@ -45,6 +47,8 @@ class Noise:
         Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
     dof
         Degrees of freedom that the sigmas were estimated with; infinite where they are declared.
+    estimated
+        Whether the position's and the orientation's sigma were estimated from the data.
     """
 
     position_sigma: float
@@ -55,6 +59,7 @@ class Noise:
     range_ratio: float = 1.0
     source: str = "declared"
     dof: float = np.inf
+    estimated: tuple[bool, bool] = (False, False)
 
     def covariance(self, command_jacobian: Floats, components: int) -> Floats:
         """(N, c, c) covariance of the measured pose: position alone (c = 3) or with the rotation vector (c = 6).
@@ -75,9 +80,16 @@ class Noise:
         return covariance
 
     def whitening(self, command_jacobian: Floats, components: int) -> Floats:
-        """(N, c, c) matrices W with W'W the inverse of the covariance."""
-        lower = np.linalg.cholesky(self.covariance(command_jacobian, components))
-        return np.asarray(np.linalg.inv(lower))
+        """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view of one where all are alike."""
+        count = len(command_jacobian)
+        if self.repeatability == 0.0 and self.sight is None:
+            sigma = np.array([self.position_sigma] * 3 + [self.orientation_sigma] * 3)[:components]
+            return np.broadcast_to(np.diag(1.0 / sigma), (count, components, components))
+        whitening = np.empty((count, components, components))
+        for rows in chunks(count):
+            covariance = self.take(rows).covariance(command_jacobian[rows], components)
+            whitening[rows] = np.linalg.inv(np.linalg.cholesky(covariance))
+        return whitening
 
     def scaled(self, factor: float) -> Noise:
         """The same noise, every sigma larger by a factor."""
@@ -96,7 +108,7 @@ class Noise:
             orientation_sigma=max(self.orientation_sigma, sigma),
         )
 
-    def take(self, rows: npt.NDArray[np.generic]) -> Noise:
+    def take(self, rows: npt.NDArray[np.generic] | slice) -> Noise:
         """The noise of some of the poses."""
         if self.sight is None or self.reach is None:
             return self
@@ -153,13 +165,16 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
         its pose.
     """
     order = np.argsort(visits, kind="stable")
-    found, rows = [], []
-    boundaries = np.flatnonzero(np.diff(visits[order])) + 1
-    for group in np.split(order, boundaries):
-        for j in range(1, len(group)):
-            found.append((values[group[:j]].mean(axis=0) - values[group[j]]) * np.sqrt(j / (j + 1.0)))
-            rows.append(group[j])
-    return np.array(found).reshape(-1, values.shape[1]), np.array(rows, dtype=np.intp)
+    begins = np.flatnonzero(np.diff(visits[order], prepend=-1))
+    counts = np.diff(begins, append=len(order))
+    found, rows = [np.zeros((0, values.shape[1]))], [np.zeros(0, dtype=np.intp)]
+    for count in np.unique(counts[counts > 1]):  # poses of as many visits at once
+        visit = order[begins[counts == count, None] + np.arange(count)]
+        j = np.arange(1.0, count)[:, None]
+        earlier = np.cumsum(values[visit[:, :-1]], axis=1) / j
+        found.append(((earlier - values[visit[:, 1:]]) * np.sqrt(j / (j + 1.0))).reshape(-1, values.shape[1]))
+        rows.append(visit[:, 1:].ravel())
+    return np.concatenate(found), np.concatenate(rows)
 
 
 def roughly(noise: Noise, values: Floats, declared: tuple[bool, bool]) -> Noise:

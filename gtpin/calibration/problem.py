@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data import Dataset
+from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import exp, left_jacobian, skew
+from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, skew
 from gtpin.model import Frame, Model
 
 Floats = npt.NDArray[np.float64]
 
-CHUNK = 4096
-"""Poses whose derivatives are held in memory at once."""
 FARTHEST = 1e12
 """Whitened residual at which all are cut off, so that the square of any gross error is a number."""
 ALIGNMENTS = 20
@@ -36,8 +37,10 @@ class Measured:
         """Numbers measured per pose."""
         return 3 if self.R is None else 6
 
-    def take(self, rows: npt.NDArray[np.generic]) -> Measured:
-        """Some of the poses."""
+    def take(self, rows: npt.NDArray[np.generic] | slice) -> Measured:
+        """Some of the poses; these themselves where a mask names all."""
+        if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.all():
+            return self
         return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
 
     def minus(self, predicted: Poses) -> Floats:
@@ -95,7 +98,8 @@ class Problem:
     def point(self, x: Floats, near: Poses | None = None) -> Point:
         """The model at x, and its poses; NaN where it can't reach one."""
         geometry = self.start.geometry
-        model = Model(geometry.with_values(geometry.values + geometry.tolerance * x[: self.n_geometry]), self._frame(x))
+        moved = geometry.with_values(geometry.values + geometry.tolerance * x[: self.n_geometry])
+        model = replace(self.start, geometry=moved, frame=self._frame(x))
         return Point(x, model, model.kinematics.forward(self.measured.q, near))
 
     def residual(self, point: Point) -> Floats:
@@ -106,24 +110,30 @@ class Problem:
         """(N, c) values in units of the noise."""
         return np.asarray(np.clip(np.einsum("nij,nj->ni", self.whitening, values), -FARTHEST, FARTHEST))
 
+    def noisier(self, factor: float) -> Problem:
+        """The same problem with the noise larger by a factor."""
+        if self.whitening.strides[0] == 0:  # one matrix for all
+            return replace(self, whitening=np.broadcast_to(self.whitening[0] / factor, self.whitening.shape))
+        return replace(self, whitening=self.whitening / factor)
+
     def normal_equations(self, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
         """J'WJ (size, size) and J'Wr (size,) of the data alone, J the derivative of the whitened prediction by x."""
         information, gradient = np.zeros((self.size, self.size)), np.zeros(self.size)
         for rows in self.chunks():
-            J = self.jacobian(point, rows) * np.sqrt(weight[rows])[:, None, None]
-            flat = J.reshape(-1, self.size)
+            flat = self.jacobian(point, rows, weight[rows]).reshape(-1, self.size)
             information += flat.T @ flat
             gradient += flat.T @ (residual[rows] * np.sqrt(weight[rows])[:, None]).ravel()
         return information, gradient
 
     def chunks(self) -> list[slice]:
         """Slices of rows that fit in memory with their derivatives."""
-        return [slice(i, i + CHUNK) for i in range(0, len(self.measured.T), CHUNK)]
+        return chunks(len(self.measured.T))
 
-    def jacobian(self, point: Point, rows: slice) -> Floats:
-        """(M, c, size) derivative of the whitened prediction by x, for some rows."""
+    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+        """(M, c, size) derivative of the whitened prediction by x, for some rows, times the roots of their weights (M,)."""
         model, poses = point.model, point.poses[rows]
-        J = model.kinematics.geometry_jacobian(self.measured.q[rows], poses) * model.geometry.tolerance
+        J = model.kinematics.geometry_jacobian(self.measured.q[rows], poses)
+        J *= model.geometry.tolerance
         J = in_frame(J, model.frame)
         if self.free_frame:
             shift, vector = self._frame_change(point.x)
@@ -132,13 +142,14 @@ class Problem:
             motion[:, :3, 3:] = -skew(model.seen(poses).T - self._pivot - shift)
             motion[:, :, 3:] = motion[:, :, 3:] @ left_jacobian(vector)
             J = np.concatenate([J, FRAME_UNIT * motion], axis=2)
-        return np.asarray(self.whitening[rows] @ J[:, : self.measured.components])
+        whitening = self.whitening[rows] if weight is None else self.whitening[rows] * np.sqrt(weight)[:, None, None]
+        return np.asarray(whitening @ J[:, : self.measured.components])
 
     def _frame_change(self, x: Floats) -> tuple[Floats, Floats]:
         """Shift (3,), m, and rotation vector (3,), rad, of the instrument's view of the robot since the start."""
         return FRAME_UNIT * x[self.n_geometry : self.n_geometry + 3], FRAME_UNIT * x[self.n_geometry + 3 :]
 
-    @property
+    @cached_property
     def _pivot(self) -> Floats:
         """(3,) what the view turns about: amid the poses, where shift and turn are nearly independent."""
         return np.asarray(np.median(self.measured.T, axis=0))
@@ -149,6 +160,12 @@ class Problem:
         shift, vector = self._frame_change(x)
         turn, old = exp(vector), self.start.frame
         return Frame(self._pivot + shift + turn @ (old.T - self._pivot), turn @ old.R)
+
+
+def measured_poses(dataset: Dataset) -> Measured:
+    """A dataset's poses, with rotations as matrices."""
+    R = None if dataset.orientation is None else from_quaternions(dataset.orientation)
+    return Measured(dataset.q, dataset.position, R)
 
 
 def in_frame(J: Floats, frame: Frame) -> Floats:

@@ -12,6 +12,8 @@ import numpy.typing as npt
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.rounds import Settled
+from gtpin.calibration.zeros import Zero, equivalent_zeros
+from gtpin.data import Dataset, Instrument
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -49,6 +51,8 @@ class Calibration:
         Degrees of freedom of the noise's tails; infinite for Gaussian noise.
     poses, rejected
         Number of rows that were used, and the ids of poses of which rows were set aside.
+    rejected_rows
+        Lines of these rows in their file, as the dataset numbers them: of two visits to a pose one may be good.
     chi2, dof
         Squares of the whitened residuals, and measured components less what was learned.
     iterations
@@ -57,6 +61,8 @@ class Calibration:
         (poses, 3 or 6) measured less predicted of the rows that were used, m and rad, instrument's frame.
     residual_before
         The same for the nominal geometry.
+    instrument
+        As declared; less what the data show to be wrong, which is estimated instead.
     """
 
     model: Model
@@ -67,22 +73,32 @@ class Calibration:
     freedom: float
     poses: int
     rejected: tuple[str, ...]
+    rejected_rows: tuple[int, ...]
     chi2: float
     dof: float
     iterations: int
     residual: Floats
     residual_before: Floats
+    instrument: Instrument
 
     @staticmethod
-    def of(settled: Settled, before: Poses, rejected: tuple[str, ...]) -> Calibration:
+    def of(
+        settled: Settled,
+        before: Poses,
+        rejected: tuple[str, ...],
+        rejected_rows: tuple[int, ...],
+        instrument: Instrument,
+    ) -> Calibration:
         """Sum up the rounds of a calibration.
 
         Parameters
         ----------
         before
             Nominal poses, as the instrument would see them, of the rows that were used.
-        rejected
-            Ids of the poses set aside.
+        rejected, rejected_rows
+            Ids of the poses set aside, and their lines.
+        instrument
+            As the rounds took it.
         """
         judged, enlarged = settled.fit, settled.excess
         final = settled.refit(enlarged) if enlarged > 1.0 and not settled.tails.heavy else judged
@@ -93,7 +109,7 @@ class Calibration:
         p, tolerance = problem.n_geometry, geometry.tolerance
         covariance = x_covariance[:p, :p] * np.outer(tolerance, tolerance)
         return Calibration(
-            model=replace(final.point.model, covariance=covariance),
+            model=replace(final.point.model, covariance=covariance, solver="arrays"),
             covariance=covariance,
             observability=observability(np.sqrt(settled.tails.kept(components)) * final.factor, p, final.residual.size),
             noise=settled.noise,
@@ -101,12 +117,18 @@ class Calibration:
             freedom=settled.tails.freedom,
             poses=len(final.residual),
             rejected=rejected,
+            rejected_rows=rejected_rows,
             chi2=settled.chi2,
             dof=settled.dof,
             iterations=settled.steps,
             residual=problem.measured.minus(final.point.model.seen(final.point.poses)),
             residual_before=problem.measured.minus(before),
+            instrument=instrument,
         )
+
+    def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
+        """(N,) the rows of the calibrated dataset that were not set aside."""
+        return ~np.isin(dataset.row, self.rejected_rows)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -137,6 +159,11 @@ class Calibration:
     def unobservable(self) -> tuple[Direction, ...]:
         """Directions in parameter space that the data can't see, the least seen first."""
         return self.observability.unobservable(self.names)
+
+    @cached_property
+    def zeros(self) -> tuple[Zero, ...]:
+        """By actuator, the shift of its zero that the joints on its carrier moved by in common."""
+        return equivalent_zeros(self.model.geometry, self.covariance)
 
     @property
     def chi2_per_dof(self) -> float:
@@ -184,6 +211,9 @@ class Calibration:
                 )
             ],
             "unobservable": [{"direction": d.weights, "learned": d.learned} for d in self.unobservable],
+            "equivalent_zeros": [
+                {"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in self.zeros
+            ],
             "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in self.correlated()],
             "observability": self.observability.indices,
             "degrees_of_freedom": self.dof,

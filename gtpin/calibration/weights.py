@@ -45,7 +45,7 @@ def huber(residual: Floats) -> Floats:
     return np.where(norm > ABSURD, 0.0, np.minimum(1.0, bound / np.maximum(norm, 1e-300)))
 
 
-def gross(residual: Floats, used: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> npt.NDArray[np.bool_]:
     """(N,) poses whose residual no noise of the size and tails of the others explains.
 
     Parameters
@@ -54,10 +54,12 @@ def gross(residual: Floats, used: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_
         (N, c) whitened residuals, of all poses.
     used
         (N,) poses that the fit used.
+    heaviest
+        Freedoms of a t distribution whose tails good poses may have, although they do not show them.
     """
     components = residual.shape[1]
     norms = square_norms(residual)
-    tails = Tails.of(residual[used])
+    tails = Tails(min(Tails.of(residual[used]).freedom, heaviest))
     limit = tails.quantile(REJECTION / max(1, len(norms)), components) * robust_scale(residual[used]) ** 2
     return np.asarray(norms > limit)
 

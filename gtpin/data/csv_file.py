@@ -22,6 +22,9 @@ from gtpin.data.table import Column, Table, check_header
 from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
 
+THREADED = 1 << 24
+"""Bytes from which on several threads read a table: each takes 64 MB of addresses, and a small table is read at once."""
+
 
 def read_csv(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table:
     """Read the bytes of a CSV file: UTF-8 with or without BOM, any line ending, trailing blank lines.
@@ -84,8 +87,9 @@ def _at_once(file: Path, data: bytes, names: list[str], wanted: list[str]) -> Ta
     try:
         table = pa.csv.read_csv(
             pa.BufferReader(data),
-            read_options=pa.csv.ReadOptions(column_names=names, skip_rows=1),
+            read_options=pa.csv.ReadOptions(column_names=names, skip_rows=1, use_threads=len(data) > THREADED),
             convert_options=pa.csv.ConvertOptions(column_types=types, null_values=[], include_columns=wanted),
+            memory_pool=pa.system_memory_pool(),  # Arrow's own takes a gigabyte of addresses at once
         )
     except pa.ArrowException:
         return None

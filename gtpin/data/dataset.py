@@ -133,6 +133,8 @@ class Dataset:
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.integer] | slice | list[int]) -> Dataset:
         """Give the dataset of some rows, by mask or index, in the order given; carts stay whole."""
+        if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.shape == (len(self),) and rows.all():
+            return self
         return replace(
             self,
             pose=self.pose[rows],

@@ -15,10 +15,15 @@ from gtpin.data.csv_file import read_csv
 from gtpin.data.parquet_file import read_parquet
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError
+from gtpin.memory import require
 from gtpin.output import writing
 
 UNFINISHED = ".gtpin-"
 """How the names of files begin that are being written."""
+READING = 40e6
+"""Bytes of memory that reading a table needs whatever its size: libraries' own."""
+READING_A_BYTE = 4.0
+"""The same for each byte of a table. Measured: 2.6 to 4.2 on CSV of 11 to 22 columns (docs/speed.md)."""
 
 
 def read_bytes(file: Path) -> bytes:
@@ -58,7 +63,12 @@ def find_table(folder: Path, stem: str) -> Path | None:
 
 
 def read_table(file: Path, ignore: Collection[str] = ()) -> Table:
-    """Read a CSV, or a Parquet file by its suffix; see `read_csv` and `read_parquet`."""
+    """Read a CSV, or a Parquet file by its suffix; see `read_csv` and `read_parquet`.
+
+    Raises `GtpinError` where the file needs more memory than is free.
+    """
+    with contextlib.suppress(OSError, ValueError):  # which reading names
+        require(f"reading {file}", READING + file.stat().st_size * READING_A_BYTE)
     read = read_parquet if file.suffix.lower() == ".parquet" else read_csv
     return read(file, read_bytes(file), ignore)
 

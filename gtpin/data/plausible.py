@@ -132,7 +132,16 @@ def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, f
         return bool(off > reach and scaled <= reach)
     # Medians, so that a gross error in a few rows does not pass for a unit.
     spread = [np.median(np.linalg.norm(x - np.median(x, axis=0), axis=1)) for x in (measured, predicted)]
-    return bool(500.0 * spread[1] < spread[0] < 2000.0 * spread[1])
+    return bool(500.0 * spread[1] < spread[0] < 2000.0 * spread[1]) and _in_all_directions(measured, predicted)
+
+
+def _in_all_directions(measured: Floats, predicted: Floats) -> bool:
+    """Whether poses are spread far wider than predicted in every direction, and not along one axis alone."""
+    a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
+    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))
+    wide, wider = (np.linalg.svd(x[near], compute_uv=False) for x in (a, b))
+    there = wide > 0.05 * wide[0]
+    return bool((wider[there] > 100.0 * wide[there]).all())
 
 
 def _poses(rows: Any, mask: NDArray[np.bool_], shown: int = 10) -> str:

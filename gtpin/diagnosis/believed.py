@@ -39,24 +39,36 @@ def believed(
     Returns
     -------
     believable, sure
-        (N,) poses that the calibration kept, or set aside and a cause explains; and (N,) those that it kept. Of more than
-        ``MOST_POSES`` the same.
+        (N,) rows that the calibration kept, or set aside and a cause explains; and (N,) those that it kept.
     """
-    sure = ~np.isin(dataset.pose.astype(str), baseline.rejected)
-    suspects = ~sure & baseline.model.kinematics.forward(dataset.q).reached
-    if suspects.sum() < FEWEST or len(dataset) > MOST_POSES:
+    sure = baseline.used(dataset)
+    suspects = np.flatnonzero(~sure)
+    suspects = suspects[baseline.model.kinematics.forward(dataset.q[suspects]).reached]
+    if len(suspects) < FEWEST:
         return sure, sure
-    rows = np.flatnonzero(sure | suspects)
-    design = Observed.of(dataset.take(rows), baseline).design(baseline.model)
-    pool, _ = make_pool(design, exclude, false_alarm)
-    guess = rough_guess(pool)
     explained = np.zeros(len(dataset), dtype=bool)
-    if any(name not in pool.free for name in guess.names):
-        explained[rows] = _foretold(pool, guess)
-        explained &= suspects
-    if explained.sum() < max(FEWEST, LEAST_SHARE * suspects.sum()):
-        return sure, sure
+    # Of many poses, an even part of those that were kept, and all that were set aside, some at a time.
+    most = len(suspects) if len(dataset) <= MOST_POSES else MOST_POSES // 2
+    parts = np.array_split(suspects, -(-len(suspects) // most))
+    kept = _evenly(np.flatnonzero(sure), MOST_POSES - len(parts[0]))
+    for some in parts:
+        rows = np.sort(np.concatenate([kept, some]))
+        design = Observed.of(dataset.take(rows), baseline).design(baseline.model)
+        pool, _ = make_pool(design, exclude, false_alarm)
+        guess = rough_guess(pool)
+        if any(name not in pool.free for name in guess.names):
+            explained[rows] |= _foretold(pool, guess)
+        explained &= ~sure
+        if explained[some].sum() < max(FEWEST, LEAST_SHARE * len(some)):
+            return sure, sure
     return sure | explained, sure
+
+
+def _evenly(rows: npt.NDArray[np.intp], most: int) -> npt.NDArray[np.intp]:
+    """At most so many of the rows, evenly spread."""
+    if len(rows) <= most:
+        return rows
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, most).astype(int)])
 
 
 def _foretold(pool: Pool, model: Posterior) -> Mask:

@@ -82,7 +82,7 @@ def decide(pool: Pool) -> Decision:
     if unknown > 0.5:
         named = pool.only(named, (n for n in named.names if classes[n][0].probability >= SURE))
         classes = {name: classes[name] for name in named.names}
-    return Decision(_verdict(unknown, classes), named, classes, strangers if unknown > 0.5 else (), unknown, singles)
+    return Decision(verdict_of(unknown, classes), named, classes, strangers if unknown > 0.5 else (), unknown, singles)
 
 
 def with_fine(pool: Pool, found: Decision, site: str) -> Decision:
@@ -192,7 +192,8 @@ def split(name: str) -> tuple[str, str]:
     return effect, site
 
 
-def _verdict(unknown: float, classes: Mapping[str, tuple[Member, ...]]) -> Verdict:
+def verdict_of(unknown: float, classes: Mapping[str, tuple[Member, ...]]) -> Verdict:
+    """The verdict, by the probability of something unknown and the causes' classes."""
     if unknown > 0.5:
         return "unknown"
     if any(members[0].probability < SURE for members in classes.values()):

@@ -45,7 +45,13 @@ class Design:
 
     @staticmethod
     def of(
-        situation: Situation, model: Model, measured: Measured, noise: Noise, weight: Floats, free_frame: bool
+        situation: Situation,
+        model: Model,
+        measured: Measured,
+        noise: Noise,
+        weight: Floats,
+        free_frame: bool,
+        pivot: Floats | None = None,
     ) -> Design:
         """Set up the linear problem about a fitted model.
 
@@ -53,6 +59,8 @@ class Design:
         ----------
         measured, weight
             The poses, and (N,) what each counts in the fit.
+        pivot
+            (3,) what a free instrument turns about, in its frame, m: the middle of the poses by default.
         """
         J_q = in_frame(situation.command_jacobian, model.frame)
         whitening = noise.whitening(J_q, measured.components) * np.sqrt(weight)[:, None, None]
@@ -63,7 +71,8 @@ class Design:
         deviation = geometry.deviation / geometry.tolerance
         y = np.einsum("nij,nj->ni", whitening, residual).ravel() + B @ deviation
         if free_frame:
-            B = np.hstack([B, _frame_columns(whitening, model.seen(situation.poses).T)])
+            T = model.seen(situation.poses).T
+            B = np.hstack([B, _frame_columns(whitening, T - (T.mean(axis=0) if pivot is None else pivot))])
         return Design(situation, whitening, model, y, B)
 
     def columns(self, basis: Basis) -> Floats:
@@ -96,8 +105,8 @@ def _whitened(whitening: Floats, columns: Floats) -> Floats:
 
 
 def _frame_columns(whitening: Floats, T: Floats) -> Floats:
-    """Shifts and turns of a free instrument, so large that the prior says nothing."""
+    """Shifts and turns of a free instrument about the origin of positions (N, 3), so large that the prior says nothing."""
     motion = np.zeros((len(T), 6, 6))
     motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
-    motion[:, :3, 3:] = -skew(T - T.mean(axis=0))
+    motion[:, :3, 3:] = -skew(T)
     return _whitened(whitening, motion)

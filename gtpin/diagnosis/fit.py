@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.noise import Noise, line_of_sight
-from gtpin.calibration.problem import Measured, in_frame
+from gtpin.calibration.problem import Measured, in_frame, measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.candidates import Candidate
@@ -18,6 +17,8 @@ from gtpin.diagnosis.design import Design
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ConvergenceError
+from gtpin.kinematics.chunks import chunks
+from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import exp
 from gtpin.model import Frame, Model
@@ -71,7 +72,7 @@ class Observed:
             free_frame=dataset.instrument.frame == "free",
         )
 
-    def take(self, rows: npt.NDArray[np.generic]) -> Observed:
+    def take(self, rows: npt.NDArray[np.generic] | slice) -> Observed:
         """Some of the poses."""
         return replace(
             self,
@@ -81,17 +82,23 @@ class Observed:
             weight=self.weight[rows],
         )
 
-    def situation(self, model: Model, fixed: References | None = None) -> Situation:
-        """The poses as a geometry has them."""
+    def situation(self, model: Model, fixed: References | None = None, poses: Poses | None = None) -> Situation:
+        """The poses as a geometry has them: ``poses``, base frame, where they are known."""
         kinematics = model.kinematics
         assert isinstance(kinematics, RodKinematics)
-        poses = kinematics.forward(self.measured.q)
+        poses = kinematics.forward(self.measured.q) if poses is None else poses
         return Situation(kinematics, self.measured.q, poses, self.covariates, fixed, self.temperature)
 
-    def design(self, model: Model, fixed: References | None = None) -> Design:
-        """The linear problem about a model's geometry."""
-        at = self.situation(model, fixed)
-        return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame)
+    def design(
+        self,
+        model: Model,
+        fixed: References | None = None,
+        poses: Poses | None = None,
+        pivot: Floats | None = None,
+    ) -> Design:
+        """The linear problem about a model's geometry; ``pivot`` as for :meth:`Design.of`."""
+        at = self.situation(model, fixed, poses)
+        return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame, pivot)
 
 
 def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:
@@ -128,40 +135,66 @@ def fit_together(
         If it does not settle.
     """
     model = replace(start, effects=())
-    widths: list[int] = []
+    p = len(model.geometry.parameters)
     c = np.zeros(0)
     for _ in range(MAX_STEPS):
-        design = observed.design(model, references)
-        bases = [k.effect.basis(design.situation, k.site, k.setting) for k in candidates]
-        sizes = [basis.sigma * s for basis, s in zip(bases, scale, strict=True)]
-        blocks = [design.columns(b) * s for b, s in zip(bases, scale, strict=True)]
-        if not widths:
-            widths = [len(b) for b in bases]
-            c = np.zeros(sum(widths))
-        predicted = model.seen(
-            with_effects(design.situation.kinematics, observed.measured.q, observed.covariates, model.effects)
-        )
-        # y is against the geometry alone; the exact effects replace their linear part, which is put back.
-        left = np.einsum("nij,nj->ni", design.whitening, observed.measured.minus(predicted)).ravel()
-        E = np.hstack(blocks) if blocks else np.zeros((len(left), 0))
-        p = len(model.geometry.parameters)
+        now = _linear(observed, model, candidates, scale, references)
+        causes = len(now.gradient) - sum(now.widths)
+        if not c.size:
+            c = np.zeros(sum(now.widths))
         x = model.geometry.deviation / model.geometry.tolerance
-        J = np.hstack([design.B, E])
-        prior = np.concatenate([np.ones(p), np.zeros(design.B.shape[1] - p), np.ones(E.shape[1])])
-        now = np.concatenate([x, np.zeros(design.B.shape[1] - p), c])
-        A = J.T @ J + np.diag(prior)
-        step = np.linalg.solve(A, J.T @ left - prior * now)
-        joint = np.linalg.inv(A)
-        covariance = joint[design.B.shape[1] :, design.B.shape[1] :]
+        prior = np.concatenate([np.ones(p), np.zeros(causes - p), np.ones(len(c))])
+        A = now.information + np.diag(prior)
+        step = np.linalg.solve(A, now.gradient - prior * np.concatenate([x, np.zeros(causes - p), c]))
+        joint: Floats = np.asarray(np.linalg.inv(A), dtype=np.float64)
         tolerance = model.geometry.tolerance
-        c = c + step[design.B.shape[1] :]
-        geometry = model.geometry.with_values(model.geometry.values + model.geometry.tolerance * step[:p])
-        frame = _moved(model.frame, step[p : design.B.shape[1]], model.seen(design.situation.poses).T)
-        active = _active(candidates, sizes, widths, c, covariance, references)
+        c = c + step[causes:]
+        geometry = model.geometry.with_values(model.geometry.values + tolerance * step[:p])
+        frame = _moved(model.frame, step[p:causes], now.pivot)
+        active = _active(candidates, now.sizes, now.widths, c, joint[causes:, causes:], references)
         model = Model(geometry, frame, active, joint[:p, :p] * np.outer(tolerance, tolerance))
         if np.abs(step).max(initial=0.0) <= SETTLED:
             return model
     raise ConvergenceError("geometry and causes have not settled together", hint="exclude the causes one by one")
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """J'J and J'r about a model (columns: geometry, instrument's pose, causes), and what the columns were made with.
+
+    ``sizes`` are those of each cause's coefficients, ``widths`` how many it has; ``pivot`` (3,) is what a free instrument
+    turns about, in its frame, m.
+    """
+
+    information: Floats
+    gradient: Floats
+    sizes: list[Floats]
+    widths: list[int]
+    pivot: Floats
+
+
+def _linear(
+    observed: Observed, model: Model, candidates: Sequence[Candidate], scale: Sequence[float], references: References
+) -> _Linear:
+    """Sum up chunks of poses: all their derivatives at once would take kilobytes a pose."""
+    kinematics, q = model.kinematics, observed.measured.q
+    assert isinstance(kinematics, RodKinematics)
+    poses = kinematics.forward(q)
+    pivot = model.seen(poses).T.mean(axis=0)
+    information: Floats | float = 0.0
+    gradient: Floats | float = 0.0
+    for rows in chunks(len(q)):
+        part = observed.take(rows)
+        design = part.design(model, references, poses[rows], pivot)
+        bases = [k.effect.basis(design.situation, k.site, k.setting) for k in candidates]
+        blocks = [design.columns(b) * s for b, s in zip(bases, scale, strict=True)]
+        predicted = model.seen(with_effects(kinematics, q[rows], part.covariates, model.effects, poses[rows]))
+        # y is against the geometry alone; the exact effects replace their linear part, which is put back.
+        left = np.einsum("nij,nj->ni", design.whitening, part.measured.minus(predicted)).ravel()
+        J = np.hstack([design.B, *blocks])
+        information, gradient = information + J.T @ J, gradient + J.T @ left
+    sizes = [basis.sigma * s for basis, s in zip(bases, scale, strict=True)]
+    return _Linear(np.asarray(information), np.asarray(gradient), sizes, [len(basis) for basis in bases], pivot)
 
 
 def _active(
@@ -189,9 +222,9 @@ def _active(
     return tuple(found)
 
 
-def _moved(frame: Frame, step: Floats, T: Floats) -> Frame:
+def _moved(frame: Frame, step: Floats, pivot: Floats) -> Frame:
     """A free instrument's frame after a step: shifts, m, and turns, rad, about the middle of the poses."""
     if not step.size:
         return frame
-    pivot, turn = T.mean(axis=0), exp(step[3:])
+    turn = exp(step[3:])
     return Frame(pivot + step[:3] + turn @ (frame.T - pivot), turn @ frame.R)

@@ -67,6 +67,32 @@ class Considered:
 
 
 @dataclass(frozen=True)
+class Question:
+    """A parameter outside what its effect calls plausible or usual.
+
+    Parameters
+    ----------
+    effect, site, parameter, value, sigma, unit
+        What it is, and what was found.
+    low, high, why
+        What was expected.
+    believed
+        Whether the cause is named all the same.
+    """
+
+    effect: str
+    site: str
+    parameter: str
+    value: float
+    sigma: float
+    unit: str
+    low: float
+    high: float
+    why: str
+    believed: bool
+
+
+@dataclass(frozen=True)
 class Unexplained:
     """What is left after the causes.
 
@@ -97,9 +123,13 @@ class Diagnosis:
     model
         Predicts with the causes in; ``baseline.model`` without.
     set_aside
-        Ids of the poses that were taken for gross errors, beside the causes.
+        Ids of the poses of which rows were taken for gross errors, beside the causes.
+    set_aside_rows
+        Lines of these rows in their file.
     next_experiment
         What to measure to tell more.
+    questions
+        Parameters that are outside what physics allows or machines have.
     """
 
     verdict: Verdict
@@ -111,7 +141,9 @@ class Diagnosis:
     baseline: Calibration
     model: Model
     set_aside: tuple[str, ...]
+    set_aside_rows: tuple[int, ...]
     next_experiment: tuple[Experiment, ...] = ()
+    questions: tuple[Question, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
@@ -167,4 +199,18 @@ class Diagnosis:
                 "could_be": [{"effect": effect, "site": site} for effect, site in self.unexplained.could_be],
             },
             "next_experiment": [e.to_json() for e in self.next_experiment],
+            "questions": [
+                {
+                    "effect": q.effect,
+                    "site": q.site,
+                    "parameter": q.parameter,
+                    "value": q.value,
+                    "sigma": q.sigma,
+                    "unit": q.unit,
+                    "expected": [q.low if np.isfinite(q.low) else None, q.high if np.isfinite(q.high) else None],
+                    "why": q.why,
+                    "believed": q.believed,
+                }
+                for q in self.questions
+            ],
         }

@@ -12,6 +12,7 @@ from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ModelError
+from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.closures import RodEnds, between, follow
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -67,7 +68,11 @@ class ActiveEffect:
 
 
 def with_effects(
-    kinematics: RodKinematics, q: Floats, covariates: Mapping[str, Column], effects: Sequence[ActiveEffect]
+    kinematics: RodKinematics,
+    q: Floats,
+    covariates: Mapping[str, Column],
+    effects: Sequence[ActiveEffect],
+    plain: Poses | None = None,
 ) -> Poses:
     """Poses at commands with effects: every displacement goes into the closures, which are solved again exactly.
 
@@ -77,37 +82,51 @@ def with_effects(
         (N, n) commands.
     covariates
         By name, (N,) each.
+    plain
+        (N) poses without effects, base frame, where they are known.
 
     Raises
     ------
     ModelError
         If a covariate that an effect needs is missing, or coefficients are not the effect's.
     """
-    plain = kinematics.forward(q)
+    plain = kinematics.forward(q) if plain is None else plain
     if not effects or not len(q):
         return plain
-    reached = plain.reached
-    rows = np.flatnonzero(reached)
-    some = {name: values[rows] for name, values in covariates.items()}
-    commands, twist = q[rows].copy(), np.zeros((len(rows), 6))
+    T, R = plain.T.copy(), plain.R.copy()
+    reached = np.flatnonzero(plain.reached)
+    for chunk in chunks(len(reached)) or [slice(0, 0)]:
+        rows = reached[chunk]
+        some = {name: values[rows] for name, values in covariates.items()}
+        displaced = _displaced(kinematics, q[rows], plain[rows], some, effects)
+        T[rows], R[rows] = displaced.T, displaced.R
+    lost = ~(np.isfinite(T).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))
+    T[lost], R[lost] = np.nan, np.nan
+    return Poses(T, R)
+
+
+def _displaced(
+    kinematics: RodKinematics,
+    q: Floats,
+    plain: Poses,
+    covariates: Mapping[str, Column],
+    effects: Sequence[ActiveEffect],
+) -> Poses:
+    """Poses with effects of rows that the geometry alone reaches."""
+    commands, twist = q.copy(), np.zeros((len(q), 6))
     seat: Floats | float = 0.0
     length: Floats | float = 0.0
     for active in effects:
-        at = Situation(kinematics, q[rows], plain[rows], some, fixed=active.references)
+        at = Situation(kinematics, q, plain, covariates, fixed=active.references)
         moved = _moved(active.basis(at), active.coefficients)
         if moved.command is not None:
             commands[:, moved.command[0]] += moved.command[1]
         seat, length, twist = seat + moved.seat, length + moved.length, twist + moved.twist
     ends = kinematics.ends(commands)
     displaced = RodEnds(ends.P, ends.C + seat, ends.L + length)
-    before = kinematics.ends(q[rows])
-    poses = follow(lambda s, r: between(before, displaced, s, r), plain[rows], kinematics.size)
-    T, R = plain.T.copy(), plain.R.copy()
-    T[rows] = poses.T + twist[:, :3]
-    R[rows] = exp(twist[:, 3:]) @ poses.R
-    lost = ~(np.isfinite(T).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))
-    T[lost], R[lost] = np.nan, np.nan
-    return Poses(T, R)
+    before = kinematics.ends(q)
+    poses = follow(lambda s, r: between(before, displaced, s, r), plain, kinematics.size)
+    return Poses(poses.T + twist[:, :3], exp(twist[:, 3:]) @ poses.R)
 
 
 @dataclass(frozen=True)

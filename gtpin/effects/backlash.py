@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
 from gtpin.effects.basis import Basis, along_track, rods_of
-from gtpin.effects.effect import Effect, Floats, carts, number, unit
+from gtpin.effects.effect import Effect, Floats, Range, carts, number, unit
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot
@@ -26,6 +31,9 @@ class Backlash(Effect):
     title = "deviation that follows the direction of approach"
     coefficient = ("half_width", "m")
     form = (0,)
+    usual: ClassVar[Mapping[str, Range]] = {
+        "half_width": Range(-np.inf, 0.0, "a drive that overshoots is rare: the sign of approach may be wrong")
+    }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
+from gtpin.effects.effect import Effect, Floats, Range, sliding_carts, unit
 from gtpin.effects.hysteresis import FRICTION, approach
 from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
@@ -42,6 +45,7 @@ class CartCompliance(Effect):
     title = "the cart gives way and tips under the forces of its links"
     coefficient = ("along", "m/N")
     form = (0, 1, 2)
+    plausible: ClassVar[Mapping[str, Range]] = {"along": Range(0.0, np.inf, "no cart moves against its links' pull")}
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator that slides a carrier along a track."""

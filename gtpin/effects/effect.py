@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,14 @@ from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
+
+
+class Range(NamedTuple):
+    """What a parameter is between, and why."""
+
+    low: float
+    high: float
+    why: str
 
 
 class Effect(ABC):
@@ -32,6 +40,10 @@ class Effect(ABC):
     form: ClassVar[tuple[int, ...]] = ()
     """Which of its columns are its textbook form, where the others only bend it: bends are believed no larger than the form's
     own coefficients allow. Left out, all are."""
+    plausible: ClassVar[Mapping[str, Range]] = {}
+    """By parameter, what physics allows: a cause outside it by more than its uncertainty is not believed."""
+    usual: ClassVar[Mapping[str, Range]] = {}
+    """By parameter, what machines have: a cause outside it is believed, and the user is asked about it."""
 
     @abstractmethod
     def sites(self, robot: Robot) -> tuple[str, ...]:

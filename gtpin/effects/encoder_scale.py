@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.effect import Effect, Floats, Range, carts, unit
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot
@@ -23,6 +26,9 @@ class EncoderScale(Effect):
     title = "travel per count is off by a constant factor"
     coefficient = ("scale", "m/m")
     form = (0,)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "scale": Range(-0.01, 0.01, "no drive's scale is off by a hundredth: its unit or gear ratio is wrong")
+    }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, links, unit
+from gtpin.effects.effect import Effect, Floats, Range, links, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -29,6 +32,9 @@ class JointClearance(Effect):
     title = "play in a spherical joint, taken up by the sign of the force"
     coefficient = ("half_play", "m")
     form = (0,)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "half_play": Range(0.0, np.inf, "play makes a link longer in tension, not shorter")
+    }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Each link."""

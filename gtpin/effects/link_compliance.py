@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, arm_and_links, unit
+from gtpin.effects.effect import Effect, Floats, Range, arm_and_links, unit
 from gtpin.effects.hysteresis import FRICTION, approach
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
@@ -36,6 +39,9 @@ class LinkCompliance(Effect):
     title = "links stretch under load"
     coefficient = ("compliance", "m/N")
     form = (0,)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "compliance": Range(0.0, np.inf, "no link gets shorter when it is pulled")
+    }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """All links together, and each."""

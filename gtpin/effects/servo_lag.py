@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, carts, number, unit
+from gtpin.effects.effect import Effect, Range, carts, number, unit
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot
@@ -25,6 +30,11 @@ class ServoLag(Effect):
     title = "deviation that grows with speed"
     coefficient = ("lag", "s")
     form = (0,)
+    usual: ClassVar[Mapping[str, Range]] = {
+        "lag": Range(
+            0.0, np.inf, "a drive ahead of its command has too much feed-forward, or the speed's sign is wrong"
+        )
+    }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

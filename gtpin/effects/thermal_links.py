@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, arm_and_links, unit
+from gtpin.effects.effect import Effect, Floats, Range, arm_and_links, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -27,6 +30,14 @@ class ThermalLinks(Effect):
     title = "links grow with their temperature"
     coefficient = ("expansion", "1/K")
     form = (0,)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "expansion": Range(
+            -2e-6, 1e-4, "no link shrinks in the warm but carbon fibre, by 1e-6/K, and plastics grow by 1e-4/K"
+        )
+    }
+    usual: ClassVar[Mapping[str, Range]] = {
+        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K: a third or three times as much is seldom a link's")
+    }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """All links together, and each."""

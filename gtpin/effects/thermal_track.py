@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.effect import Effect, Floats, Range, carts, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -26,6 +29,12 @@ class ThermalTrack(Effect):
     title = "the guideway grows with the frame's temperature"
     coefficient = ("expansion", "1/K")
     form = (0, 1)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "expansion": Range(-2e-6, 1e-4, "no guideway shrinks in the warm, and plastics grow by 1e-4/K")
+    }
+    usual: ClassVar[Mapping[str, Range]] = {
+        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K: a third or three times as much is seldom a guideway's")
+    }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

@@ -1,18 +1,21 @@
-"""The kinematics that fit a robot: arrays where it has rods, Pinocchio pose by pose where it has none."""
+"""The kinematics that fit a robot: arrays or Pinocchio where it has rods, Pinocchio pose by pose where it has none."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.errors import ModelError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.pinocchio_rods import PinocchioRods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.geometry import Geometry
 
 Floats = npt.NDArray[np.float64]
+Solver = Literal["arrays", "pinocchio"]
 
 
 class Kinematics(Protocol):
@@ -32,6 +35,23 @@ class Kinematics(Protocol):
         """(N, 6, p) derivative of the TCP's position (m) and rotation vector (rad) by the parameters."""
 
 
-def kinematics(geometry: Geometry) -> Kinematics:
-    """The kinematics of a geometry."""
-    return RodKinematics(geometry) if geometry.robot.rods else ChainKinematics(geometry)
+def kinematics(geometry: Geometry, solver: Solver = "arrays") -> Kinematics:
+    """The kinematics of a geometry.
+
+    Parameters
+    ----------
+    solver
+        Of robots with rods: ``arrays``, all poses at once, or ``pinocchio``, pose by pose and slower, with the same results.
+        Robots without rods have Pinocchio alone.
+
+    Raises
+    ------
+    ModelError
+        If there is no such solver, or Pinocchio can't carry the geometry: see
+        :class:`~gtpin.kinematics.pinocchio_rods.PinocchioRods`.
+    """
+    if solver not in ("arrays", "pinocchio"):
+        raise ModelError(f"kinematics {solver!r}", hint="use arrays or pinocchio")
+    if not geometry.robot.rods:
+        return ChainKinematics(geometry)
+    return RodKinematics(geometry) if solver == "arrays" else PinocchioRods(geometry)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.rotations import log, to_quaternions
 
 Floats = npt.NDArray[np.float64]
@@ -49,8 +50,10 @@ class Poses:
 
         NaN where one of the two is not there.
         """
-        both = self.reached & other.reached
         difference = np.full((len(self), 6), np.nan)
-        difference[both, :3] = self.T[both] - other.T[both]
-        difference[both, 3:] = log(self.R[both] @ np.swapaxes(other.R[both], 1, 2))
+        for rows in chunks(len(self)):
+            one, two, part = self[rows], other[rows], difference[rows]
+            both = one.reached & two.reached
+            part[both, :3] = one.T[both] - two.T[both]
+            part[both, 3:] = log(one.R[both] @ np.swapaxes(two.R[both], 1, 2))
         return difference

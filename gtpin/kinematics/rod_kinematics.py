@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError
+from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jacobian, rod_vectors
 from gtpin.kinematics.first_guess import FirstGuess
 from gtpin.kinematics.poses import Poses
@@ -22,8 +23,6 @@ Floats = npt.NDArray[np.float64]
 
 MANY = 2000
 """Poses from which on fitting a first guess pays."""
-CHUNK = 4096
-"""Poses that are solved together: as many as fit into a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -113,14 +112,22 @@ class RodKinematics:
             If ``q`` is not of that shape.
         """
         self.geometry.robot.check_commands(q)
-        if start is not None and start.reached.all():
-            before = self._ends_that_close(start, q)
-            after = self.ends(q)
-            return follow(lambda s, rows: between(before, after, s, rows), start, self.size)
-        if len(q) < MANY or self._first_guess is None:
-            return self._from_home(q)
-        poses = [self._from_guess(q[i : i + CHUNK], self._first_guess) for i in range(0, len(q), CHUNK)]
-        return Poses(np.concatenate([p.T for p in poses]), np.concatenate([p.R for p in poses]))
+        near = start if start is not None and start.reached.all() else None
+        guess = self._first_guess if near is None and len(q) >= MANY else None
+        T, R = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+        for rows in chunks(len(q)):
+            if near is not None:
+                part = self._from_neighbours(q[rows], near[rows])
+            elif guess is not None:
+                part = self._from_guess(q[rows], guess)
+            else:
+                part = self._from_home(q[rows])
+            T[rows], R[rows] = part.T, part.R
+        return Poses(T, R)
+
+    def _from_neighbours(self, q: Floats, near: Poses) -> Poses:
+        before, after = self._ends_that_close(near, q), self.ends(q)
+        return follow(lambda s, rows: between(before, after, s, rows), near, self.size)
 
     def _from_home(self, q: Floats) -> Poses:
         q_home = self.geometry.robot.home_q
@@ -160,6 +167,12 @@ class RodKinematics:
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the TCP's pose by the commands: position and rotation vector, base frame."""
+        jacobian = np.empty((len(q), 6, q.shape[1]))
+        for rows in chunks(len(q)):
+            jacobian[rows] = self._by_commands(q[rows], poses[rows])
+        return jacobian
+
+    def _by_commands(self, q: Floats, poses: Poses) -> Floats:
         ends = self.ends(q)
         d, RP = rod_vectors(poses, ends)
         gradient = np.zeros((len(q), self._k, q.shape[1]))
@@ -179,10 +192,13 @@ class RodKinematics:
         gradient = self._gradient(q, poses, ends, d, slots)
         # A parameter opens the gaps of its own rods only: the response to each gap times the gap, summed by parameter.
         response = -np.linalg.inv(pose_jacobian(d, RP))
-        product = response[:, :, [i for _, i in slots]] * gradient[:, None, :]
-        columns = np.array([column for column, _ in slots])
+        columns, rods = np.array(slots).T
         first = np.flatnonzero(np.diff(columns, prepend=-1))
-        return product if len(first) == len(slots) else np.add.reduceat(product, first, axis=2)
+        jacobian = response[:, :, rods[first]]
+        jacobian *= gradient[:, None, first]
+        for slot in np.flatnonzero(np.diff(columns, prepend=-1) == 0):
+            jacobian[:, :, columns[slot]] += response[:, :, rods[slot]] * gradient[:, slot, None]
+        return np.asarray(jacobian)
 
     def closures(self, q: Floats, poses: Poses) -> Floats:
         """(N, k) the closures (|d|^2 - L^2) / 2 at any poses, base frame, m^2: zero at the robot's own."""

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from gtpin.accuracy.euler import zyz
-from gtpin.accuracy.sensitivity import sensitivity
-from gtpin.accuracy.steps import PARAMETERS
+from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.accuracy.sensitivity import sensitivity, step_sums
+from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep
 from gtpin.model import Model
-from gtpin.paper.grid import FITTED, RECOVERED, Grid
+from gtpin.paper.grid import OF_ALL, RECOVERED, Grid
 from gtpin.paper.table1 import expected_table1
 from gtpin.paper.tables import tables
 
@@ -31,6 +33,8 @@ class Block:
         Names of the rows and columns.
     printed, ours
         (r, c) the paper's numbers and gtpin's.
+    spread
+        (r, c) standard deviation of gtpin's from one set of poses to the next; None where there is none.
     """
 
     name: str
@@ -39,6 +43,7 @@ class Block:
     columns: tuple[str, ...]
     printed: Floats
     ours: Floats
+    spread: Floats | None = None
 
     @property
     def ratio(self) -> Floats:
@@ -60,7 +65,7 @@ def compare_table3(model: Model, grid: Grid = RECOVERED) -> tuple[Block, ...]:
     """Table III: blocks S_pos, S_rot and S_cost, each first for the rows L, P and C, then for the track directions.
 
     Sums over 61 poses are 61 times the mean over the grid; S_cost is the expectation over Gaussian residuals of model 5's
-    costs. Links 2a and 2b have no track direction in model 5, so the last blocks leave them out.
+    costs. Links 2a and 2b have no track direction in model 5: see :func:`compare_frame_angles`.
     """
     printed = tables()
     q = grid.commands(model)
@@ -68,9 +73,9 @@ def compare_table3(model: Model, grid: Grid = RECOVERED) -> tuple[Block, ...]:
     assert found.cost is not None
     share = printed.measurement.calibration_poses / len(q)
     own = np.array([source == 3 for source in printed.source])
-    directions = tuple(name for name in PARAMETERS if name not in FITTED)
+    directions = tuple(name for name in PARAMETERS if name not in OF_ALL)
     blocks = []
-    for rows, columns, what in ((FITTED, np.ones_like(own), ""), (directions, own, ", track directions")):
+    for rows, columns, what in ((OF_ALL, np.ones_like(own), ""), (directions, own, ", track directions")):
         index = [PARAMETERS.index(name) for name in rows]
         names = tuple(name for name, there in zip(printed.links, columns, strict=True) if there)
         sums: tuple[tuple[str, str, Mapping[str, Floats], Floats], ...] = (
@@ -84,16 +89,53 @@ def compare_table3(model: Model, grid: Grid = RECOVERED) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
+def compare_frame_angles(model: Model, grid: Grid = RECOVERED) -> tuple[Block, ...]:
+    """Table III's last rows for links 2a and 2b, which model 5 takes from model 4: Euler angles between two tracker frames.
+
+    A joint on cart 2 is C = t + R m(q), with R = Rz(a) Ry(b) Rx(c) of Table II's angles, in degrees, t its offset and m(q) the
+    measured track. m(q) is not printed, but R m(q) = C - t is: C by model 3's offset and direction, t by model 4's offset. A
+    step of an angle turns that lever arm about the angle's axis.
+    """
+    printed = tables()
+    calibrated = printed.calibrated[4]
+    assert calibrated.orientation is not None
+    q = grid.commands(model)
+    kinematics = rod_kinematics(model)
+    poses, ends = reached_poses(kinematics, q), kinematics.ends(q)
+    share = printed.measurement.calibration_poses / len(q)
+    rods = [rod for rod, source in enumerate(printed.source) if source == 4]
+    ours = np.zeros((3, 3, len(rods)))
+    for column, rod in enumerate(rods):
+        lever = ends.C[:, rod] - calibrated.offset[rod]
+        a, b, _ = np.deg2rad(calibrated.orientation[rod])
+        first = Rotation.from_euler("Z", a)
+        axes = (np.eye(3)[2], first.apply(np.eye(3)[1]), (first * Rotation.from_euler("Y", b)).apply(np.eye(3)[0]))
+        for row, axis in enumerate(axes):
+            turn = RodStep(rod, np.zeros(3), np.cross(axis, lever), 0.0)
+            sums = step_sums(kinematics, q, poses, turn, float(printed.closure_sigmas(5)[rod]), STEP)
+            ours[:, row, column] = share * sums * [1e3, 1.0, 1.0]
+    names = tuple(printed.links[rod] for rod in rods)
+    rows = tuple(name for name in PARAMETERS if name not in OF_ALL)
+    told = (printed.position_mm, printed.rotation_rad, printed.cost_m4)
+    kinds = (("S_pos", "mm"), ("S_rot", "rad"), ("S_cost", "m^4"))
+    return tuple(
+        Block(f"{name}, Euler angles", unit, ("Z", "Y", "X"), names, np.array([t[row] for row in rows])[:, rods], found)
+        for (name, unit), t, found in zip(kinds, told, ours, strict=True)
+    )
+
+
 def compare_table1(model: Model, grid: Grid = RECOVERED, seed: int = 0) -> tuple[Block, ...]:
     """Table I from Table II's costs: mean, and the largest of 61 poses."""
     printed = tables()
     found = expected_table1(model, grid.commands(model), seed=seed)
     models = ("1", "2", "3", "4", "5")
-    mean = 1e6 * np.array([[error.position.mean for error in found]])
-    largest = 1e6 * np.array([[error.position.maximum for error in found]])
+    told = np.array(
+        [(e.position.mean, e.position.maximum, e.position.mean_spread, e.position.maximum_spread) for e in found]
+    )
+    mean, largest, mean_spread, largest_spread = 1e6 * told.T[:, None]
     return (
-        Block("Table I, mean", "um", ("mean",), models, printed.mean_um[None], mean),
-        Block("Table I, maximum", "um", ("max",), models, printed.max_um[None], largest),
+        Block("Table I, mean", "um", ("mean",), models, printed.mean_um[None], mean, mean_spread),
+        Block("Table I, maximum", "um", ("max",), models, printed.max_um[None], largest, largest_spread),
     )
 
 

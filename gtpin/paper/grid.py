@@ -1,7 +1,8 @@
-"""The grid of the paper's first measurement set, whose limits are not printed, recovered from Table III."""
+"""The grid of the paper's first measurement set: its limits are not printed, Table III and the count of poses give them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from gtpin.accuracy.rods import rod_kinematics
-from gtpin.accuracy.sensitivity import position_slopes
+from gtpin.accuracy.sensitivity import step_slopes
+from gtpin.accuracy.steps import PARAMETERS, STEP
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
@@ -21,10 +23,16 @@ Floats = npt.NDArray[np.float64]
 
 SHAPE = (6, 6, 5)
 """Layers, and rows and columns of each. The paper prints the layers, and 176 poses in all; six by five is the nearest."""
-FITTED = ("L", "Px", "Py", "Pz", "Cx", "Cy", "Cz")
-"""The rows of Table III that the grid is fitted to."""
+OF_ALL = ("L", "Px", "Py", "Pz", "Cx", "Cy", "Cz")
+"""The rows of Table III that mean the same for all links; the others are track directions, or Euler angles for 2a and 2b."""
 MODEL_ERROR = 0.03
 """What the mean over a grid misses of a sum over 61 of its poses, relative: about what the fit leaves."""
+COUNT = 2.0
+"""What a grid's count of poses within the range misses of the paper's: which 4 of 180 were left out is not known."""
+VAGUE = 0.5
+"""Weak prior on each number, m, around a grid that fills the actuator range and is a metre wide across it."""
+STARTS = (-0.15, 0.0, 0.15)
+"""Centres along the tracks, m, from which the fit starts: as layers leave the range one by one it has several minima."""
 EDGE = 0.02
 """Width, m, over which a point at the edge of the actuator range fades out during the fit, to keep the cost smooth."""
 
@@ -45,6 +53,14 @@ class Grid:
     center: Floats
     half_width: Floats
 
+    def places(self, kinematics: RodKinematics, unit: Floats) -> Floats:
+        """(N, 3) positions, base frame, m, of places (N, 3) in the grid, each from -1 to 1 along its axes."""
+        along = kinematics.v.mean(axis=0)
+        across = np.cross([0.0, 0.0, 1.0], along)
+        axes = np.array([along, across, np.cross(along, across)])
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        return np.asarray(kinematics.home.T[0] + self.center + (unit * self.half_width) @ axes)
+
     def points(self, kinematics: RodKinematics) -> Floats:
         """(180, 3) positions, base frame, m, layer after layer, each walked back along the path of the one before."""
         x, y, z = (np.linspace(-1.0, 1.0, count) for count in SHAPE)
@@ -52,11 +68,7 @@ class Grid:
         for i, layer in enumerate(x):
             rows = [(layer, across, up) for j, across in enumerate(y) for up in (z if j % 2 == 0 else z[::-1])]
             walk += rows if i % 2 == 0 else rows[::-1]
-        along = kinematics.v.mean(axis=0)
-        across = np.cross([0.0, 0.0, 1.0], along)
-        axes = np.array([along, across, np.cross(along, across)])
-        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-        return np.asarray(kinematics.home.T[0] + self.center + (np.array(walk) * self.half_width) @ axes)
+        return self.places(kinematics, np.array(walk))
 
     def all_commands(self, model: Model) -> tuple[Floats, Poses]:
         """(180, 3) commands of all points, and the poses there.
@@ -79,33 +91,53 @@ class Grid:
         return q[((q >= lower) & (q <= upper)).all(axis=1)]
 
 
-RECOVERED = Grid(np.array([0.024, 0.133, -0.136]), np.array([0.676, 0.482, 0.534]))
+RECOVERED = Grid(np.array([0.143, 0.151, -0.161]), np.array([0.495, 0.475, 0.465]))
 """What :func:`recover_grid` gives for the shipped Gantry-Tau, to the millimetre."""
 
 
-def recover_grid(model: Model) -> Grid:
-    """Fit the grid's six numbers to the 42 numbers of the rows L, P and C of Table III's position changes, and to nothing else.
+def recover_grid(model: Model, starts: Sequence[float] = STARTS) -> Grid:
+    """Fit the grid's six numbers to the 108 numbers of S_pos and S_rot in Table III that links 1 to 3c have in common with
+    gtpin's parameters, and to the number of poses within the actuator range; to nothing else.
 
-    The sums over 61 validation poses are taken as 61 times the mean over the grid, and both signs of the step. All
-    numbers count alike, relative to their size. Along its parallel tracks the machine is nearly
-    the same everywhere, so that these rows hardly tell the grid's extent there: a weak prior says that the layers fill the
-    actuator range (to 20 mm), and that the grid is about a metre wide across it (to half a metre).
+    Sums over 61 validation poses are taken as 61 times the mean over the grid, and both signs of the step. Numbers count
+    relative to their size, with what their rounding hides. How far the grid reaches along its parallel tracks is told by the
+    rows of the track directions, whose effect grows with the command, and by the count.
+
+    Parameters
+    ----------
+    starts
+        Centres along the tracks to start from, m; the best fit is kept.
     """
     kinematics = rod_kinematics(model)
-    lower, upper = tables().measurement.actuator_range
-    printed = np.array([tables().position_mm[name] for name in FITTED])
-    prior = np.array([(lower + upper) / 2.0, 0.0, 0.0, (upper - lower) / 2.0, 0.5, 0.5])
-    prior_sigma = np.array([0.02, 0.5, 0.5, 0.02, 0.5, 0.5])
+    facts = tables().measurement
+    lower, upper = facts.actuator_range
+    there = np.array([[name in OF_ALL or source == 3 for source in tables().source] for name in PARAMETERS])
+    printed = [np.array([t[name] for name in PARAMETERS]) for t in (tables().position_mm, tables().rotation_rad)]
+    sigma = [np.hypot(MODEL_ERROR, _rounding(p) / p) for p in printed]
+    kept = 2.0 * facts.calibration_poses / facts.tcp_poses * float(np.prod(SHAPE))
+    prior = np.array([(lower + upper) / 2.0, 0.0, 0.0, (upper - lower) / 2.0, VAGUE, VAGUE])
 
     def misfit(x: Floats) -> Floats:
         q, poses = commands_for(kinematics, Grid(x[:3], x[3:]).points(kinematics))
         inside = np.minimum(q - lower, upper - q).min(axis=1)
         weight = 1.0 / (1.0 + np.exp(-np.clip(np.where(poses.reached, inside, -1.0) / EDGE, -50.0, 50.0)))
-        there = poses.reached
-        slopes = position_slopes(model, q[there], poses[there], FITTED)
-        mean = np.einsum("n,nrk->rk", weight[there], slopes) / weight.sum()
-        ours = 1e3 * mean * 2.0 * 5e-5 * tables().measurement.calibration_poses
-        return np.concatenate([((ours / printed - 1.0) / MODEL_ERROR).ravel(), (x - prior) / prior_sigma])
+        near = weight > 1e-9
+        slopes = step_slopes(model, q[near], poses[near], PARAMETERS)
+        share = 2.0 * STEP * facts.calibration_poses / weight.sum()
+        sums = [share * np.einsum("n,nrk->rk", weight[near], s) for s in slopes]
+        sums[0] *= 1e3
+        off = [((ours / p - 1.0) / s)[there] for ours, p, s in zip(sums, printed, sigma, strict=True)]
+        return np.concatenate([*off, (x - prior) / VAGUE, [(weight.sum() - kept) / COUNT]])
 
-    found = least_squares(misfit, prior, diff_step=np.full(6, 1e-3), xtol=1e-6, ftol=1e-6)
-    return Grid(found.x[:3], found.x[3:])
+    found = []
+    for start in starts:
+        x = np.array([start, 0.15, -0.15, 0.5, 0.5, 0.5])
+        found.append(least_squares(misfit, x, diff_step=np.full(6, 1e-3), xtol=1e-6, ftol=1e-6))
+    best = min(found, key=lambda result: float(result.cost))
+    return Grid(best.x[:3], best.x[3:])
+
+
+def _rounding(printed: Floats) -> Floats:
+    """Standard deviation of what rounding took from Table III's numbers: lengths have one decimal, angles two digits."""
+    half = np.where(printed >= 0.1, 0.05, 0.5 * 10.0 ** (np.floor(np.log10(printed)) - 1.0))
+    return np.asarray(half / np.sqrt(3.0))

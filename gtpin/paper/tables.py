@@ -66,7 +66,7 @@ class Calibrated:
     direction
         (k, 3) track directions, base frame, norms as printed; None for models 2 and 4.
     orientation
-        (k, 3) Euler angles of the transformation, rad; None for models 1 and 3.
+        (k, 3) ZYX Euler angles of the transformation, degrees; None for models 1 and 3.
     platform_joint
         (k, 3) joints on the plate, TCP frame, m; None for models 1 and 2.
     """

@@ -11,8 +11,8 @@ from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.maps import maps
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
-from gtpin.report.quality import quality, scatters
-from gtpin.report.residual_plots import ONE_LAYER, against_covariates, components
+from gtpin.report.quality import cannot_judge, quality, scatters
+from gtpin.report.residual_plots import ONE_LAYER, against_covariates, components, selection
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
@@ -58,12 +58,14 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
         sketch=sketch(machine, robot.rod_sites, {}, {}) if machine else None,
         views=views,
         component=component,
+        selection=selection(residuals),
         layers=ONE_LAYER,
         moved=moved,
         parameters=parameters,
         learned=_learned(calibration),
         unseen=_unobservable(calibration),
         correlations=_correlations(calibration),
+        zeros=_zeros(calibration),
         quality=quality(dataset, calibration),
     )
 
@@ -79,10 +81,8 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
             "gtpin diagnose tells where the rest comes from. The sigmas below are enlarged to admit it.",
         ]
         return "warn", "something is left", headline, advice
-    if c.noise.source == "residuals":
-        advice = [
-            "The noise was not declared and taken from the residuals, so they can't judge the fit: declare the sigmas."
-        ]
+    if why := cannot_judge(c):
+        advice = [f"Chi-square does not judge the fit ({why}): declare the sigmas."]
         return "accent", "fit not judged", headline, advice
     if hidden := scatters(c):
         return (
@@ -104,7 +104,15 @@ def _numbers(c: Calibration) -> list[tuple[str, str]]:
         numbers.append((quantity(told["orientation_rms_before"], "rad"), "orientation error, nominal"))
         numbers.append((quantity(told["orientation_rms_after"], "rad"), "calibrated"))
     numbers.append(
-        (f"{c.chi2_per_dof:.2f}", f"chi-square per degree of freedom, 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits")
+        (
+            f"{c.chi2_per_dof:.2f}",
+            "chi-square per degree of freedom"
+            + (
+                ", which does not judge the fit here"
+                if cannot_judge(c)
+                else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+            ),
+        )
     )
     return numbers
 
@@ -130,6 +138,11 @@ def _unobservable(c: Calibration) -> Table:
         terms = [whole(f"{weight:+.2f} {name}") for name, weight in list(direction.weights.items())[:4]]
         rows.append([" ".join(terms) + (" …" if len(direction.weights) > 4 else ""), percent(direction.learned)])
     return Table(("direction, weights in tolerances", "learned"), rows)
+
+
+def _zeros(c: Calibration) -> Table:
+    rows = [[z.site, quantity(z.value, z.unit), quantity(z.sigma, z.unit)] for z in c.zeros]
+    return Table(("drive", "equivalent shift of its zero", "sigma"), rows)
 
 
 def _correlations(c: Calibration) -> Table:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.calibration.result import Calibration
-from gtpin.report.quality import scatters
+from gtpin.report.quality import cannot_judge, scatters
 
 HEAVY = 1.5
 """Chi-square per degree of freedom from which heavy tails are not taken for granted."""
+ZEROS = """\
+The zero of a drive is no parameter of its own: a shifted zero moves all joints of its cart or arm alike, and stands in the
+cart_joint or arm_joint values above. What they moved by in common, as a shift of the zero (where the drive stands at 0)"""
+"""What the report says of the drives' zeros."""
 SHOWN = 8
 """Correlations and unobservable directions that are listed."""
 
@@ -40,9 +44,7 @@ def _fit(c: Calibration) -> str:
             )
         )
     spread = np.sqrt(2.0 / c.dof)
-    meaning = f"1 +- {spread:.3f} for a model that fits"
-    if c.noise.source == "residuals":
-        meaning = "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
+    meaning = cannot_judge(c) or f"1 +- {spread:.3f} for a model that fits"
     lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.3f}  ({meaning})")
     lines.append(f"  degrees of freedom                {c.dof:.1f}")
     lines.append(f"  iterations                        {c.iterations}")
@@ -95,6 +97,9 @@ def _parameters(c: Calibration) -> str:
             f"  {p.name:<26}{value:>13.7f}{sigma:>11.2e}{value - p.nominal:>+12.2e}{p.tolerance:>11.1e}  {p.unit:<5}"
             f"{learned:>8.3f}"
         )
+    if c.zeros:
+        lines += ["", ZEROS, f"  {'drive':<26}{'zero':>13}{'sigma':>11}"]
+        lines += [f"  {z.site:<26}{z.value:>+13.7f}{z.sigma:>11.2e}  {z.unit}" for z in c.zeros]
     return "\n".join(lines)
 
 

@@ -21,7 +21,16 @@ from gtpin.report.maps import maps
 from gtpin.report.page import Plot, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import quality
-from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_covariates, commanded, components, leading, over_two
+from gtpin.report.residual_plots import (
+    LAYERS,
+    ONE_LAYER,
+    against_covariates,
+    commanded,
+    components,
+    leading,
+    over_two,
+    selection,
+)
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
@@ -57,7 +66,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         Of the diagnosis, for the record.
     """
     robot = diagnosis.baseline.model.robot
-    residuals = Residuals.of(dataset, diagnosis.baseline, diagnosis.model, diagnosis.set_aside)
+    residuals = Residuals.of(dataset, diagnosis.baseline, diagnosis.model, diagnosis.set_aside_rows)
     own_curves = _found_curves(diagnosis, residuals)
     named = named_causes(diagnosis, {key: reach(found) for key, found in own_curves.items()})
     sites = [c.site for c in diagnosis.causes] or [site for site, _, _ in diagnosis.unexplained.correlates]
@@ -84,6 +93,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         where=_where_bars(diagnosis.where),
         regions=_regions(diagnosis.where),
         component=component,
+        selection=selection(residuals),
         layers=LAYERS if named else ONE_LAYER,
         views=views,
         bars=bars,
@@ -98,7 +108,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         untestable=untestable(diagnosis.candidates),
         moved=moved,
         parameters=parameters,
-        quality=quality(dataset, diagnosis.baseline, diagnosis.set_aside),
+        quality=quality(dataset, diagnosis.baseline, diagnosis.set_aside_rows),
         method=diagnosis.to_json()["gap"]["method"],
     )
 

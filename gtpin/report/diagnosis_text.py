@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Member
-from gtpin.report.verdict import could_be, may_hide, not_recorded, verdict
+from gtpin.report.verdict import could_be, may_hide, not_recorded, questions, verdict
 from gtpin.report.words import chance, length, percent, quantity
 
 SHOWN = 6
@@ -20,7 +20,7 @@ def diagnosis_summary(diagnosis: Diagnosis) -> RenderableType:
     if diagnosis.causes:
         parts.append(_causes(diagnosis))
     hints = (*not_recorded(diagnosis), *could_be(diagnosis), *may_hide(diagnosis))
-    return Group(*parts, *hints, *_gap(diagnosis), *_untestable(diagnosis))
+    return Group(*parts, *hints, *questions(diagnosis), *_gap(diagnosis), *_untestable(diagnosis))
 
 
 def _others(cause: Cause) -> list[Member]:

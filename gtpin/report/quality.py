@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.problem import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
@@ -30,8 +30,8 @@ class Quality:
     set_aside: Table
 
 
-def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] | None = None) -> Quality:
-    """Judge a dataset by its calibration; ``aside`` are the ids of the poses set aside, the calibration's by default."""
+def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] | None = None) -> Quality:
+    """Judge a dataset by its calibration; ``aside`` are the lines of the rows set aside, the calibration's by default."""
     visits = len(np.unique(dataset.visits))
     repeats = len(dataset) - visits
     facts = [
@@ -53,7 +53,7 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[str] |
     return Quality(
         tuple(fact for fact in facts if fact),
         _ranges(dataset),
-        _set_aside(dataset, calibration, calibration.rejected if aside is None else aside),
+        _set_aside(dataset, calibration, calibration.rejected_rows if aside is None else aside),
     )
 
 
@@ -89,9 +89,25 @@ def scatters(c: Calibration) -> str:
     )
 
 
+def cannot_judge(c: Calibration) -> str:
+    """Why chi-square does not judge the fit of the geometry; empty where it does."""
+    if c.noise.source != "residuals":
+        return ""
+    position, orientation = c.noise.estimated
+    if position != orientation and c.residual.shape[1] == 6:
+        taken, other = ("position", "orientation") if position else ("orientation", "position")
+        return (
+            f"the noise of {taken} was taken from these residuals, that of {other} was declared: above 1, what was declared "
+            "is exceeded"
+        )
+    if np.isfinite(c.freedom):
+        return "the noise was taken from these residuals, and far poses count in full here: this can't judge the fit"
+    return "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
+
+
 def _fit(c: Calibration) -> str:
-    if c.noise.source == "residuals":
-        return "The noise was taken from the residuals, so chi-square can't judge the fit of the geometry."
+    if why := cannot_judge(c):
+        return f"Chi-square of geometry alone is {c.chi2_per_dof:.2f} per degree of freedom ({why})."
     spread = np.sqrt(2.0 / c.dof)
     return (
         f"Chi-square of geometry alone is {c.chi2_per_dof:.2f} per degree of freedom; {1.0 - 2.0 * spread:.2f} to "
@@ -118,9 +134,9 @@ def _range(name: str, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]])
     return [label, whole(f"{low:.4g}"), "does not vary" if low == high else whole(f"{high:.4g}")]
 
 
-def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[str]) -> Table:
-    """The poses that were set aside, by how far they lie from the calibrated geometry."""
-    rows = np.flatnonzero(np.isin(dataset.pose.astype(str), list(aside)))
+def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Table:
+    """The rows that were set aside, by how far they lie from the calibrated geometry."""
+    rows = np.flatnonzero(np.isin(dataset.row, list(aside)))
     head = ("pose", "line", "off by")
     if not len(rows):
         return Table(head, [])

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.report.fit_along import Along, fit_along
 from gtpin.report.page import Choice, Plot, escaped
-from gtpin.report.residuals import AXES, Residuals
+from gtpin.report.residuals import AXES, Residuals, evenly
 from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
 
 Floats = npt.NDArray[np.float64]
@@ -31,7 +31,16 @@ BEFORE = "layer=before"
 
 def shown(count: int) -> npt.NDArray[np.intp]:
     """The rows that plots show."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(np.intp))
+    return evenly(count, MOST)
+
+
+def selection(residuals: Residuals) -> str:
+    """How many of the poses the plots show, where that is not all."""
+    drawn = len(shown(len(residuals)))
+    if drawn == residuals.used:
+        return ""
+    means = "" if len(residuals) == residuals.used else f", and their lines come from {len(residuals):,}"
+    return f"The plots show {drawn:,} of {residuals.used:,} measurements{means}, selected evenly."
 
 
 def scale_of(values: Floats, unit: str) -> tuple[float, str]:

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.calibrate import measured_poses
-from gtpin.calibration.problem import in_frame
+from gtpin.calibration.problem import in_frame, measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import command_names
@@ -24,17 +23,21 @@ Floats = npt.NDArray[np.float64]
 
 FINE, FINEST = 401, 1500
 """Points of a line along a column; the latter where a cause has a setting, which may be a short period."""
+MOST = 20_000
+"""Poses behind the plots; more are thinned evenly. Means of neighbouring poses come out of a thousand and more still."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Measured less predicted of N poses that were used.
+    """Measured less predicted of N poses that were used, or of an even selection where there are very many.
 
     Parameters
     ----------
     dataset
         The poses.
+    used
+        How many there are of which these are a selection.
     baseline, model
         Geometry alone, and with the causes.
     before, after
@@ -44,6 +47,7 @@ class Residuals:
     """
 
     dataset: Dataset
+    used: int
     baseline: Model
     model: Model
     before: Floats
@@ -52,24 +56,27 @@ class Residuals:
 
     @staticmethod
     def of(
-        dataset: Dataset, baseline: Calibration, model: Model | None = None, aside: Collection[str] | None = None
+        dataset: Dataset, baseline: Calibration, model: Model | None = None, aside: Collection[int] | None = None
     ) -> Residuals:
-        """Of the poses that were not set aside.
+        """Of the rows that were not set aside.
 
         Parameters
         ----------
         model
             With the causes; the baseline's own where there are none.
         aside
-            Ids of the poses that were; the baseline's by default.
+            Lines of the rows that were; the baseline's by default.
         """
-        kept = dataset.take(~np.isin(dataset.pose.astype(str), list(baseline.rejected if aside is None else aside)))
+        rows = np.flatnonzero(~np.isin(dataset.row, list(baseline.rejected_rows if aside is None else aside)))
+        kept = dataset.take(rows[evenly(len(rows), MOST)])
         measured = measured_poses(kept if baseline.residual.shape[1] == 6 else replace(kept, orientation=None))
         before = measured.minus(baseline.model.predict(kept.q))
         after = before if model is None else measured.minus(model.predict(kept.q, kept.covariates))
         noise = baseline.noise
         sigma = np.array([noise.position_sigma] * 3 + [noise.orientation_sigma] * 3)
-        return Residuals(kept, baseline.model, model or baseline.model, before, after, sigma[: measured.components])
+        return Residuals(
+            kept, len(rows), baseline.model, model or baseline.model, before, after, sigma[: measured.components]
+        )
 
     def __len__(self) -> int:
         return len(self.before)
@@ -151,6 +158,11 @@ class Residuals:
             usual = values[0] if name == "session" else np.median(values)
             known[name] = np.full(count, given.get(name, usual), dtype=values.dtype)
         return q, known
+
+
+def evenly(count: int, most: int) -> npt.NDArray[np.intp]:
+    """Which of ``count`` rows are taken where there are more than ``most``: one in so many."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))
 
 
 def fine(values: Floats, short: bool) -> Floats:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gtpin.diagnosis.result import Cause, Diagnosis
+from gtpin.diagnosis.result import Cause, Diagnosis, Question
 from gtpin.effects.catalogue import catalogue
 from gtpin.report.phrases import phrase, sentence
 from gtpin.report.quality import scatters
-from gtpin.report.words import chance, coordinate_words, counted, joined, length, percent, site_words
+from gtpin.report.words import chance, coordinate_words, counted, joined, length, percent, quantity, site_words
 
 SURE = 0.95
 """Probability from which a cause stands alone."""
@@ -41,7 +41,7 @@ def verdict(diagnosis: Diagnosis) -> Verdict:
         diagnosis.verdict
     ](diagnosis)
     badge, tone = BADGES[diagnosis.verdict]
-    return Verdict(badge, "warn" if may_hide(diagnosis) else tone, headline, tuple(advice))
+    return Verdict(badge, "warn" if may_hide(diagnosis) else tone, headline, (*advice, *questions(diagnosis)))
 
 
 def _none(d: Diagnosis) -> tuple[str, list[str]]:
@@ -105,6 +105,22 @@ def not_recorded(d: Diagnosis) -> list[str]:
         f"{_at_rest(reason)}, and diagnose again."
         for reason, names in _by_reason(d, lacking).items()
     ]
+
+
+def questions(d: Diagnosis) -> list[str]:
+    """What parameters outside the expected make doubtful, and what to check."""
+    return [_question(q) for q in d.questions]
+
+
+def _question(q: Question) -> str:
+    value = f"{q.parameter.replace('_', ' ')} {quantity(q.value, q.unit, q.sigma)}"
+    check = "Check unit and sign of the columns that it depends on"
+    if q.believed:
+        return f"{q.effect} at {site_words(q.site)} has {value}, which is unusual: {q.why}. {check}."
+    return (
+        f"{q.effect} at {site_words(q.site)} would have {value}, which is not possible: {q.why}. It is not named as a cause. "
+        f"{check}."
+    )
 
 
 def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[str]]:

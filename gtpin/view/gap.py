@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.problem import measured_poses
 from gtpin.data import Dataset, check_commands
 from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError, ModelError, warn

@@ -106,7 +106,9 @@ def test_every_axis_of_every_figure_is_labelled() -> None:
     measured = drawn_measurements(MODEL, q, np.full(6, 1e-4))
     made = report.all_figures(analyse(MODEL, q, costs=COSTS))
     made["grid"] = figures.orientation_along_grid(MODEL.predict(q), 3)
-    made["cost"] = figures.cost_and_position(step_change(MODEL, q, measured, "L", "1"))
+    made["cost"] = figures.cost_and_position(
+        step_change(MODEL, q, measured, "L", "1"), [rod.name for rod in MODEL.robot.rods]
+    )
     made["orientation"] = figures.orientation_change(step_change(MODEL, q, measured, "Px", "3a"))
     made["plan"] = figures.gain_over_random(plan_poses(MODEL, commands(20), 5, Noise(1e-5, 5e-5), q, draws=5))
     for figure in made.values():

@@ -129,7 +129,7 @@ def test_a_step_to_both_sides_shifts_errors_in_opposite_senses() -> None:
     change = step_change(MODEL, q, measured, "L", "1")
     np.testing.assert_allclose(change.before.position, 0.0, atol=1e-12)
     np.testing.assert_allclose(change.plus.position, change.minus.position, rtol=1e-3)
-    np.testing.assert_allclose(change.plus.cost, (2.0 * MODEL.robot.rods[0].L * STEP) ** 2, rtol=1e-3)
+    np.testing.assert_allclose(change.plus.costs[:, 0], (2.0 * MODEL.robot.rods[0].L * STEP) ** 2, rtol=1e-3)
 
 
 def test_drawn_measurements_leave_the_residuals_that_were_asked_for() -> None:

@@ -18,9 +18,8 @@ from virtual_gantry import (
 )
 
 import gtpin
-from gtpin.calibration.calibrate import measured_poses
 from gtpin.calibration.noise import Noise, line_of_sight
-from gtpin.calibration.problem import Problem, in_frame, rough_frame
+from gtpin.calibration.problem import Problem, in_frame, measured_poses, rough_frame
 from gtpin.model import Frame, Model
 from gtpin.robot.geometry import Geometry
 

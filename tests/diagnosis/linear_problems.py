@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 import gtpin
-from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.problem import measured_poses
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import SCALE_SPREAD, Groups, Marginal
 from gtpin.diagnosis.fit import Observed

@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.data import Dataset
+from gtpin.diagnosis import believed, diagnose
 from gtpin.plant import make_case
+from gtpin.report.residuals import Residuals
 
 
 def diagnosed(dataset: Dataset) -> gtpin.Diagnosis:
@@ -38,6 +40,41 @@ def test_poses_beyond_a_joint_near_a_tracks_end_are_a_step_and_no_gross_errors(s
     assert len(found.baseline.rejected) >= 3
     assert len(found.set_aside) < 3
     assert ("rack_step", "cart1") in classes(found)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_of_more_poses_than_a_search_takes_they_are_given_back_as_well(seed, monkeypatch):
+    """The same machine; a search takes 120 of its 200 poses."""
+    for module in (believed, diagnose):
+        monkeypatch.setattr(module, "MOST_POSES", 120)
+    dataset = make_case(seed, effects=[], poses=200).dataset
+    beyond = np.argsort(dataset.q[:, 0])[-6:]
+    found = diagnosed(moved(dataset, beyond, np.array([2.5e-4, 0.0, 0.0])))
+    assert len(found.baseline.rejected) >= 3
+    assert len(found.set_aside) < 3
+    assert ("rack_step", "cart1") in classes(found)
+
+
+def test_a_good_visit_to_a_pose_of_which_another_is_set_aside_stays_in_use():
+    """Two visits to one pose share its id; one of them is a slip of the tracker."""
+    dataset = make_case(4, effects=[], poses=120).dataset
+    ids, visits = np.unique(dataset.pose.astype(str), return_counts=True)
+    twice = np.flatnonzero(dataset.pose.astype(str) == ids[np.argmax(visits)])
+    assert len(twice) > 1
+    position = dataset.position.copy()
+    position[twice[0]] += [5e-3, 0.0, 0.0]
+    spoilt = replace(dataset, position=position)
+    found = diagnosed(spoilt)
+    name, line = str(spoilt.pose[twice[0]]), int(spoilt.row[twice[0]])
+    assert name in found.baseline.rejected
+    assert name in found.set_aside
+    assert line in found.baseline.rejected_rows
+    assert line in found.set_aside_rows
+    good = [int(spoilt.row[i]) for i in twice[1:]]
+    assert not set(good) & {*found.baseline.rejected_rows, *found.set_aside_rows}
+    assert found.baseline.used(spoilt).sum() == found.baseline.poses == len(spoilt) - len(found.baseline.rejected_rows)
+    shown = Residuals.of(spoilt, found.baseline, found.model, found.set_aside_rows)
+    assert set(good) <= set(shown.dataset.row.tolist())
 
 
 @pytest.mark.parametrize("absurd", [False, True])

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import gtpin
-from gtpin.calibration.calibrate import measured_poses
+from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.candidates import Candidate
 from gtpin.diagnosis.fit import Observed

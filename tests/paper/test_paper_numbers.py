@@ -9,8 +9,9 @@ import pytest
 
 import gtpin
 from gtpin.accuracy.euler import zyz
-from gtpin.paper.compare import Block, compare_orientation, compare_table1, compare_table3
-from gtpin.paper.grid import RECOVERED, SHAPE, recover_grid
+from gtpin.paper.compare import Block, compare_frame_angles, compare_orientation, compare_table1, compare_table3
+from gtpin.paper.grid import RECOVERED, SHAPE, STARTS, recover_grid
+from gtpin.paper.peak import peak_ranks
 from gtpin.paper.table1 import expected_table1
 from gtpin.paper.tables import tables
 
@@ -28,24 +29,51 @@ def table1() -> tuple[Block, ...]:
 
 
 def test_the_grid_comes_out_of_table_3() -> None:
-    grid = recover_grid(MODEL)
-    np.testing.assert_allclose(grid.center, RECOVERED.center, atol=2e-3)
-    np.testing.assert_allclose(grid.half_width, RECOVERED.half_width, atol=2e-3)
+    """From the nearest of its starts; the page's script takes all."""
+    grid = recover_grid(MODEL, [STARTS[-1]])
+    np.testing.assert_allclose(grid.center, RECOVERED.center, atol=1e-3)
+    np.testing.assert_allclose(grid.half_width, RECOVERED.half_width, atol=1e-3)
 
 
-@pytest.mark.parametrize(("name", "bound"), [("S_pos", 0.10), ("S_rot", 0.08), ("S_cost", 0.20)])
+@pytest.mark.parametrize(("name", "bound"), [("S_pos", 0.085), ("S_rot", 0.05), ("S_cost", 0.22)])
 def test_table_3_comes_out(table3: dict[str, Block], name: str, bound: float) -> None:
+    """The grid was fitted to S_pos and S_rot; to S_cost nothing was."""
     assert table3[name].printed.size == 42
     assert table3[name].worst < bound
 
 
-def test_track_directions_come_out_though_nothing_was_fitted_to_them(table3: dict[str, Block]) -> None:
-    """Of links that model 5 takes from model 3, to a tenth, and half a digit where one digit is printed."""
+def test_track_directions_come_out(table3: dict[str, Block]) -> None:
+    """Of links that model 5 takes from model 3: to 7 %, and half a digit where one digit is printed."""
     for name, half_digit in (("S_pos", 0.05), ("S_rot", 0.0)):
         block = table3[f"{name}, track directions"]
         assert block.printed.size == 12
-        assert (np.abs(block.ours - block.printed) < 0.12 * block.printed + half_digit).all()
-    assert table3["S_cost, track directions"].worst < 0.21
+        assert (np.abs(block.ours - block.printed) < 0.07 * block.printed + half_digit).all()
+    assert table3["S_cost, track directions"].worst < 0.25
+
+
+def test_euler_angles_of_cart_2_come_out_though_nothing_was_fitted_to_them() -> None:
+    blocks = compare_frame_angles(MODEL)
+    assert [block.columns for block in blocks] == [("2a", "2b")] * 3
+    for block, bound in zip(blocks, (0.045, 0.045, 0.11), strict=True):
+        assert block.printed.size == 6
+        assert block.worst < bound
+
+
+def test_table_1_lies_within_the_scatter_of_61_poses(table1: tuple[Block, ...]) -> None:
+    """Two standard deviations, and a tenth for the mean of model 2, whose directions are model 1's."""
+    for block, (least, most) in zip(table1, ((7.0, 12.0), (40.0, 70.0)), strict=True):
+        assert block.spread is not None
+        assert ((block.spread > least) & (block.spread < most)).all()
+        off = np.abs(block.printed - block.ours) / block.spread
+        assert (off < 2.2).all()
+        assert (off > 2.0).sum() <= 1
+
+
+def test_only_link_1s_cost_peaks_where_the_position_error_does() -> None:
+    """The paper's point of Fig. 9."""
+    first, *others = peak_ranks(MODEL, RECOVERED.commands(MODEL), draws=200)
+    assert first > 0.95
+    assert 0.4 < min(others) < max(others) < 0.7
 
 
 def test_table_1_comes_out_of_table_2s_costs(table1: tuple[Block, ...]) -> None:
@@ -86,7 +114,8 @@ def test_commands_of_the_grid_stay_in_the_actuator_range() -> None:
     q = RECOVERED.commands(MODEL)
     lower, upper = tables().measurement.actuator_range
     assert ((q >= lower) & (q <= upper)).all()
-    assert 61 < len(q) < 180
+    # The paper kept 122 of 176; which 4 of 180 were left out is not known.
+    assert 118 <= len(q) <= 126
 
 
 def test_the_shipped_robot_is_table_2s_model_3() -> None:

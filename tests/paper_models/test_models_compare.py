@@ -132,6 +132,7 @@ def test_a_pose_that_a_fit_sets_aside_is_named_once_with_the_model_and_judged_al
     position[dataset.pose == pose] += [5e-3, 0.0, 0.0]
     with pytest.warns(GtpinWarning) as told:
         off = compare(replace(dataset, position=position, carts=None))
+    assert {w.filename for w in told} == {__file__}
     texts = [str(w.message) for w in told]
     for model in (1, 3):
         named = [text.split("poses ")[-1].split(", ") for text in texts if text.startswith(f"model {model}: set aside")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ from scipy.spatial.transform import Rotation
 from gtpin import Dataset
 from gtpin.calibration.cart_tracks import Linearity
 from gtpin.calibration.compare import compare
+from gtpin.calibration.comparison import Comparison
 from gtpin.data import CartMeasurements
+from gtpin.errors import GtpinWarning
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dressler2010"
-SEEDS = (0, 1, 2)
+SEEDS = (0, 1, 2, 2010)
 
 if not EXAMPLE.is_dir():
     pytest.skip("the examples are not here", allow_module_level=True)
@@ -24,7 +27,7 @@ if not EXAMPLE.is_dir():
 
 @pytest.fixture(scope="module")
 def twins(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Dataset, CartMeasurements]]:
-    """Sets 1 and 2, and set 3, of three draws of the twin's errors."""
+    """Sets 1 and 2, and set 3, of four draws of the twin's errors, the examples' own among them."""
     found = []
     for seed in SEEDS:
         folder = tmp_path_factory.mktemp("twin") / "twin"
@@ -84,25 +87,44 @@ def _beyond(dataset: Dataset, set3: CartMeasurements, cart: int, name: str) -> f
     return float(np.sqrt(max(squares[0] - squares[1], 0.0)))
 
 
-def test_compared_on_it_the_models_gain_as_the_paper_says(twins):
-    tables = [compare(dataset).table().set_index("model") for dataset, _ in twins]
-    mean = np.mean([table["mean_um"] for table in tables], axis=0)
-    largest = np.mean([table["max_um"] for table in tables], axis=0)
+@pytest.fixture(scope="module")
+def compared(twins) -> dict[str, list[Comparison]]:
+    """By cost, the comparison on each twin; no model takes what it lacks for gross errors."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", GtpinWarning)
+        return {cost: [compare(dataset, cost=cost) for dataset, _ in twins] for cost in ("pose", "closure")}
+
+
+def test_compared_on_it_the_models_gain_as_the_paper_says(compared):
+    tables = [found.table().set_index("model") for found in compared["pose"]]
+    mean, largest = (np.mean([table[name] for table in tables], axis=0) for name in ("mean_um", "max_um"))
     one, two, three, four, five = mean
     assert one == mean.max()
     assert two < one  # cart 2's measured track helps the reduced arm
     assert four < three  # and the full one
     assert five < three
-    assert (np.abs(mean / [140, 120, 110, 100, 90] - 1.0) < 0.5).all()
-    assert (np.abs(largest / [410, 440, 260, 340, 240] - 1.0) < 1.0).all()
+    assert five < four
+    # Models 3 to 5 are larger than printed: docs/paper.md says by how much, and why.
+    paper = np.array([140, 120, 110, 100, 90])
+    assert ((mean > 0.85 * paper) & (mean < np.array([1.1, 1.2, 1.3, 1.35, 1.45]) * paper)).all(), mean
+    paper = np.array([410, 440, 260, 340, 240])
+    assert ((largest > 0.7 * paper) & (largest < np.array([1.1, 1.1, 1.6, 1.2, 1.7]) * paper)).all(), largest
 
 
-def test_the_measured_track_helps_on_cart_2_and_hurts_on_cart_3(twins):
+def test_pose_residuals_predict_no_worse_than_the_papers_cost(compared):
+    """Another estimator on the same poses. With misfit taken for scatter of the drives, a largest error was twice its."""
+    for ours, theirs in zip(compared["pose"], compared["closure"], strict=True):
+        ratio = ours.table() / theirs.table()
+        assert (ratio["mean_um"] < 1.06).all()
+        assert (ratio["max_um"] < 1.4).all()  # one pose decides it
+
+
+def test_the_measured_track_helps_on_cart_2_and_hurts_on_cart_3(compared):
     ratio = []
-    for dataset, _ in twins:
-        costs = {held.model: held.closure_cost for held in compare(dataset, cost="closure").held}
+    for found in compared["closure"]:
+        costs = {held.model: held.closure_cost for held in found.held}
         ratio.append(costs[4] / costs[3])
     link1, link2a, link2b, link3a, link3b, _ = np.mean(ratio, axis=0)
-    assert 0.8 < link1 < 1.25  # linear as it is, cart 1 neither gains nor loses
-    assert max(link2a, link2b) < 0.8
-    assert min(link3a, link3b) > 1.2
+    assert 0.9 < link1 < 1.15  # linear as it is, cart 1 neither gains nor loses
+    assert max(link2a, link2b) < 0.7
+    assert min(link3a, link3b) > 1.3

@@ -1,0 +1,145 @@
+"""Whether the noise that a dataset declares can be true: too large, by what a fit leaves when the noise is estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from scipy.stats import chi2
+
+from gtpin.calibration.problem import Problem, in_frame
+from gtpin.calibration.rounds import Settled
+from gtpin.data import Dataset, Instrument
+from gtpin.errors import ConvergenceError, DatasetError, warn
+
+Sigma = Literal["position_sigma", "orientation_sigma"]
+Settle = Callable[[Instrument], Settled]
+
+SIGMAS: tuple[tuple[Sigma, slice], ...] = (("position_sigma", slice(0, 3)), ("orientation_sigma", slice(3, 6)))
+"""Keys of the noise, and the components of a pose that each is of."""
+SUSPECT = 0.7
+"""Root mean square of the residuals over the declared sigma below which the noise is estimated for comparison. A stated
+assumption: it only saves a second fit where the answer is plain."""
+TWICE = 2.0
+"""Declared noise over the noise that the data show from which the declared value is not used. A stated assumption: data
+sheets give limits of two standard deviations as often as one, and less than that changes no verdict."""
+ABSURD = 10.0
+"""The same ratio from which the data are refused: no data sheet is so careful. A stated assumption."""
+CHANCE = 1e-3
+"""Chance, by chi-square, of residuals so small under the declared noise, below which the declared value is not used."""
+UNITS: dict[Sigma, tuple[tuple[float, float, str], ...]] = {
+    "position_sigma": ((250.0, 4e3, "millimetres"), (2.5e5, 4e6, "micrometres")),
+    "orientation_sigma": ((25.0, 150.0, "degrees"), (250.0, 4e3, "milliradians"), (2.5e5, 4e6, "microradians")),
+}
+"""Ratios (a factor of four to either side of a unit's own, less for degrees) and the unit that they look like."""
+
+
+def used_noise(dataset: Dataset, settled: Settled, settle: Settle) -> tuple[Settled, Instrument]:
+    """The calibration with the noise as far as it can be true: an overstated sigma is estimated instead, with a warning.
+
+    Parameters
+    ----------
+    settled
+        The calibration with the noise as declared.
+    settle
+        Calibrates with another description of the instrument.
+
+    Raises
+    ------
+    DatasetError
+        If a sigma is more than ten times what the data show.
+    """
+    instrument = dataset.instrument
+    suspects = [key for key, _ in SIGMAS if _residual_ratio(settled, instrument, key) < SUSPECT]
+    if not suspects:
+        return settled, instrument
+    undeclared = instrument.model_copy(update=dict.fromkeys(suspects))
+    again = settle(undeclared)
+    wrong = [key for key in suspects if _overstated(again, instrument, key)]
+    if not wrong:
+        return settled, instrument
+    ratios = {key: getattr(instrument, key) / shown(again, key) for key in wrong}
+    for key in sorted(wrong, key=lambda k: -ratios[k]):
+        declared, seen = getattr(instrument, key), shown(again, key)
+        text = f"{key} is {declared:.2g}, but these data show a noise of {seen:.2g}, {declared / seen:.2g} times less"
+        if declared > ABSURD * seen:
+            like = unit_like(key, declared / seen)
+            hint = f"{f'it looks like {like}: ' if like else ''}give metres and radians, or leave the line out"
+            raise DatasetError(text, file=_toml(dataset), column=f"instrument.{key}", hint=hint)
+        warn(f"{text}: the data's own is used")
+    if wrong == suspects:
+        return again, undeclared
+    kept = instrument.model_copy(update=dict.fromkeys(wrong))
+    return settle(kept), kept
+
+
+def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled:
+    """Calibrate; where that does not converge, say whether a declared noise that is far too small is the reason.
+
+    Raises
+    ------
+    DatasetError
+        If the fit converges only when the noise is estimated, and a declared sigma is less than a tenth of it.
+    ConvergenceError
+        If the fit does not converge for another reason.
+    """
+    instrument = dataset.instrument
+    try:
+        return settle(instrument)
+    except ConvergenceError as error:
+        declared = [key for key, _ in SIGMAS if getattr(instrument, key) is not None]
+        if not declared:
+            raise
+        try:
+            again = settle(instrument.model_copy(update=dict.fromkeys(declared)))
+        except ConvergenceError:
+            raise error from None
+        small = [key for key in declared if getattr(instrument, key) * ABSURD < shown(again, key)]
+        if not small:
+            raise
+        key = small[0]
+        value, seen = getattr(instrument, key), shown(again, key)
+        raise DatasetError(
+            f"{key} is {value:.2g}, but these data show a noise of {seen:.2g}, {seen / value:.2g} times more",
+            file=_toml(dataset),
+            column=f"instrument.{key}",
+            hint="give metres and radians, or leave the line out",
+        ) from None
+
+
+def shown(settled: Settled, key: Sigma) -> float:
+    """Noise per axis, m or rad, that a calibration took: the instrument's and the machine's own scatter together."""
+    problem: Problem = settled.fit.problem
+    point, components = settled.fit.point, problem.measured.components
+    J = in_frame(point.model.kinematics.command_jacobian(problem.measured.q, point.poses), point.model.frame)
+    covariance = settled.noise.take(settled.used).covariance(J, components)
+    kind = dict(SIGMAS)[key]
+    return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, kind].mean()))
+
+
+def unit_like(key: Sigma, ratio: float) -> str:
+    """The unit that a sigma looks like that is too large by a ratio; empty where it looks like none."""
+    return next((unit for low, high, unit in UNITS[key] if low <= ratio <= high), "")
+
+
+def _residual_ratio(settled: Settled, instrument: Instrument, key: Sigma) -> float:
+    """Root mean square of the residuals per axis over a declared sigma; infinite where none is declared or measured."""
+    declared = getattr(instrument, key)
+    problem, point = settled.fit.problem, settled.fit.point
+    kind = dict(SIGMAS)[key]
+    if declared is None or problem.measured.components <= kind.start:
+        return float(np.inf)
+    left = problem.measured.minus(point.model.seen(point.poses))[:, kind]
+    return float(np.sqrt((left**2).mean())) / float(declared)
+
+
+def _overstated(again: Settled, instrument: Instrument, key: Sigma) -> bool:
+    """Whether a declared sigma is larger than what an estimate shows, by a factor that matters and by more than chance."""
+    ratio = getattr(instrument, key) / shown(again, key)
+    dof = max(again.dof / 2.0, 1.0)
+    return bool(ratio > TWICE and chi2.cdf(dof / ratio**2, dof) < CHANCE)
+
+
+def _toml(dataset: Dataset) -> str | None:
+    return None if dataset.path is None else str(dataset.path / "dataset.toml")

@@ -1,0 +1,135 @@
+"""What is doubted once a geometry is fitted: orientations' convention, frame, tolerances, and whether it fits at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gtpin.calibration import weights
+from gtpin.calibration.bumped import check_bumped
+from gtpin.calibration.convention import other_convention
+from gtpin.calibration.declared_noise import settled_or_explained
+from gtpin.calibration.noise import Noise
+from gtpin.calibration.problem import Measured, Problem
+from gtpin.calibration.recognise import either
+from gtpin.calibration.rounds import Settled
+from gtpin.calibration.shifted_rows import check_stretch
+from gtpin.calibration.strain import relieved, strain
+from gtpin.data import Dataset, Instrument
+from gtpin.data.names import ORIENTATION
+from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Model
+
+FAR = 0.01
+"""Median position error after a fit, m, that no calibrated robot shows."""
+MISFIT = 10.0
+"""Size of the residuals over the noise that is worth a warning."""
+STRAYED = 6.0
+"""Deviation of a parameter from nominal, in tolerances, that is worth a warning."""
+
+
+def settled_in_doubt(
+    dataset: Dataset, start: Model, measured: Measured, near: Poses, settle: Callable[[Instrument], Settled]
+) -> Settled:
+    """Calibrate, and refuse data in which the instrument moved, or whose noise is far from what is declared.
+
+    Parameters
+    ----------
+    dataset, measured
+        The rows that are used.
+    start, near
+        The nominal model, and its poses at these rows in the base frame.
+    settle
+        Calibrates with a description of the instrument.
+
+    Raises
+    ------
+    DatasetError
+        If the instrument moved, or a declared sigma keeps the fit from converging.
+    ConvergenceError
+        If the fit does not converge for another reason.
+    """
+    try:
+        settled = settled_or_explained(dataset, settle)
+    except ConvergenceError:
+        problem, noise = _nominal_problem(start, measured, near, dataset.instrument)
+        check_bumped(dataset, problem, problem.point(np.zeros(problem.size), near), noise)
+        raise
+    check_convention(dataset, settled)
+    check_bumped(dataset.take(settled.used), settled.fit.problem, settled.fit.point, settled.noise.take(settled.used))
+    return settled
+
+
+def _nominal_problem(start: Model, measured: Measured, near: Poses, instrument: Instrument) -> tuple[Problem, Noise]:
+    """The problem about the nominal machine, under the noise as declared or a tracker's usual one."""
+    noise = Noise(instrument.position_sigma or 2e-5, instrument.orientation_sigma or 5e-5)
+    J = np.zeros((len(near), 6, measured.q.shape[1]))
+    return Problem(start, measured, noise.whitening(J, measured.components), instrument.frame == "free"), noise
+
+
+def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
+    """Refuse data of which a whole stretch of rows was set aside, where it is known why."""
+    if settled.used.all():
+        return
+    model = settled.fit.point.model
+    check_stretch(kept, measured, model.predict(kept.q), ~settled.used)
+
+
+def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., Settled]) -> tuple[Settled, Instrument]:
+    """The calibration again, with what its geometry strained against set free, and a warning that names it."""
+    found = strain(settled)
+    strayed = np.abs(settled.fit.point.x[: settled.fit.problem.n_geometry]).max(initial=0.0) > STRAYED
+    # Short of that a cause that geometry can't have, such as a ball out of round, may be what strains it.
+    if found is None or (found.what != "frame" and not strayed):
+        return settled, instrument
+    if found.what == "frame":
+        instrument = instrument.model_copy(update={"frame": "free"})
+        warn(
+            f"the instrument's frame looks {found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's: it is "
+            'fitted as free; write frame = "free"'
+        )
+        return settle(instrument), instrument
+    if found.what == "zero":
+        said = f"the zero of {found.site} looks {found.size * 1e3:.3g} mm or mrad off"
+    elif found.what == "part":
+        said = f"{found.site} looks {abs(found.size):.2g} tolerances off"
+    else:
+        said = f"its parameters are off by {found.size:g} times their tolerances"
+    warn(f"the nominal model is not this machine: {said}; tolerances are widened to admit it")
+    return settle(instrument, relieved(settled, found)), instrument
+
+
+def check_convention(dataset: Dataset, settled: Settled) -> None:
+    """Refuse orientations that fit far better when they are read by another convention."""
+    found = other_convention(settled.fit)
+    if found:
+        looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
+        raise DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
+
+
+def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
+    """Refuse data that calibration does not bring near the robot, and warn of a fit that hardly deserves the name."""
+    problem, point = settled.fit.problem, settled.fit.point
+    model, measured = point.model, problem.measured
+    left, before = (
+        float(np.median(np.linalg.norm(measured.T - predicted.T, axis=1)))
+        for predicted in (model.seen(point.poses), nominal[settled.used])
+    )
+    if left > FAR and left > 0.25 * before:
+        raise DatasetError(
+            f"calibration leaves {left * 1e3:.3g} mm of {before * 1e3:.3g} mm: these can't be the robot's poses",
+            file=dataset.file,
+            hint='check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")',
+        )
+    size = weights.robust_scale(settled.fit.residual)
+    if size > MISFIT:
+        warn(f"residuals are {size:.0f} times the noise: the geometry does not explain these data")
+    x = point.x[: problem.n_geometry]
+    # How a measured track is rolled about itself is guessed from where targets sat on carts: no tolerance of the machine's.
+    rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])
+    far = np.flatnonzero((np.abs(x) > STRAYED) & ~rolled)
+    strayed = [f"{model.geometry.names[i]} ({x[i]:+.0f})" for i in far[np.argsort(-np.abs(x[far]))]]
+    if strayed:
+        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}")

@@ -1,0 +1,49 @@
+"""A dataset as it is counted: copies of rows once, and without orientations that nobody measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Dataset
+from gtpin.data.duplicates import counted_once
+from gtpin.errors import warn
+from gtpin.kinematics.rotations import log
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+SAME = 1e-12
+"""1 less the cosine of half the angle, some 3 microradians, up to which orientations count as the same."""
+TURNS = 1e-5
+"""Angle, rad, by which the nominal model must turn; less is rounding, of a robot that keeps its orientation."""
+
+
+def prepared(dataset: Dataset, nominal: Model) -> Dataset:
+    """The dataset without copies of rows, and without a constant orientation where the robot must turn.
+
+    Warns
+    -----
+    GtpinWarning
+        Of what is left out.
+    """
+    dataset = counted_once(dataset)
+    if dataset.orientation is None or not _same(dataset.orientation) or not _turns(dataset, nominal):
+        return dataset
+    text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
+    warn(f"{dataset.file}: {text}" if dataset.file else text)
+    return replace(dataset, orientation=None)
+
+
+def _same(orientation: Floats) -> bool:
+    return len(orientation) > 1 and bool((1.0 - np.abs(orientation @ orientation[0]) < SAME).all())
+
+
+def _turns(dataset: Dataset, nominal: Model) -> bool:
+    if dataset.n_actuators != nominal.robot.n_actuators:
+        return False
+    poses = nominal.kinematics.forward(dataset.q)
+    R = poses.R[poses.reached]
+    return len(R) > 1 and float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) > TURNS

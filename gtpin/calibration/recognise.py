@@ -1,0 +1,315 @@
+"""Usual mistakes of units, axes, signs and frames, tried on the nominal model where data do not fit it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from gtpin.calibration.command_readings import command_readings
+from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.data.orientation_convention import misread
+from gtpin.data.readings import RotationReading, orientation_readings, position_readings
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import log
+from gtpin.model import Frame, Model
+
+Floats = npt.NDArray[np.float64]
+
+ROWS = 100
+"""Rows that are enough to tell: medians of more are no surer."""
+FEWEST = 6
+"""Rows below which a frame fits almost anything."""
+FITS = 0.1
+"""Share of the workspace's size up to which data fit as they stand. A mistake of those below moves poses by about the whole;
+machines within the shipped robots' tolerances stay below 0.07, but for stewart_jugglebot's."""
+ALLOWED = 5e-3
+"""Error of a machine, m, that is let pass however small its workspace: a stated assumption."""
+BETTER = 4.0
+"""How many times nearer to the nominal model another reading must bring the data: a stated assumption."""
+AS_GOOD, CLOSE = 1.5, 0.02
+"""Up to how many times the least misfit, and share of the workspace's size more, a reading of fewer mistakes is preferred."""
+STRAYED = 3.0
+"""Expected errors of the nominal model beyond which its frame, drives' zeros and target are doubted."""
+LINE = 0.1
+"""Width of a workspace over its length below which positions do not tell a turn about its length."""
+STEPS = 4
+"""Gauss-Newton steps that find by how much a drive's commands are shifted."""
+REACHED = 0.75
+"""Share of the rows that commands must reach when they are read in another way."""
+MOST_NAMED = 3
+"""Readings that are named where several fit alike."""
+
+_MIRROR = np.array([-1.0, 1.0, 1.0])
+_ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 'set frame = "free" under [instrument]')
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A way to read the data.
+
+    Parameters
+    ----------
+    columns
+        Where the mistake is.
+    looks, hint
+        What they look like, and what to do about it; empty where they are read as they stand.
+    mistakes
+        How many mistakes it takes.
+    measured, poses
+        What was measured then, and what the nominal model predicts, base frame.
+    """
+
+    columns: str
+    looks: str
+    hint: str
+    mistakes: int
+    measured: Measured
+    poses: Poses
+
+
+def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) -> Reading | None:
+    """The usual mistake that makes data fit the nominal model; None where they fit as they stand, or no mistake explains them.
+
+    Tried are, alone and together: units of lengths, of some axes or all; axes that are swapped or reversed; quaternions that
+    are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or shifted;
+    an instrument that stood elsewhere; a target that sits elsewhere.
+
+    Parameters
+    ----------
+    poses
+        By the nominal model at the measured commands, base frame; NaN where it can't reach.
+    free
+        Whether the instrument's pose is declared unknown.
+    """
+    some = np.linspace(0, len(poses) - 1, min(len(poses), ROWS)).astype(int)
+    search = Search(nominal, measured.take(some), poses[some], free)
+    if not search.suspicious:
+        return None
+    most = min(search.misfit / BETTER, search.accepted)
+    tried = [(misfit, reading) for misfit, reading in search.tried() if misfit <= most]
+    if not tried:
+        return None
+    enough = AS_GOOD * min(misfit for misfit, _ in tried) + CLOSE * search.size
+    good = [(misfit, reading) for misfit, reading in tried if misfit <= enough]
+    fewest = min(reading.mistakes for _, reading in good)
+    chosen = [t for t in good if t[1].mistakes == fewest]
+    # Of readings that fit alike none is preferred: all are named, the usual ones first.
+    best = min(misfit for misfit, _ in chosen)
+    alike = [reading for misfit, reading in chosen if misfit <= max(AS_GOOD * best, search.fits)]
+    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in alike), strict=True))
+    return Reading(alike[0].columns, looks, hints, fewest, alike[0].measured, alike[0].poses)
+
+
+def either(words: Iterable[str]) -> str:
+    """Several possibilities, and that there are more where only the first are named."""
+    different = list(dict.fromkeys(words))
+    more = ["something alike"] * (len(different) > MOST_NAMED)
+    return "; or ".join(different[:MOST_NAMED] + more)
+
+
+class Search:
+    """Data and a nominal model: how far apart they are, m, where a turn counts by the workspace's size."""
+
+    def __init__(self, nominal: Model, measured: Measured, poses: Poses, free: bool) -> None:
+        self.nominal, self.all, self.free = nominal, measured, free
+        there = poses.reached
+        self.reached = float(there.mean())
+        self.measured, self.poses = measured.take(there), poses[there]
+        self.rotation = None if self.measured.R is None else Rotation.from_matrix(self.measured.R)
+
+    @cached_property
+    def size(self) -> float:
+        """Size of the workspace that was measured, m: the root mean square distance of poses from their middle."""
+        if len(self.all.T) < FEWEST:
+            return 0.0
+        if self.lost:
+            return float(np.median(np.linalg.norm(self.all.T - np.median(self.all.T, axis=0), axis=1)))
+        return float(np.sqrt(((self.poses.T - self.poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+    @property
+    def lost(self) -> bool:
+        """Whether the model reaches too few of the commands to compare anything with it."""
+        return self.reached <= 1.0 - REACHED or len(self.poses) < FEWEST
+
+    @property
+    def fits(self) -> float:
+        """Misfit, m, up to which data fit as they stand."""
+        return FITS * self.size + ALLOWED
+
+    @cached_property
+    def misfit(self) -> float:
+        """Median distance of the data as they stand from the nominal model, m; infinite where that reaches few of them."""
+        return np.inf if self.lost else self._misfit(self.measured, self.poses, self.free)
+
+    @cached_property
+    def _line(self) -> bool:
+        """Whether the poses lie so nearly on a line that positions do not tell how a frame is turned."""
+        spread = np.linalg.svd(self.poses.T - self.poses.T.mean(axis=0), compute_uv=False)
+        return bool(spread[1] < LINE * spread[0])
+
+    @property
+    def suspicious(self) -> bool:
+        """Whether the data do not fit as they stand."""
+        return self.size > 0.0 and self.misfit > self.fits
+
+    @cached_property
+    def expected(self) -> float:
+        """Error of the nominal model by the tolerances, m."""
+        if self.lost:
+            return FITS * self.size
+        J = self.nominal.kinematics.geometry_jacobian(self.measured.q, self.poses) * self.nominal.geometry.tolerance
+        T, R = (float(np.median(np.sqrt((J[:, rows] ** 2).sum(axis=(1, 2))))) for rows in (slice(0, 3), slice(3, 6)))
+        return float(np.hypot(T, self.size * R if self.rotation is not None else 0.0))
+
+    @property
+    def accepted(self) -> float:
+        """Largest misfit, m, of data that are the robot's."""
+        return self.fits + min(self.expected, 0.5 * self.size)
+
+    @property
+    def strayed(self) -> bool:
+        """Whether the data are farther from the model than its tolerances explain, which act much as another frame does."""
+        return self.misfit > self.fits + STRAYED * self.expected
+
+    def tried(self) -> Iterator[tuple[float, Reading]]:
+        """All readings that are of any use, each after its misfit, m."""
+        found = list(self._in_frame(self.free))
+        yield from found
+        # Another frame is doubted last, since geometry within its tolerances moves poses much as it does.
+        if self.strayed and not self.free and all(m > self.fits or r.mistakes > 1 for m, r in found):
+            yield from self._in_frame(True)
+
+    def _in_frame(self, turned: bool) -> Iterator[tuple[float, Reading]]:
+        for reading in (*self._measurements(turned), *self._commands()):
+            yield self._tried(reading, turned)
+        if self.strayed and not self.lost:
+            for reading in (*self._shifted(turned), *self._targets(turned)):
+                yield self._tried(reading, turned)
+
+    def _tried(self, reading: Reading, turned: bool) -> tuple[float, Reading]:
+        misfit = self._misfit(reading.measured, reading.poses, turned)
+        if turned and not self.free:
+            looks, hint = (
+                f"{b}, and {a}" if a else b for a, b in zip((reading.looks, reading.hint), _ELSEWHERE, strict=True)
+            )
+            columns = reading.columns if reading.looks else "x y z"
+            reading = Reading(columns, looks, hint, reading.mistakes + 1, reading.measured, reading.poses)
+        return (misfit if reading.looks else np.inf), reading
+
+    def _measurements(self, turned: bool) -> Iterator[Reading]:
+        """Readings of what was measured: those of positions that come near the model, each with all of orientations."""
+        q, poses, rotation = self.measured.q, self.poses, self.rotation
+        if self.lost:
+            return
+        near = min(self.misfit / BETTER, self.accepted)
+        for positions in position_readings(turned=turned):
+            T = self.measured.T @ positions.matrix.T
+            if self._misfit(Measured(q, T, None), poses, turned) > near:
+                continue
+            columns = "x y z" if positions.looks else "qw qx qy qz"
+            if rotation is None:
+                if turned and positions.mirrored and (np.diag(positions.axes) != _MIRROR).any():
+                    continue  # positions alone do not tell which axis it is
+                yield Reading(columns, *positions.words(turned), positions.mistakes, Measured(q, T, None), poses)
+                continue
+            seen = self._seen(poses, Measured(q, T, None), turned)
+            plain, conjugate, *others = orientation_readings(positions, turned=turned)
+            rotations: list[RotationReading] = [plain, conjugate, *misread(), *others]
+            for o in rotations:
+                R = o.read(rotation)
+                # Where positions tell the frame, orientations are tried in it.
+                if not self._line and self.size * _apart(R, seen.R) > near + CLOSE * self.size:
+                    continue
+                looks, hint = _joined(positions.looks, o.looks), _joined(positions.hint, o.hint)
+                yield Reading(columns, looks, hint, positions.mistakes + o.mistakes, Measured(q, T, R), poses)
+        if rotation is not None:
+            inverse = Measured(q, -rotation.inv().apply(self.measured.T), rotation.inv().as_matrix())
+            what = "the poses look inverted (the instrument in the target's frame)"
+            yield Reading("x y z qw qx qy qz", what, "give the inverse of each", 1, inverse, poses)
+
+    def _commands(self) -> Iterator[Reading]:
+        """Readings of the commands that the nominal model can follow."""
+        for command in command_readings(self.all.q, self.nominal.robot):
+            poses = self.nominal.kinematics.forward(command.q)
+            there = poses.reached
+            if there.mean() > REACHED and there.sum() >= FEWEST:
+                yield Reading(command.columns, command.looks, command.hint, 1, self.all.take(there), poses[there])
+
+    def _shifted(self, turned: bool) -> Iterator[Reading]:
+        """Readings by which all commands of one actuator are off by a constant."""
+        kinematics, q = self.nominal.kinematics, self.measured.q
+        for j in range(q.shape[1]):
+            poses, shift = self.poses, 0.0
+            for _ in range(STEPS):
+                seen = self._seen(poses, self.measured, turned)
+                J = kinematics.command_jacobian(q + shift * np.eye(q.shape[1])[j], poses)[:, :3, j]
+                along = ((self.measured.T - seen.T) * (J @ self._turn(poses, self.measured, turned).T)).sum(axis=1)
+                shift += float(np.median(along / np.maximum((J**2).sum(axis=1), 1e-12)))
+                poses = kinematics.forward(q + shift * np.eye(q.shape[1])[j])
+                if not poses.reached.all():
+                    break
+            else:
+                looks = f"q{j + 1} looks shifted by {shift:+.3g} (the drive's zero)"
+                yield Reading(f"q{j + 1}", looks, f"add {shift:.6g} to q{j + 1}", 1, self.measured, poses)
+
+    def _targets(self, turned: bool) -> Iterator[Reading]:
+        """Readings by which the target sits elsewhere on the platform than the TCP: aside, turned, or both."""
+        frame = self._frame(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
+        seen = self.poses.moved(frame.T, frame.R)
+        aside = np.median(np.einsum("nji,nj->ni", seen.R, self.measured.T - seen.T), axis=0)
+        there = Poses(self.poses.T + self.poses.R @ aside, self.poses.R)
+        place = f"the target looks to sit at ({', '.join(f'{v:.3g}' for v in aside)}) m in the TCP's frame"
+        hint = "move the URDF's tcp link there"
+        if not turned:
+            yield Reading("x y z", place, hint, 1, self.measured, there)
+        if self.measured.R is None:
+            return
+        turn = _middle(np.swapaxes(seen.R, 1, 2) @ self.measured.R)
+        vector = ", ".join(f"{v:.1f}" for v in np.degrees(log(turn[None])[0]))
+        way = f"the target looks turned by the rotation vector ({vector}) degrees in the TCP's frame"
+        turned_poses = Poses(self.poses.T, self.poses.R @ turn)
+        yield Reading("qw qx qy qz", way, "turn the URDF's tcp link so", 2, self.measured, turned_poses)
+        if not turned:
+            both, what = Poses(there.T, there.R @ turn), f"{place}, and {way}"
+            yield Reading("x y z qw qx qy qz", what, "move and turn the URDF's tcp link", 3, self.measured, both)
+
+    def _misfit(self, measured: Measured, poses: Poses, turned: bool) -> float:
+        """Median distance of what was measured from what is predicted, m, in the frame that fits best if ``turned``."""
+        seen = self._seen(poses, measured, turned)
+        off = float(np.median(np.linalg.norm(measured.T - seen.T, axis=1)))
+        if measured.R is None:
+            return off
+        return float(np.hypot(off, self.size * _apart(measured.R, seen.R)))
+
+    def _seen(self, poses: Poses, measured: Measured, turned: bool) -> Poses:
+        frame = self._frame(poses, measured, turned)
+        return poses.moved(frame.T, frame.R)
+
+    def _turn(self, poses: Poses, measured: Measured, turned: bool) -> Floats:
+        return self._frame(poses, measured, turned).R
+
+    @staticmethod
+    def _frame(poses: Poses, measured: Measured, turned: bool) -> Frame:
+        return rough_frame(poses, measured) if turned else Frame()
+
+
+def _joined(one: str, other: str) -> str:
+    return ", and ".join(words for words in (one, other) if words)
+
+
+def _apart(one: Floats, other: Floats) -> float:
+    """Median angle, rad, between rotations (N, 3, 3)."""
+    cosine = (np.einsum("nij,nij->n", one, other) - 1.0) / 2.0
+    return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _middle(rotations: Floats) -> Floats:
+    """(3, 3) the rotation of (N, 3, 3) from which the others are nearest in the median."""
+    some = rotations[np.linspace(0, len(rotations) - 1, min(len(rotations), 30)).astype(int)]
+    off = [np.median(np.linalg.norm(log(rotations @ one.T), axis=1)) for one in some]
+    return np.asarray(some[int(np.argmin(off))])

@@ -1,0 +1,98 @@
+"""Whether what looks like scatter of the drives is independent from pose to pose, as scatter is, or a lack of the model.
+
+A machine that does not repeat errs anew at every pose. What a model leaves out (a bent track, a rack, links that give way)
+is a function of the commands, so that neighbouring poses err alike. Rao's score test of the second against the first is a
+weighted sum of products of neighbouring poses' scores, Moran's I of regression residuals in its general form: P. Burridge,
+"On the Cliff-Ord test for spatial autocorrelation", J. R. Statist. Soc. B 42 (1980) 107-108. Its mean and variance under
+independence are those of a quadratic form in the residuals of a regression: A. D. Cliff and J. K. Ord, "Testing for spatial
+autocorrelation among regression residuals", Geographical Analysis 4 (1972) 267-284.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.distance import cdist
+from scipy.stats import norm
+
+from gtpin.calibration.noise import Noise
+from gtpin.calibration.problem import Measured, Point, Problem
+from gtpin.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+ENOUGH = 1000
+"""Poses that neighbours are looked for among; more make it slower, and hardly surer."""
+CHANCE = 0.025
+"""Chance of calling independent scatter correlated; the same as that of believing a repeatability that is not there."""
+
+
+def independent(start: Model, point: Point, measured: Measured, noise: Noise, J: Floats, free_frame: bool) -> bool:
+    """Whether the residuals along the motions of single drives are as independent from pose to pose as scatter is.
+
+    Parameters
+    ----------
+    start
+        The nominal model.
+    point
+        Where a fit ended.
+    measured, noise
+        The poses, and their noise with the repeatability in question in it.
+    J
+        (N, 6, n) derivative of the measured poses by the commands.
+    free_frame
+        Whether the instrument's pose was identified too.
+    """
+    some = np.arange(len(J))[:: 1 + (len(J) - 1) // ENOUGH]
+    measured, J = measured.take(some), J[some]
+    # From where the frame came to rest, which no prior holds; geometry counts from nominal.
+    problem = Problem(
+        replace(start, frame=point.model.frame),
+        measured,
+        noise.take(some).whitening(J, measured.components),
+        free_frame,
+    )
+    x = point.x.copy()
+    x[problem.n_geometry :] = 0.0
+    z = _scores(problem, problem.point(x), J)
+    return max(z) < float(norm.isf(CHANCE / len(z)))
+
+
+def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
+    """How many standard deviations the drives' errors at neighbouring poses are alike beyond chance, by kind of neighbour."""
+    B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
+    c, k = B.shape[1:]
+    y = problem.residual(point) + B @ point.x
+    flat = B.reshape(-1, k)
+    C = np.linalg.inv(flat.T @ flat + np.diag(problem.prior))
+    left = y - B @ (C @ (flat.T @ y.ravel()))  # of covariance I - B C B' where the errors are independent
+    D = problem.whitening @ J[:, :c]
+    score = np.einsum("nci,nc->ni", D, left)
+    S, G = np.swapaxes(D, 1, 2) @ B, np.swapaxes(D, 1, 2) @ D
+    found = []
+    for kernel in _neighbours(problem.measured.q):
+        drives = range(len(kernel))
+        KS = np.stack([kernel[i] @ S[:, i] for i in drives], axis=1)
+        A, AA = np.einsum("nik,nil->kl", S, KS), np.einsum("nik,nij,njl->kl", KS, G, KS, optimize=True)
+        squares = sum(float(G[:, i, j] @ (kernel[i] * kernel[j]) @ G[:, j, i]) for i in drives for j in drives)
+        variance = 2.0 * (squares - 2.0 * np.trace(C @ AA) + np.trace(C @ A @ C @ A))
+        total = sum(float(score[:, i] @ kernel[i] @ score[:, i]) for i in drives)
+        found.append(float((total + np.trace(C @ A)) / np.sqrt(variance)))
+    return found
+
+
+def _neighbours(q: Floats) -> list[Floats]:
+    """By kind, (n, N, N) how much of a neighbour two poses are to each drive: near in its own command, or in all of them.
+
+    Near is what is no farther than a pose's nearest neighbour usually is, which is as fine as the poses can tell.
+    """
+    unit = q / np.maximum(np.std(q, axis=0), 1e-12)
+    apart = cdist(unit, unit)
+    np.fill_diagonal(apart, np.inf)
+    near = max(float(np.median(apart.min(axis=1))), 1e-12)
+    all_ = np.exp(-0.5 * (apart / near) ** 2)
+    own = np.exp(-0.5 * ((unit.T[:, :, None] - unit.T[:, None, :]) / near) ** 2)
+    own[:, np.arange(len(q)), np.arange(len(q))] = 0.0
+    return [np.broadcast_to(all_, own.shape), own]

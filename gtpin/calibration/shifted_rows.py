@@ -1,0 +1,135 @@
+"""Rows that belong to other commands than they stand beside, and stretches of rows in which the instrument had moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.data import Dataset
+from gtpin.errors import DatasetError
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Frame
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+FEWEST = 8
+"""Rows below which a stretch is no stretch. A stated assumption: eight rows in a row are no accident among scattered errors."""
+SHARE = 0.1
+"""Share of the rows, far off, from which on they are looked at as a stretch: the most that scattered gross errors make."""
+WITHIN = 0.6
+"""Share of a stretch's rows that must be far off, and of all far rows that must lie in it."""
+MENDED = 0.1
+"""Share of its error that a stretch keeps, at most, once what is wrong with it is put right. A stated assumption: a neighbour's
+command or a moved frame explains an error whole or not at all."""
+OWN = 0.8
+"""Share of a session's rows that must lie in a stretch for the session to be the stretch's own."""
+NEIGHBOURS = (1, -1)
+"""By how many rows commands are tried out of step."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Rows from ``first`` to ``last`` (indices into the dataset, in the order of the file)."""
+
+    first: int
+    last: int
+
+    @property
+    def rows(self) -> slice:
+        """The rows."""
+        return slice(self.first, self.last + 1)
+
+
+def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask) -> None:
+    """Refuse data in which a stretch of rows is out of step with its commands, or was measured from elsewhere.
+
+    Parameters
+    ----------
+    measured, predicted
+        (N) poses as the instrument read them, and as a model has them at the commands that stand beside them.
+    far
+        (N,) rows that are far off.
+
+    Raises
+    ------
+    DatasetError
+        If one of the two explains a stretch; it names the rows by their lines in the file.
+    """
+    found = stretch(far)
+    if found is None:
+        return
+    part = found.rows
+    off = _off(measured.T, predicted.T)
+    usual = float(np.nanmedian(off[~far])) if not far.all() else 0.0
+    said = f"rows {dataset.row[found.first]} to {dataset.row[found.last]}"
+    for by in NEIGHBOURS:
+        neighbour = np.roll(predicted.T, by, axis=0)
+        inner = slice(found.first + 1, found.last)  # the ends have no neighbour in the stretch
+        left = np.nanmedian(_off(measured.T[inner], neighbour[inner]))
+        if left < max(MENDED * np.nanmedian(off[part]), 3.0 * usual):
+            raise DatasetError(
+                f"the commands look one row off in {said}: what was measured there fits the commands of the row "
+                f"{'before' if by > 0 else 'after'}",
+                file=dataset.file,
+                row=int(dataset.row[found.first]),
+                hint="move the commands of these rows, or export the table anew",
+            )
+    moved = _moved(measured, predicted, part)
+    left = np.float64(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
+    if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, found.rows):
+        raise DatasetError(
+            f"{said} are {1e3 * np.nanmedian(off[part]):.3g} mm from where the other rows say, all by the same motion: the "
+            "instrument was bumped or set up anew",
+            file=dataset.file,
+            row=int(dataset.row[found.first]),
+            hint="give these rows a session of their own in the column session, or leave them out",
+        )
+
+
+def stretch(far: Mask) -> Stretch | None:
+    """The stretch of rows that holds most of those that are far off; None where they are few or scattered."""
+    count = int(far.sum())
+    if count < max(FEWEST, SHARE * len(far)):
+        return None
+    # The run of largest sum where a far row counts one and another one takes one away (Kadane).
+    best, here, start, found = 0, 0, 0, (0, 0)
+    for i, value in enumerate(np.where(far, 1, -1)):
+        if here <= 0:
+            here, start = 0, i
+        here += int(value)
+        if here > best:
+            best, found = here, (start, i)
+    inside = far[found[0] : found[1] + 1]
+    if len(inside) < FEWEST or inside.mean() < WITHIN or inside.sum() < WITHIN * count:
+        return None
+    return Stretch(*found)
+
+
+def far_from_nominal(measured: Measured, nominal: Poses, reach: float) -> Mask:
+    """(N,) rows that are farther from the nominal machine than tolerances may move it (``reach``, m)."""
+    return np.asarray(_off(measured.T, nominal.T) > reach)
+
+
+def _off(one: Floats, two: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(one - two, axis=1))
+
+
+def _moved(measured: Measured, predicted: Poses, part: slice) -> Frame:
+    """The motion that takes predicted poses of a stretch to the measured ones."""
+    rows = np.arange(len(measured.T))[part]
+    return rough_frame(predicted[part], measured.take(rows))
+
+
+def own_session(dataset: Dataset, rows: npt.NDArray[np.intp] | slice) -> bool:
+    """Whether some rows have sessions of their own, so that effects of sessions can account for them."""
+    if "session" not in dataset.covariates:
+        return False
+    inside = np.zeros(len(dataset), dtype=bool)
+    inside[rows] = True
+    session = np.unique(dataset.covariates["session"], return_inverse=True)[1]
+    share = np.bincount(session, inside) / np.bincount(session)
+    return bool(len(share) > 1 and np.median(share[session[inside]]) > OWN)

@@ -1,0 +1,158 @@
+"""Whether a fitted geometry strains against its tolerances, and what would relieve it: the frame, a zero, one part, all.
+
+To first order the whitened residual at nominal is y ~ N(0, I + B T B' + E S E'), with B the derivative by the geometry in
+tolerances, T = I as declared, and E the derivative by what might be wrong besides. The marginal likelihood of y with larger
+entries in T or S, over that with T = I and S = 0, says what was assumed wrongly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, in_frame
+from gtpin.calibration.rounds import Settled
+from gtpin.kinematics.rotations import skew
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+What = Literal["frame", "zero", "part", "tolerances"]
+
+SCALES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+"""Sizes that are tried: of a frame's shift and turn and of a zero in mm and mrad."""
+FACTORS = (2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
+"""Factors that are tried on tolerances."""
+STRAINED = 7.0
+"""Gain in log marginal likelihood from which an assumption is wrong: log(1,000), a chance of 1 in 1,000 for each machine,
+by the bound on Bayes factors."""
+FAR = 3.0
+"""Tolerances from nominal beyond which a strained geometry's parameter gets the tolerance that it shows."""
+NO_PRIOR = 1e6
+"""Prior variance, mm^2 and mrad^2, of a frame that the fit has already free: so large that it says nothing."""
+
+
+@dataclass(frozen=True)
+class Strain:
+    """What relieves a strained geometry best.
+
+    Parameters
+    ----------
+    what, site
+        The instrument's ``frame``, the ``zero`` of an actuator, one ``part`` (a parameter), or all ``tolerances``.
+    gain
+        Gain in log marginal likelihood.
+    size
+        How far it is off: m (rad of an arm) of a zero, tolerances of a parameter, the factor on all tolerances; m of a frame.
+    turn
+        Of a frame, rad.
+    """
+
+    what: What
+    site: str
+    gain: float
+    size: float
+    turn: float = 0.0
+
+
+def strain(settled: Settled) -> Strain | None:
+    """What a fitted geometry strains against; None where its tolerances suit it."""
+    linear = _Linear.of(settled)
+    found = max(linear.suspects(), key=lambda s: s.gain)
+    return found if found.gain > STRAINED else None
+
+
+def relieved(settled: Settled, found: Strain) -> Geometry:
+    """The nominal geometry with the tolerances that a strained one shows."""
+    geometry = settled.fit.problem.start.geometry
+    x = np.abs(settled.fit.point.x[: len(geometry.parameters)])
+    whole = found.size if found.what == "tolerances" else 1.0
+    factors = np.maximum(whole, np.where(x > FAR, x, 1.0))
+    parameters = tuple(p.with_tolerance(p.tolerance * f) for p, f in zip(geometry.parameters, factors, strict=True))
+    return Geometry(geometry.robot, parameters, geometry.values, geometry.tracks)
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """The normal equations about a fit: A = J'J and b = J'y over the geometry, the frame (6) and the actuators' zeros."""
+
+    settled: Settled
+    A: Floats
+    b: Floats
+
+    @staticmethod
+    def of(settled: Settled) -> _Linear:
+        fit, problem = settled.fit, settled.fit.problem
+        p = problem.n_geometry
+        whole = np.zeros((0, 0))
+        moment: Floats = np.zeros(0)
+        for rows in problem.chunks():
+            weight = np.sqrt(fit.weight[rows])
+            J = np.concatenate([problem.jacobian(fit.point, rows)[:, :, :p], motions(problem, fit.point, rows)], axis=2)
+            flat = (J * weight[:, None, None]).reshape(-1, J.shape[2])
+            y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :p] @ fit.point.x[:p]
+            whole = flat.T @ flat + (whole if whole.size else 0.0)
+            moment = flat.T @ y + (moment if moment.size else 0.0)
+        # What the model lacks is not the geometry's strain: it counts as noise.
+        return _Linear(settled, whole / settled.excess**2, moment / settled.excess**2)
+
+    def suspects(self) -> Iterator[Strain]:
+        """Everything that might be wrong, with its gain."""
+        problem = self.settled.fit.problem
+        p, names = problem.n_geometry, problem.start.geometry.names
+        prior = np.zeros(len(self.b))
+        prior[:p] = 1.0
+        if problem.free_frame:
+            prior[p : p + 6] = NO_PRIOR
+        base = self._evidence(prior)
+        own = list(range(p, p + 6))
+        if not problem.free_frame:
+            gain, variance = self._best(prior, own, SCALES)
+            shift = self._mean(variance)[own] * FRAME_UNIT
+            size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
+            yield Strain("frame", "frame", gain - base, size, turn)
+        for i, site in enumerate(problem.start.geometry.robot.sites):
+            gain, variance = self._best(prior, [p + 6 + i], SCALES)
+            yield Strain("zero", site, gain - base, float(self._mean(variance)[p + 6 + i]) * FRAME_UNIT)
+        for i, name in enumerate(names):
+            gain, variance = self._best(prior, [i], FACTORS)
+            yield Strain("part", name, gain - base, float(self._mean(variance)[i]))
+        gains = [self._evidence(np.where(np.arange(len(prior)) < p, f**2, prior)) for f in FACTORS]
+        best = int(np.argmax(gains))
+        yield Strain("tolerances", "", gains[best] - base, FACTORS[best])
+
+    def _best(self, prior: Floats, own: list[int], sizes: tuple[float, ...]) -> tuple[float, Floats]:
+        """Largest log marginal likelihood with some variances larger, and the variances."""
+        tried = []
+        for size in sizes:
+            variance = prior.copy()
+            variance[own] = size**2
+            tried.append((self._evidence(variance), variance))
+        return max(tried, key=lambda pair: pair[0])
+
+    def _evidence(self, variance: Floats) -> float:
+        s = np.sqrt(variance)
+        inner = np.eye(len(s)) + s[:, None] * self.A * s
+        lower = np.linalg.cholesky(inner)
+        half = np.linalg.solve(lower, s * self.b)
+        return float(0.5 * half @ half - np.log(np.diag(lower)).sum())
+
+    def _mean(self, variance: Floats) -> Floats:
+        s = np.sqrt(variance)
+        inner = np.eye(len(s)) + s[:, None] * self.A * s
+        return np.asarray(s * np.linalg.solve(inner, s * self.b))
+
+
+def motions(problem: Problem, point: Point, rows: slice) -> Floats:
+    """(M, c, 6 + n) whitened motions, per mm and mrad: of the frame about the middle of the poses, and of actuators' zeros."""
+    model, poses = point.model, point.poses[rows]
+    T = model.seen(poses).T
+    frame = np.zeros((len(poses), 6, 6))
+    frame[:, :3, :3] = frame[:, 3:, 3:] = np.eye(3)
+    frame[:, :3, 3:] = -skew(T - np.median(problem.measured.T, axis=0))
+    zeros = in_frame(model.kinematics.command_jacobian(problem.measured.q[rows], poses), model.frame)
+    motion = FRAME_UNIT * np.concatenate([frame, zeros], axis=2)
+    return np.asarray(problem.whitening[rows] @ motion[:, : problem.measured.components])

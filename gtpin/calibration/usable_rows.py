@@ -1,0 +1,84 @@
+"""Which rows of a dataset a calibration can use; an error where they can't be the robot's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import Measured, measured_poses
+from gtpin.calibration.recognise import REACHED, Reading, recognised
+from gtpin.data import Dataset, check_commands, check_measurements
+from gtpin.data.names import ORIENTATION
+from gtpin.errors import DatasetError, warn
+from gtpin.kinematics.poses import Poses
+from gtpin.model import Model
+from gtpin.robot.geometry import Geometry
+
+Mask = npt.NDArray[np.bool_]
+
+
+def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
+    """(N,) the rows that the robot can reach; an error where the data can't be the robot's."""
+    robot, geometry = nominal.robot, nominal.geometry
+    outside = geometry.outside_tracks(dataset.q)
+    if outside.any():
+        named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[outside]))
+        warn(f"set aside, outside the measured tracks: poses {named}")
+        if outside.all():
+            raise DatasetError(
+                "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
+            )
+        poses.T[outside], poses.R[outside] = poses.T[~outside][0], poses.R[~outside][0]
+    if geometry.reduced:
+        dataset = replace(dataset, orientation=None)
+    if poses.reached.mean() <= REACHED:
+        _check_readings(dataset, nominal, poses, ~outside)
+    try:
+        check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    except DatasetError:
+        _check_readings(dataset, nominal, poses, ~outside)  # which unit it is, the measurements may say
+        raise
+    try:
+        plausible = check_measurements(
+            dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach_of(geometry)
+        )
+    except DatasetError as error:
+        if error.column == " ".join(ORIENTATION):  # which order it is, positions that do not fit can't say
+            alone = replace(dataset, orientation=None)
+            if _read_otherwise(alone, nominal, poses, ~outside) is not None:
+                _check_readings(dataset, nominal, poses, ~outside)
+                _check_readings(alone, nominal, poses, ~outside)
+        raise
+    _check_readings(dataset, nominal, poses, plausible & ~outside)
+    return np.asarray(plausible & ~outside)
+
+
+def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> None:
+    """Refuse data that only fit the robot when they are read in another way than the format's."""
+    looks = _read_otherwise(dataset, nominal, poses, rows)
+    if looks is not None:
+        raise DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
+
+
+def _read_otherwise(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> Reading | None:
+    free = dataset.instrument.frame == "free"
+    return recognised(nominal, poses[rows], measured_poses(dataset.take(rows)), free=free)
+
+
+def reach_of(geometry: Geometry) -> float:
+    """How far geometry within its tolerances may move the TCP, m."""
+    lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
+    return max(0.05, 50.0 * max(lengths, default=0.0))
+
+
+def check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:
+    """Refuse fewer numbers than there are parameters."""
+    numbers = len(measured.T) * measured.components
+    if numbers <= unknowns:
+        raise DatasetError(
+            f"{len(measured.T)} usable rows give {numbers} numbers for {unknowns} parameters",
+            file=dataset.file,
+            hint=f"measure at least {unknowns // measured.components + 1} poses, or leave parameters out",
+        )

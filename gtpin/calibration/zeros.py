@@ -1,0 +1,69 @@
+"""Zeros of the drives, which a calibration has no parameters for: a shifted zero moves all joints of a carrier alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Zero:
+    """The shift of a drive's zero that moves the joints on its carrier as a calibration did.
+
+    Parameters
+    ----------
+    site
+        The actuator.
+    value, sigma
+        Shift and its standard deviation: at command 0 the actuator stands at ``value``. Of joints that did not move alike it is
+        the common part.
+    unit
+        ``m`` or ``rad``.
+    """
+
+    site: str
+    value: float
+    sigma: float
+    unit: str
+
+
+def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]:
+    """The equivalent zero of every actuator that carries joints of rods, by least squares over their motions.
+
+    A zero that is off by z moves joint i at command 0 by t_i z, with t_i the derivative of its place by the command: along the
+    track, or about the arm's axis. Of deviations c_i from nominal, z = sum t_i.c_i / sum t_i.t_i: for a track, the mean
+    deviation of the cart's joints along it.
+
+    Parameters
+    ----------
+    covariance
+        (p, p) of the geometry's parameters.
+    """
+    robot = geometry.robot
+    if not robot.rods:
+        return ()
+    kinematics = RodKinematics(geometry)
+    rates = np.array([seat.by_travel(np.zeros(1))[0] for seat in kinematics.seats]) * kinematics.scale[:, None]
+    found = []
+    for a, actuator in enumerate(robot.actuators):
+        carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == a]
+        weight = np.zeros(len(geometry.parameters))
+        power = float((rates[carried] ** 2).sum()) if carried else 0.0
+        for j, p in enumerate(geometry.parameters):
+            if p.kind == "carrier_joint" and power > 0.0:
+                if p.per == "actuator" and p.owner == a:
+                    weight[j] = rates[carried][:, p.component].sum() / power
+                elif p.per == "rod" and p.owner in carried:
+                    weight[j] = rates[p.owner, p.component] / power
+        if weight.any():
+            sigma = float(np.sqrt(weight @ covariance @ weight))
+            unit = "rad" if actuator.revolute else "m"
+            found.append(Zero(robot.sites[a], float(weight @ geometry.deviation), sigma, unit))
+    return tuple(found)

@@ -1,0 +1,62 @@
+"""Numbers of dataset.toml that are well formed, but that no machine and no instrument has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gtpin.data.dataset import Dataset
+from gtpin.errors import DatasetError, warn
+
+SIGMA = (1e-10, 1.0)
+"""Between which an instrument's sigma lies, m or rad: a stated assumption."""
+TOLERANCE = (1e-10, 10.0)
+"""Between which a tolerance lies, m, rad or m/m: a stated assumption."""
+STATION = 1e4
+"""Farthest coordinate of an instrument, m, that can measure a robot: a stated assumption."""
+TEMPERATURE = (-60.0, 150.0)
+"""degC between which a machine's reference temperature lies: a stated assumption."""
+FAHRENHEIT = (59.0, 86.0)
+"""A reference temperature that is 15 to 30 degC when it is read in degrees Fahrenheit."""
+
+
+def check_extremes(dataset: Dataset) -> None:
+    """Check the numbers that dataset.toml gives, and that the commands differ.
+
+    Raises
+    ------
+    DatasetError
+        For a sigma, a tolerance, a station or a reference temperature that can't be, and where all commands are the same.
+
+    Warns
+    -----
+    GtpinWarning
+        Of a reference temperature that could be in degrees Fahrenheit.
+    """
+    file = None if dataset.path is None else dataset.path / "dataset.toml"
+    for key, value, (least, most), hint in _bounded(dataset):
+        if not least <= value <= most:
+            raise DatasetError(
+                f"{value:.6g} can't be", file=file, column=key, hint=f"{hint}, from {least:g} to {most:g}"
+            )
+    if FAHRENHEIT[0] <= (reference := dataset.conditions.reference_temperature) <= FAHRENHEIT[1]:
+        text = f"reference_temperature is taken as {reference:g} degC; where it is in degrees Fahrenheit, convert it"
+        warn(f"{file}: {text}" if file else text)
+    if len(dataset) > 1 and not np.ptp(dataset.q, axis=0).any():
+        hint = "calibration needs poses all over the workspace"
+        raise DatasetError("all poses have the same commands", file=dataset.file, column="q1", hint=hint)
+
+
+def _bounded(dataset: Dataset) -> Iterator[tuple[str, float, tuple[float, float], str]]:
+    instrument = dataset.instrument
+    for name, unit in (("position_sigma", "m"), ("orientation_sigma", "rad")):
+        sigma = getattr(instrument, name)
+        if sigma is not None:
+            yield f"instrument.{name}", sigma, SIGMA, f"1 sigma per axis in {unit}"
+    for coordinate in instrument.station or ():
+        yield "instrument.station", coordinate, (-STATION, STATION), "where the instrument stands, m"
+    hint = "the temperature at which the geometry holds, degC (subtract 273.15 from kelvin)"
+    yield "conditions.reference_temperature", dataset.conditions.reference_temperature, TEMPERATURE, hint
+    for kind, value in dataset.tolerance.items():
+        yield f"tolerance.{kind}", value, TOLERANCE, "1 sigma in m, rad or m/m"

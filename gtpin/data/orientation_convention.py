@@ -1,0 +1,85 @@
+"""Rotations that were written by one convention and read by another: Euler angles, rotation vectors."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Final, Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gtpin.data.table import Floats
+
+Sequence = Literal["xyz", "zyx", "yxz", "xzy", "yzx", "zxy", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ"]
+Convention = Sequence | Literal["rotation vector"]
+
+VECTOR: Final = "rotation vector"
+BY_AXIS: tuple[Convention, ...] = (VECTOR, "xyz", "zyx", "yxz", "xzy", "yzx", "zxy")
+"""Three numbers, one about each of x, y and z; the turns in that order about fixed axes, or in reverse about moving ones."""
+BY_ORDER: tuple[Sequence, ...] = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ")
+"""Three angles in the order of the turns: lower case about fixed axes, upper case about moving ones (SciPy's names)."""
+
+
+@dataclass(frozen=True)
+class Misread:
+    """Three numbers that meant one convention and were taken for another's.
+
+    Parameters
+    ----------
+    meant, taken
+        The conventions.
+    by_axis
+        Whether each number stayed with its axis; else each stayed at its place among the three.
+    """
+
+    meant: Convention
+    taken: Convention
+    by_axis: bool
+
+    @property
+    def mistakes(self) -> int:
+        """How many mistakes it takes."""
+        return 1
+
+    @property
+    def looks(self) -> str:
+        """What the orientations look like."""
+        return f"the orientations look like {self._said(self.meant)} that were read as {self._said(self.taken)}"
+
+    @property
+    def hint(self) -> str:
+        """What to do about it."""
+        return f"compute qw qx qy qz again, from {self._said(self.meant)}"
+
+    def read(self, rotation: Rotation) -> Floats:
+        """(N, 3, 3) rotations as they were meant."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the answers will do
+            numbers = rotation.as_rotvec() if self.taken == VECTOR else rotation.as_euler(self.taken)
+        if self.by_axis and self.taken != VECTOR:
+            numbers = numbers[:, [self.taken.index(axis) for axis in "xyz"]]
+        if self.meant == VECTOR:
+            return np.asarray(Rotation.from_rotvec(numbers.copy()).as_matrix())
+        if self.by_axis:
+            numbers = numbers[:, ["xyz".index(axis) for axis in self.meant]]
+        return np.asarray(Rotation.from_euler(self.meant, numbers).as_matrix())
+
+    def _said(self, convention: Convention) -> str:
+        if convention == VECTOR:
+            return "rotation vectors"
+        if self.by_axis:
+            return f"Euler angles {convention} about fixed axes ({convention[::-1].upper()} about moving axes)"
+        return f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
+
+
+def misread() -> Iterator[Misread]:
+    """All ways to take one convention's numbers for another's."""
+    for meant, taken in permutations(BY_AXIS, 2):
+        yield Misread(meant, taken, True)
+    for meant, taken in permutations(BY_ORDER, 2):
+        if meant.lower() == taken.lower() and len(set(meant)) == 3:
+            continue  # each number stays with its axis: as above
+        yield Misread(meant, taken, False)

@@ -1,0 +1,186 @@
+"""What measured positions and orientations may have been written as: other units, axes and signs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, permutations, product
+from typing import Protocol
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gtpin.data.table import Floats
+
+UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254), ("feet", 0.3048), ("micrometres", 1e-6))
+"""Units that lengths are usually written in, other than metres, and the metres in each."""
+AXES, VECTOR = ("x", "y", "z"), ("qx", "qy", "qz")
+
+
+class RotationReading(Protocol):
+    """A way to read rotations."""
+
+    @property
+    def looks(self) -> str:
+        """What they look like."""
+
+    @property
+    def hint(self) -> str:
+        """What to do about it."""
+
+    @property
+    def mistakes(self) -> int:
+        """How many mistakes it takes."""
+
+    def read(self, rotation: Rotation) -> Floats:
+        """(N, 3, 3) rotations as they would have been."""
+
+
+@dataclass(frozen=True)
+class Positions:
+    """A way to read x y z: the position is ``matrix @ (x, y, z)``, m.
+
+    Parameters
+    ----------
+    looks
+        What the columns look like, and what to do about it; both empty where they are read as they stand.
+    mistakes
+        How many mistakes it takes.
+    axes
+        (3, 3) the signed permutation in ``matrix``.
+    """
+
+    looks: str
+    hint: str
+    mistakes: int
+    matrix: Floats
+    axes: Floats
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether it turns a left-handed frame into a right-handed one."""
+        return bool(np.linalg.det(self.axes) < 0.0)
+
+    def words(self, turned: bool) -> tuple[str, str]:
+        """What positions alone look like, and what to do; they do not tell which axis is reversed where a frame is fitted."""
+        if not (turned and self.mirrored):
+            return self.looks, self.hint
+        looks = self.looks.replace("x looks reversed", "the frame looks left-handed (an axis reversed, or two swapped)")
+        return looks, self.hint.replace("change the sign of x", "change the sign of the axis, or swap the two")
+
+
+@dataclass(frozen=True)
+class Orientations:
+    """A way to read a rotation: ``left @ R' @ right``, where R' has the vector part of its quaternion mapped by ``vector``.
+
+    The fields are as those of `Positions`; all matrices are signed permutations.
+    """
+
+    looks: str
+    hint: str
+    mistakes: int
+    vector: Floats
+    left: Floats
+    right: Floats
+
+    def read(self, rotation: Rotation) -> Floats:
+        """(N, 3, 3) rotations as they would have been."""
+        wxyz = rotation.as_quat(scalar_first=True)
+        wxyz[:, 1:] = wxyz[:, 1:] @ self.vector.T
+        return np.asarray(self.left @ Rotation.from_quat(wxyz, scalar_first=True).as_matrix() @ self.right)
+
+
+def signed_permutations() -> list[Floats]:
+    """All 48 matrices that swap and reverse axes: the identity, its negative, the reversals of one axis, and so on."""
+    found = [
+        np.eye(3)[list(p)] * np.array(s)[:, None]
+        for p in permutations(range(3))
+        for s in product((1.0, -1.0), repeat=3)
+    ]
+    one = np.eye(3)
+    return sorted(found, key=lambda m: int((m != one).sum()) - 3 * int((m == -one).all()))
+
+
+def position_readings(*, turned: bool) -> Iterator[Positions]:
+    """Ways to read x y z; of those that differ by a turn of the frame only one where a turn is fitted anyway (``turned``)."""
+    axes = [s for s in signed_permutations() if not turned or _plain(s)]
+    for s in axes:
+        for unit, factor in (("", 1.0), *UNITS):
+            looks, hint = _axes_words(s)
+            if unit:
+                looks = [*looks, f"x y z look like {unit}"]
+                hint = [*hint, f"multiply x, y and z by {factor:g}"]
+            yield Positions(" and ".join(looks), ", ".join(hint), len(looks), factor * s, s)
+    for some in (c for size in (1, 2) for c in combinations(range(3), size)):
+        for unit, factor in UNITS[:4]:
+            scale = np.eye(3)
+            scale[some, some] = factor
+            names = " and ".join(AXES[i] for i in some)
+            looks_like = f"{names} look{'s' if len(some) == 1 else ''} like {unit} beside metres"
+            yield Positions(looks_like, f"multiply {names} by {factor:g}", 1, scale, np.eye(3))
+
+
+def orientation_readings(positions: Positions, *, turned: bool) -> Iterator[Orientations]:
+    """Ways to read quaternions, given how positions are read; where a turn is fitted anyway (``turned``) without those."""
+    one = np.eye(3)
+    handed = np.linalg.det(positions.axes) * positions.axes
+    for vector in signed_permutations():
+        if (vector == one).all():
+            yield Orientations("", "", 0, vector, one, one)
+            continue
+        with_axes = bool((vector == handed).all()) and not (positions.axes == one).all()
+        if (vector == -one).all():
+            looks, hint = "the orientations look inverted (conjugated)", "change the signs of qx, qy and qz"
+        else:
+            looks = f"qx qy qz look {'to be so too' if with_axes else 'to be along other axes'}"
+            hint = f"write {_assigned(vector, VECTOR)}"
+        yield Orientations(looks, hint, 0 if with_axes else 1, vector, one, one)
+    for s in signed_permutations():
+        if np.linalg.det(s) < 0.0 or (s == one).all():
+            continue
+        if not turned:
+            same = bool((s == positions.axes).all())
+            looks, hint = "the orientations look turned with the axes", "turn the orientations as the positions"
+            if not same:
+                looks = "the orientations look to be in a frame of other axes than the base's"
+                hint = f"turn them by {_turn(s)}, on the left"
+            yield Orientations(looks, hint, 0 if same else 1, one, s, one)
+        looks = "the target's axes look to be others than the TCP's"
+        yield Orientations(looks, f"turn the orientations by {_turn(s)}, on the right", 1, one, one, s)
+
+
+def _plain(s: Floats) -> bool:
+    """Whether no axis, or one alone, is reversed, or two are swapped: the usual ways to another hand."""
+    return bool(
+        s.trace() == 3.0
+        or (s.trace() == 1.0 and (np.abs(s) == s).all())
+        or (s.trace() == 1.0 and np.abs(s).trace() == 3.0)
+    )
+
+
+def _axes_words(s: Floats) -> tuple[list[str], list[str]]:
+    if (s == np.eye(3)).all():
+        return [], []
+    if (np.abs(s) == np.eye(3)).all():
+        names = [name for name, sign in zip(AXES, np.diag(s), strict=True) if sign < 0.0]
+        listed = ", ".join(names)
+        return [f"{listed} look{'s' if len(names) == 1 else ''} reversed"], [f"change the sign of {listed}"]
+    fixed = [i for i in range(3) if s[i, i] == 1.0]
+    if len(fixed) == 1 and s.sum() == 3.0:
+        a, b = (AXES[i] for i in range(3) if i != fixed[0])
+        return [f"{a} and {b} look swapped"], [f"write {_assigned(s, AXES)}"]
+    return ["x y z look to be along other axes"], [f"write {_assigned(s, AXES)}"]
+
+
+def _assigned(s: Floats, names: tuple[str, ...]) -> str:
+    """Which column, with which sign, belongs under each name."""
+    parts = []
+    for i, name in enumerate(names):
+        j = int(np.argmax(np.abs(s[i])))
+        parts.append(f"{name} = {'-' if s[i, j] < 0.0 else ''}{names[j]}")
+    return "(" + ", ".join(parts) + ")"
+
+
+def _turn(s: Floats) -> str:
+    vector = Rotation.from_matrix(s).as_rotvec(degrees=True)
+    return f"the rotation vector ({', '.join(f'{v:.0f}' for v in vector + 0.0)}) degrees"

@@ -1,0 +1,140 @@
+"""Numbers that no sensor of a machine reads: marks for a missing reading, other units, impossible sizes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtpin.data.dataset import Dataset
+from gtpin.data.table import Floats
+from gtpin.errors import DatasetError, warn
+
+Mask = NDArray[np.bool_]
+
+MOST = 0.1
+"""Share of the rows that may lack a reading before the column is refused: a stated assumption."""
+_OVERFLOW = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 65535.0, 32767.0, -32768.0, 2147483647.0, 4294967295.0)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a column measures.
+
+    Parameters
+    ----------
+    names
+        Its columns.
+    what
+        What it is and its unit, for messages.
+    lowest, highest
+        Between what any machine's values lie: stated assumptions.
+    marks
+        Values that loggers write where they have no reading. They count as such where nothing else is near them.
+    apart
+        Least distance from all other values for that; also no less than the others' span, times ``spans``.
+    """
+
+    names: re.Pattern[str]
+    what: str
+    lowest: float
+    highest: float
+    marks: tuple[float, ...]
+    apart: float
+    spans: float = 1.0
+
+
+FASTEST = 20.0
+"""Speed, m/s or rad/s, that no actuator of a parallel robot has: a stated assumption."""
+KINDS = (
+    # 85 degC stands in a DS18B20 at power-up, -127 degC is its library's error; 0 and -273.15 are 0 counts and 0 K.
+    Kind(re.compile("temp.*"), "a temperature in degC", -60.0, 150.0, (0.0, 85.0, 127.0, -127.0, *_OVERFLOW), 5.0),
+    Kind(re.compile("speed[0-9]+"), "a speed in m/s or rad/s", -FASTEST, FASTEST, _OVERFLOW, 10.0),
+    Kind(re.compile("payload"), "a payload in kg", 0.0, 1e5, (65535.0, 32767.0, 9999.0, 99999.0), 1e3),
+    Kind(re.compile("f[xyz]"), "a force in N", -1e6, 1e6, _OVERFLOW, 500.0),
+    Kind(re.compile("time"), "a time in s", -1e20, 1e20, (0.0, -1.0, *_OVERFLOW), 60.0, 10.0),
+    Kind(re.compile(".*"), "a number that can be counted with", -1e100, 1e100, (), np.inf),
+)
+"""The first whose pattern the column's name matches."""
+ROOM = (-40.0, 90.0)
+"""degC between which a shop floor's temperatures lie when they are read in kelvin."""
+WARM, MILD, USUAL = 45.0, (10.0, 40.0), 25.0
+"""Temperatures look like Fahrenheit where their middle is above the first, between the next two when it is read so, and
+above the reference temperature by the last, K."""
+
+
+def sane_rows(dataset: Dataset) -> Mask:
+    """(N,) the rows without a value that can't have been read.
+
+    Raises
+    ------
+    DatasetError
+        Where a temperature looks like kelvin or Fahrenheit, a speed like mm/s; where more than a tenth of a column
+        can't be.
+
+    Warns
+    -----
+    GtpinWarning
+        Of the poses that are set aside, by name.
+    """
+    good = np.ones(len(dataset), dtype=bool)
+    for name, column in dataset.covariates.items():
+        if name == "session":
+            continue
+        kind = next(kind for kind in KINDS if kind.names.fullmatch(name))
+        values = np.asarray(column, dtype=float)
+        _check_units(dataset, name, values)
+        lacking = _lacking(values, kind)
+        if lacking.mean() > MOST:
+            first = int(np.argmax(lacking))
+            hint = f"{lacking.sum()} of {len(values)} rows are like that: give them as {kind.what}, or leave the column out"
+            raise _error(dataset, first, name, values[first], kind.what, hint)
+        if lacking.any():
+            shown = ", ".join(f"{value:g}" for value in np.unique(values[lacking])[:3])
+            poses = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[lacking]))
+            text = f"set aside, for {name} of {shown} is no reading: poses {poses}"
+            warn(f"{dataset.file}: {text}" if dataset.file else text)
+            good &= ~lacking
+    return good
+
+
+def _lacking(values: Floats, kind: Kind) -> Mask:
+    """(N,) values that can't be, and marks of loggers that lie far from everything else."""
+    lacking = (values < kind.lowest) | (values > kind.highest)
+    marked = np.isin(values, kind.marks) & ~lacking
+    others = values[~lacking & ~marked]
+    if not marked.any() or not len(others) or marked.mean() > MOST:
+        return lacking
+    low, high = float(others.min()), float(others.max())
+    apart = np.maximum(low - values, values - high)
+    return lacking | (marked & (apart > max(kind.apart, kind.spans * (high - low))))
+
+
+def _check_units(dataset: Dataset, name: str, values: Floats) -> None:
+    middle = float(np.median(values))
+    if name.startswith("temp"):
+        if ROOM[0] <= middle - 273.15 <= ROOM[1]:
+            raise _looks(dataset, name, "kelvin", f"subtract 273.15 from {name}")
+        reference = dataset.conditions.reference_temperature
+        if middle > WARM and MILD[0] <= (middle - 32.0) / 1.8 <= MILD[1] and middle > reference + USUAL:
+            hint = (
+                f"{name} = ({name} - 32) / 1.8; a machine that is as warm as that has a reference_temperature near it, "
+                "under [conditions]"
+            )
+            raise _looks(dataset, name, "degrees Fahrenheit", hint)
+    if re.fullmatch("speed[0-9]+", name):
+        moving = np.abs(values[values != 0.0])
+        if len(moving) and FASTEST < float(np.median(moving)) <= 1e3 * FASTEST:
+            raise _looks(dataset, name, "mm/s or degrees/s", "speeds are in m/s or rad/s")
+
+
+def _looks(dataset: Dataset, name: str, unit: str, hint: str) -> DatasetError:
+    return DatasetError(f"{name} looks like {unit}", file=dataset.file, column=name, hint=hint)
+
+
+def _error(dataset: Dataset, row: int, name: str, value: float, what: str, hint: str) -> DatasetError:
+    return DatasetError(
+        f"{value:.6g} can't be {what}", file=dataset.file, row=int(dataset.row[row]), column=name, hint=hint
+    )

@@ -1,0 +1,114 @@
+"""Robots with rods by Pinocchio, one closed posture after the other: what :class:`RodKinematics` does in arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ClosureError, ModelError
+from gtpin.kinematics.geometry_jacobian import geometry_jacobian
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.seats import Turned
+from gtpin.robot.description import Description
+from gtpin.robot.export import to_urdf
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PinocchioRods:
+    """The kinematics of a robot with rods, from the URDF that carries its geometry.
+
+    Poses, and their derivatives by commands and by parameters, are Pinocchio's. Arrays only give the numbers that go into the
+    URDF. Drive scales multiply the commands.
+
+    Parameters
+    ----------
+    geometry
+        Values of its parameters.
+
+    Raises
+    ------
+    ModelError
+        If the geometry has something that no URDF carries: directions or scales of single rods, measured tracks, a reduced arm.
+    """
+
+    geometry: Geometry
+
+    def __post_init__(self) -> None:
+        by_rod = any(p.kind in ("direction", "scale") and p.per == "rod" for p in self.geometry.parameters)
+        if by_rod or self.geometry.reduced or any(track is not None for track in self.geometry.tracks):
+            raise ModelError(
+                "directions and scales of single rods, measured tracks and reduced arms are not in a URDF",
+                hint='use kinematics="arrays"',
+            )
+
+    def forward(self, q: Floats, start: Poses | None = None) -> Poses:
+        """Poses at commands q (N, n), base frame; NaN where the loops can't be closed. ``start`` is not needed."""
+        self.geometry.robot.check_commands(q)
+        poses = Poses(np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan))
+        for i, row in enumerate(q * self._scale):
+            try:
+                posture = self._home.moved_to(row)
+            except ClosureError:
+                continue
+            poses.T[i], poses.R[i] = posture.T, posture.R
+        return poses
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, n) derivative of the TCP's pose by the commands; see ``RodKinematics``."""
+        jacobians = [self._home.moved_to(row).jacobian * self._scale for row in q * self._scale]
+        return np.array(jacobians).reshape(len(q), 6, -1)
+
+    def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, p) derivative of the TCP's pose by the geometry's parameters; see ``RodKinematics``."""
+        jacobians = [geometry_jacobian(self._home.moved_to(row), self._at_nominal) for row in q * self._scale]
+        own = np.array(jacobians).reshape(len(q), 6, len(self._at_nominal.parameters))
+        return np.asarray(own @ self._chain)
+
+    @cached_property
+    def _home(self) -> ClosedPosture:
+        rods, robot = RodKinematics(self.geometry), self.geometry.robot
+        xml = to_urdf(self.geometry, rods.P, rods.C0, rods.L0, rods.v, (rods.home.T[0], rods.home.R[0]))
+        return home(Robot(Description.parse(xml, source=robot.name), robot.tcp_frame))
+
+    @cached_property
+    def _scale(self) -> Floats:
+        """(n,) travel per commanded unit."""
+        count = self.geometry.robot.n_actuators
+        return np.asarray(1.0 + self.geometry.deviations("scale", "actuator", (count, 1))[:, 0])
+
+    @cached_property
+    def _at_nominal(self) -> Geometry:
+        """The same parameters of the URDF's robot, all at its nominal values; of a direction, its turns about both axes."""
+        found = {}
+        for p in self.geometry.parameters:
+            for one in (replace(p, component=0), replace(p, component=1)) if p.kind == "direction" else (p,):
+                found[one.kind, one.per, one.owner, one.component] = one
+        return Geometry(self._home.robot, tuple(found.values()), np.array([p.nominal for p in found.values()]))
+
+    @cached_property
+    def _chain(self) -> Floats:
+        """(p', p) derivative of what the URDF's robot counts from its own axes and travel by the geometry's parameters."""
+        found = np.zeros((len(self._at_nominal.parameters), len(self.geometry.parameters)))
+        count = self.geometry.robot.n_actuators
+        turns = self.geometry.deviations("direction", "actuator", (count, 3))
+        for column, p in enumerate(self.geometry.parameters):
+            for row, own in enumerate(self._at_nominal.parameters):
+                if (p.kind, p.per, p.owner) != (own.kind, own.per, own.owner):
+                    continue
+                if p.kind == "direction":
+                    axes = rotation_axes(self.geometry.robot.actuators[p.owner].axis)
+                    moved = rotation_axes(self._home.robot.actuators[p.owner].axis)
+                    found[row, column] = Turned(axes, turns[p.owner]).rate(p.component) @ moved[own.component]
+                elif p.component == own.component:
+                    found[row, column] = 1.0 / self._scale[p.owner] if p.kind == "scale" else 1.0
+        return found

@@ -1,0 +1,90 @@
+"""How much memory is free, and one line of error before any work that needs more."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from gtpin.errors import GtpinError
+
+PROC = Path("/proc")
+GROUPS = Path("/sys/fs/cgroup")
+UNLIMITED = 1 << 60
+"""Bytes from which a limit is none: version 1 of control groups writes a very large number."""
+
+
+def require(what: str, needed: float) -> None:
+    """Raise `GtpinError` where a piece of work needs more memory than is free.
+
+    Parameters
+    ----------
+    what
+        The work, with the number of rows.
+    needed
+        Bytes that it takes in addition to what the process has already.
+    """
+    free = available()
+    if needed > free:
+        raise GtpinError(
+            f"{what} needs about {amount(needed)} of memory, and {amount(free)} is free",
+            hint="take fewer rows, or give it more memory (ulimit -v, the limit of a container)",
+        )
+
+
+def amount(size: float) -> str:
+    """Bytes in words: ``1.9 GB`` or ``340 MB``."""
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(size, 0.0) / 1e6:.0f} MB"
+
+
+def available() -> float:
+    """Bytes that this process can still take: the least that its limits, its control group and the machine leave it.
+
+    Infinite where the system does not say (``/proc`` is Linux's).
+    """
+    return min([*_of_limits(), *_of_groups(), *_of_machine()], default=float("inf"))
+
+
+def _of_limits() -> Iterator[float]:
+    """What ``ulimit -v`` and ``ulimit -d`` leave."""
+    with contextlib.suppress(ImportError, OSError, ValueError, IndexError):
+        import resource  # Unix only
+
+        pages = [int(field) for field in (PROC / "self" / "statm").read_text().split()]
+        page = os.sysconf("SC_PAGE_SIZE")
+        for limit, used in ((resource.RLIMIT_AS, pages[0]), (resource.RLIMIT_DATA, pages[5])):
+            soft = resource.getrlimit(limit)[0]
+            if soft != resource.RLIM_INFINITY:
+                yield float(soft - used * page)
+
+
+def _of_groups() -> Iterator[float]:
+    """What the control group leaves: of version 2, then of version 1. Files that it holds in memory can be dropped."""
+    names = ("memory.max", "memory.current", "inactive_file")
+    yield from _of_group(GROUPS, *names)
+    with contextlib.suppress(OSError):
+        for line in (PROC / "self" / "cgroup").read_text().splitlines():
+            if line.startswith("0::/") and len(line) > 4:
+                yield from _of_group(GROUPS / line[4:], *names)
+    yield from _of_group(GROUPS / "memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+
+
+def _of_group(folder: Path, limit: str, usage: str, files: str) -> Iterator[float]:
+    with contextlib.suppress(OSError, ValueError):
+        most, used = int((folder / limit).read_text()), int((folder / usage).read_text())
+        if most < UNLIMITED:
+            yield float(most - used + _field(folder / "memory.stat", files))
+
+
+def _of_machine() -> Iterator[float]:
+    with contextlib.suppress(OSError, ValueError):
+        file = PROC / "meminfo"
+        if free := _field(file, "MemAvailable:"):
+            yield 1024.0 * (free + _field(file, "SwapFree:"))
+
+
+def _field(file: Path, name: str) -> int:
+    """A number from a file of names and numbers; zero where it is not there."""
+    found = [line.split()[1] for line in file.read_text().splitlines() if line.split()[:1] == [name]]
+    return int(found[0]) if found else 0

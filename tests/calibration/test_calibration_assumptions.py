@@ -1,0 +1,148 @@
+"""What a dataset declares of noise, frame and machine is held against its fit; rows out of step are named."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import gtpin
+from gtpin.data import Dataset
+from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.plant import make_case
+
+SIGMAS = (1.5e-5, 5e-5)
+
+
+def clean(seed: int = 40, **options: object) -> Dataset:
+    return make_case(seed, n_effects=0, poses=90, background=False, **options).dataset
+
+
+def declared(dataset: Dataset, position: float, orientation: float) -> Dataset:
+    own = dataset.instrument
+    sigmas = {
+        "position_sigma": position * float(own.position_sigma or 0.0),
+        "orientation_sigma": orientation * float(own.orientation_sigma or 0.0),
+    }
+    return replace(dataset, instrument=own.model_copy(update=sigmas))
+
+
+def moved(
+    dataset: Dataset, rows: slice, shift: tuple[float, float, float], turn: tuple[float, float, float]
+) -> Dataset:
+    """Rows as an instrument reads them that stands elsewhere: shift, m, and rotation vector, rad."""
+    R = Rotation.from_rotvec(turn)
+    position, orientation = dataset.position.copy(), np.array(dataset.orientation)
+    position[rows] = R.apply(position[rows]) + shift
+    orientation[rows] = (R * Rotation.from_quat(orientation[rows], scalar_first=True)).as_quat(scalar_first=True)
+    return replace(dataset, position=position, orientation=orientation)
+
+
+def warned(dataset: Dataset) -> tuple[gtpin.calibration.result.Calibration, str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = gtpin.calibrate(dataset)
+    return found, "; ".join(str(w.message) for w in caught)
+
+
+@pytest.mark.parametrize("seed", range(40, 45))
+def test_what_is_declared_truly_is_not_doubted(seed):
+    dataset = clean(seed)
+    found, said = warned(dataset)
+    assert found.instrument == dataset.instrument
+    assert said == ""
+
+
+@pytest.mark.parametrize(
+    ("position", "orientation", "unit"),
+    [(1e3, 1.0, "millimetres"), (1e6, 1.0, "micrometres"), (1.0, 1e3, "milliradians"), (1.0, 57.3, "degrees")],
+)
+def test_a_sigma_in_another_unit_is_refused_and_the_unit_named(position, orientation, unit):
+    key = "position_sigma" if position > 1.0 else "orientation_sigma"
+    with pytest.raises(DatasetError, match=f"(?s)instrument.{key}.*looks like {unit}"):
+        gtpin.calibrate(declared(clean(), position, orientation))
+
+
+def test_noise_three_times_overstated_is_warned_of_and_the_data_s_own_is_used():
+    found, said = warned(declared(clean(), 3.0, 3.0))
+    assert "position_sigma" in said
+    assert "orientation_sigma" in said
+    assert found.instrument.position_sigma is None
+    assert found.noise.position_sigma == pytest.approx(SIGMAS[0], rel=0.2)
+    assert found.noise.orientation_sigma == pytest.approx(SIGMAS[1], rel=0.2)
+
+
+def test_noise_a_little_overstated_stays_as_declared():
+    dataset = declared(clean(), 1.5, 1.5)
+    found, said = warned(dataset)
+    assert found.instrument == dataset.instrument
+    assert said == ""
+
+
+def test_noise_declared_a_million_times_too_small_is_refused_or_warned_of():
+    try:
+        _, said = warned(declared(clean(), 1e-6, 1e-6))
+    except DatasetError as error:
+        said = str(error)
+    assert "times the noise" in said or "show a noise of" in said
+
+
+def test_an_instrument_eight_millimetres_beside_the_base_is_warned_of_and_fitted_as_free():
+    dataset = clean()
+    beside = moved(dataset, slice(None), (0.0, 0.008, 0.0), (0.0, 0.0, 0.0))
+    found, said = warned(beside)
+    assert 'frame = "free"' in said
+    assert found.instrument.frame == "free"
+    q = dataset.q[:20]
+    expected = gtpin.calibrate(dataset).model.predict(q).T + np.array([0.0, 0.008, 0.0])
+    assert np.abs(found.model.predict(q).T - expected).max() < 2e-5
+
+
+def test_a_drive_s_zero_thirty_millimetres_off_is_named_with_its_size():
+    dataset = clean()
+    found, said = warned(replace(dataset, q=dataset.q + np.array([0.0, 0.03, 0.0])))
+    assert "the zero of cart2 looks -" in said
+    assert float(said.split("cart2 looks ")[1].split(" mm")[0]) == pytest.approx(-30.0, abs=4.0)
+    assert found.chi2_per_dof < 1.3
+
+
+@pytest.mark.parametrize(("by", "fits"), [(1, "after"), (-1, "before")])
+@pytest.mark.parametrize("start", [0.3, 0.7])
+def test_commands_one_row_off_from_some_row_on_are_named(by, fits, start):
+    dataset = clean()
+    first = int(start * len(dataset))
+    q, pose = dataset.q.copy(), dataset.pose.copy()
+    q[first:], pose[first:] = np.roll(q[first:], by, axis=0), np.roll(pose[first:], by)
+    with pytest.raises(DatasetError, match=f"one row off in rows .*row {fits}") as caught:
+        gtpin.calibrate(replace(dataset, q=q, pose=pose))
+    assert caught.value.row == pytest.approx(dataset.row[first], abs=2)
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.5, 1.0), (0.3, 0.55)])
+@pytest.mark.parametrize("size", [3e-4, 3e-3])
+def test_an_instrument_that_was_bumped_is_named_with_its_rows(start, end, size):
+    dataset = clean()
+    rows = slice(int(start * len(dataset)), int(end * len(dataset)))
+    with pytest.raises(DatasetError, match="bumped or set up anew") as caught:
+        gtpin.calibrate(moved(dataset, rows, (0.0, size, 0.0), (0.0, 0.0, 0.0)))
+    assert caught.value.row == pytest.approx(dataset.row[rows.start], abs=2)
+
+
+def test_an_instrument_set_up_anew_in_a_session_of_its_own_is_left_to_the_diagnosis():
+    dataset = clean()
+    rows = slice(len(dataset) // 2, len(dataset))
+    session = np.array(["1"] * len(dataset), dtype=object)
+    session[rows] = "2"
+    bumped = moved(dataset, rows, (0.0, 3e-4, 0.0), (0.0, 0.0, 0.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        gtpin.calibrate(replace(bumped, covariates={**dataset.covariates, "session": session}))
+
+
+@pytest.mark.parametrize("effect", ["tracker_drift", "link_compliance", "thermal_track"])
+def test_what_drifts_or_follows_a_recorded_column_is_no_bump(effect):
+    case = make_case(41, effects=[(effect, None)], energy=8000.0, poses=90)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        gtpin.calibrate(case.dataset)

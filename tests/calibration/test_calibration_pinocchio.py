@@ -1,0 +1,58 @@
+"""A calibration by Pinocchio, pose by pose, is that by arrays, to rounding."""
+
+import numpy as np
+import pytest
+from virtual_gantry import ROBOT, commands, draw, measured
+
+import gtpin
+from gtpin.kinematics.pinocchio_rods import PinocchioRods
+from gtpin.kinematics.rod_kinematics import RodKinematics
+
+OTHERS = ("tau", "stewart", "gantry_tau_6dof", "linear_delta")
+
+
+@pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
+@pytest.mark.parametrize("scale", [None, "actuator"])
+def test_calibrations_by_arrays_and_by_pinocchio_are_the_same(free, scale):
+    rng = np.random.default_rng([3, free])
+    dataset = measured(draw(rng, free=free), commands(rng, 40), rng)
+    one, two = (gtpin.calibrate(dataset, scale=scale, kinematics=solver) for solver in ("arrays", "pinocchio"))
+    assert one.iterations == two.iterations
+    # A millionth of a sigma: rounding of 1e-14 m in poses, through a fit whose conditions are some 1e6.
+    np.testing.assert_allclose(two.values / one.sigma, one.values / one.sigma, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(two.sigma, one.sigma, rtol=1e-6)
+    assert two.chi2 == pytest.approx(one.chi2, rel=1e-9)
+    assert two.model.solver == "arrays"
+
+
+@pytest.mark.parametrize("name", ["gantry_tau", *OTHERS])
+def test_poses_and_derivatives_far_from_nominal_are_the_same(name):
+    """Five tolerances off, where an axis is no longer the nominal one."""
+    robot = gtpin.load_robot(name)
+    nominal = gtpin.Geometry.nominal(robot, scale="actuator")
+    rng = np.random.default_rng(4)
+    geometry = nominal.with_values(nominal.values + 5.0 * nominal.tolerance * rng.standard_normal(len(nominal.values)))
+    arrays, pinocchio = RodKinematics(geometry), PinocchioRods(geometry)
+    middle, half = (robot.upper + robot.lower) / 2.0, (robot.upper - robot.lower) / 2.0
+    q = middle + 0.4 * half * rng.uniform(-1.0, 1.0, (6, robot.n_actuators))
+    poses = arrays.forward(q)
+    assert poses.reached.all()
+    np.testing.assert_allclose(pinocchio.forward(q).T, poses.T, atol=1e-11)
+    np.testing.assert_allclose(pinocchio.forward(q).R, poses.R, atol=1e-11)
+    for derivative in ("command_jacobian", "geometry_jacobian"):
+        expected = getattr(arrays, derivative)(q, poses)
+        np.testing.assert_allclose(
+            getattr(pinocchio, derivative)(q, poses), expected, atol=1e-9 * np.abs(expected).max()
+        )
+
+
+@pytest.mark.parametrize("options", [{"directions": "rod"}, {"scale": "rod"}])
+def test_what_no_urdf_carries_is_refused(options):
+    with pytest.raises(gtpin.GtpinError, match="URDF"):
+        PinocchioRods(gtpin.Geometry.nominal(ROBOT, **options))
+
+
+def test_a_solver_that_does_not_exist_is_refused():
+    rng = np.random.default_rng(1)
+    with pytest.raises(gtpin.GtpinError, match="arrays or pinocchio"):
+        gtpin.calibrate(measured(draw(rng), commands(rng, 20), rng), kinematics="numpy")

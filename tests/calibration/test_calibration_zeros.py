@@ -1,0 +1,90 @@
+"""The zero of a drive is no parameter: a shifted zero is reported as what the joints of its cart moved by in common."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from monte_carlo import assert_chi2
+from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, commands, draw, measured
+
+import gtpin
+from gtpin.report.calibration_page import calibration_page
+from gtpin.report.calibration_text import calibration_text
+
+SHIFT = 4e-4
+
+
+def shifted(seed, free=False):
+    """A machine whose second drive stands at SHIFT when its command is zero, and a dataset of it."""
+    rng = np.random.default_rng([seed, 17])
+    machine = draw(rng, free=free)
+    asked = commands(rng, 60)
+    true = measured(machine, asked + np.array([0.0, SHIFT, 0.0]), rng)
+    return machine, gtpin.Dataset(
+        true.robot, true.pose, asked, true.position, true.orientation, instrument=true.instrument
+    )
+
+
+@pytest.fixture(scope="module")
+def found():
+    return [(*shifted(seed), gtpin.calibrate(shifted(seed)[1])) for seed in range(30)]
+
+
+def true_zero(machine, cart):
+    """Mean deviation of a cart's joints along its track, m, and the shift of its zero."""
+    rods = {0: ("1",), 1: ("2a", "2b"), 2: ("3a", "3b", "3c")}[cart]
+    axis = gtpin.load_robot("gantry_tau").actuators[cart].axis
+    places = [[machine.deviations[f"cart_joint[{rod}].{x}"] for x in "xyz"] for rod in rods]
+    return float(np.mean(places @ axis)) + (SHIFT if cart == 1 else 0.0)
+
+
+def test_the_equivalent_zero_is_found_and_its_sigma_holds(found):
+    z = []
+    for machine, _, calibration in found:
+        assert [zero.site for zero in calibration.zeros] == ["cart1", "cart2", "cart3"]
+        for cart, zero in enumerate(calibration.zeros):
+            assert zero.unit == "m"
+            z.append((zero.value - true_zero(machine, cart)) / zero.sigma)
+    # Along the direction that was identified, which is off from nominal by a milliradian: a micrometre.
+    assert_chi2(float(np.sum(np.square(z))), len(z))
+
+
+def test_it_is_in_the_files_next_to_the_keys_that_were_there(found):
+    told = json.loads(json.dumps(found[0][2].to_json()))
+    zeros = {zero["site"]: zero for zero in told["equivalent_zeros"]}
+    assert set(zeros) == {"cart1", "cart2", "cart3"}
+    assert set(zeros["cart2"]) == {"site", "value", "sigma", "unit"}
+    assert zeros["cart2"]["value"] == found[0][2].zeros[1].value
+
+
+def test_it_stands_in_the_reports_with_the_word_zero(found):
+    _, dataset, calibration = found[0]
+    text = calibration_text(calibration)
+    assert "zero of a drive" in text
+    assert f"{calibration.zeros[1].value:+.7f}" in text
+    assert "Zeros of the drives" in calibration_page(calibration, dataset)
+
+
+def test_joints_that_no_calibration_may_move_have_no_zero():
+    dataset = shifted(1)[1]
+    assert gtpin.calibrate(dataset, without=["cart_joint"]).zeros == ()
+
+
+@pytest.mark.parametrize(("position", "orientation"), [(0.0, 0.0), (0.25, 0.0), (0.0, 0.25), (0.25, 0.25)])
+def test_chi_square_is_1_by_construction_only_where_no_noise_was_declared(position, orientation):
+    """Declared sigmas are a quarter of the true ones; those of size 0 are not declared."""
+    rng = np.random.default_rng(5)
+    dataset = measured(draw(rng), commands(rng, 60), rng)
+    sigmas = {
+        "position_sigma": position * POSITION_SIGMA or None,
+        "orientation_sigma": orientation * ORIENTATION_SIGMA or None,
+    }
+    calibration = gtpin.calibrate(replace(dataset, instrument=dataset.instrument.model_copy(update=sigmas)))
+    text = calibration_text(calibration)
+    assert ("by construction" in text) == (not position and not orientation)
+    if "by construction" in text:
+        assert calibration.chi2_per_dof == pytest.approx(1.0, abs=0.01)
+    else:
+        assert calibration.chi2_per_dof > 2.0
+        assert ("was declared: above 1" in text) == (bool(position) != bool(orientation))
