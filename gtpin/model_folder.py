@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -108,12 +109,12 @@ def read_model(reference: str | Path) -> Model:
         If there is no such model, or it can't be read.
     """
     path = Path(reference)
-    if path.is_dir():
+    if os.path.isdir(path):
         for folder in (path, path / "model"):
             if (folder / "model.json").is_file():
                 return _read_folder(folder)
         raise ModelError("no model.json here", file=path, hint="give a folder that calibrate or diagnose wrote")
-    if path.is_file() and path.suffix == ".json":
+    if os.path.isfile(path) and path.suffix == ".json":
         return _read_folder(path.parent)
     return Model(Geometry.nominal(load_robot(reference)))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from gtpin.errors import GtpinError
 from gtpin.ownership import refuse_foreign
 from gtpin.placing import NEW, place
-from gtpin.work_folder import placing_lock, work_folder
+from gtpin.work_folder import NAME, placing_lock, work_folder
 
 
 @contextlib.contextmanager
@@ -21,6 +21,7 @@ def results_folder(
     force: bool = False,
     kind: type[GtpinError] = GtpinError,
     key: str = "",
+    shown: Path | None = None,
 ) -> Iterator[Path]:
     """Give a folder to write to, and move what is in it into ``target`` once the block has ended well.
 
@@ -39,6 +40,8 @@ def results_folder(
         The error to raise.
     key
         What of the folder is written: runs with other keys may write into it at the same time.
+    shown
+        What errors name as what can't be written, where it is not the folder.
 
     Raises
     ------
@@ -46,13 +49,15 @@ def results_folder(
         If, before the block begins, something foreign has one of the names; another run is writing there; or the folder
         can't be written.
     """
+    # A relative path may begin with ~, which is a letter like others, but not to all that write.
+    given, target = target, target.absolute()
     if os.path.lexists(target) and not os.path.isdir(target):
         what = "a link that leads nowhere" if os.path.islink(target) and not os.path.exists(target) else "a file"
-        raise kind(f"can't be written (there is {what} of this name)", file=target, hint="name a folder")
+        raise kind(f"can't be written (there is {what} of this name)", file=given, hint="name a folder")
     missing = [folder for folder in (target, *target.parents) if not os.path.lexists(folder)]
     placed = False
     try:
-        with writing(target, kind):
+        with writing(shown or given, kind):
             target.mkdir(parents=True, exist_ok=True)
             with work_folder(target, key) as work:
                 refuse_foreign(target, names, force, kind)
@@ -72,7 +77,7 @@ def results_folder(
 def result_file(target: Path, *, force: bool = False, kind: type[GtpinError] = GtpinError) -> Iterator[Path]:
     """Give a file to write to, and move it into place once the block has ended well; see :func:`results_folder`."""
     check_file(target, force=force, kind=kind)
-    with results_folder(target.parent, [target.name], force=force, kind=kind, key=target.name) as folder:
+    with results_folder(target.parent, [target.name], force=force, kind=kind, key=target.name, shown=target) as folder:
         yield folder / target.name
 
 
@@ -80,6 +85,8 @@ def check_file(target: Path, *, force: bool = False, kind: type[GtpinError] = Gt
     """Refuse a file to write that is a folder or, without ``force``, is there and was not written by gtpin."""
     if not target.name or os.path.isdir(target):
         raise kind("can't be written (this is a folder)", file=target, hint="name a file")
+    if os.path.realpath(target.parent) == "/dev":
+        raise kind("can't be written (this is a device)", file=target, hint="name a file; --json prints the result")
     with writing(target, kind):
         refuse_foreign(target.parent, [target.name], force, kind)
 
@@ -91,4 +98,13 @@ def writing(target: Path, kind: type[GtpinError] = GtpinError) -> Iterator[None]
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise kind(f"can't be written ({reason})", file=target, hint="check the path and its rights") from None
+        file, verb = target, "written"
+        if error.filename is not None and not _is_of(target.absolute(), Path(os.fsdecode(error.filename))):
+            file, verb = Path(os.fsdecode(error.filename)), "read"
+        raise kind(f"can't be {verb} ({reason})", file=file, hint="check the path and its rights") from None
+
+
+def _is_of(target: Path, file: Path) -> bool:
+    """Whether a file is what is written, or lies in it, or above it."""
+    file = file.absolute()
+    return NAME in str(file) or file == target or target in file.parents or file in target.parents

@@ -17,9 +17,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gtpin.errors import GtpinError
-from gtpin.placing import READY, resume
+from gtpin.placing import NEW, OLD, READY, resume
 
 NAME = ".gtpin-work"
+OWN = re.compile(rf"{re.escape(NAME)}(-placing|-[0-9a-f]{{8}})?")
+"""Names of all work folders in a folder."""
 LOCK = "lock"
 MOVING = 30.0
 """Seconds to wait while another run moves its results into the same folder, which takes it milliseconds."""
@@ -31,7 +33,8 @@ PATIENCE = 0.5
 def work_folder(folder: Path, key: str = "") -> Iterator[Path]:
     """Give the work folder of a folder, or of what ``key`` names in it, and take it away at the end.
 
-    What runs that were killed have left in the folder is cleared first; results that were being moved into place are.
+    What runs that were killed have left in the folder is cleared first. Where one was moving results into place, that is
+    brought to its end.
 
     Raises
     ------
@@ -67,9 +70,9 @@ def placing_lock(folder: Path) -> Iterator[None]:
 
 def _clear(folder: Path) -> None:
     with os.scandir(folder) as entries:
-        names = [entry.name for entry in entries if re.fullmatch(rf"{re.escape(NAME)}(-\w+)?", entry.name)]
+        names = [entry.name for entry in entries if OWN.fullmatch(entry.name)]
     for work in (folder / name for name in sorted(names)):
-        held = _hold(work, 0.0)
+        held = _hold(work, 0.0) if _is_own(work) else None
         if held is not None:
             try:
                 if (work / READY).is_dir():
@@ -100,6 +103,16 @@ def _hold(work: Path, until: float) -> int | None:
             time.sleep(0.01)
 
 
+def _is_own(work: Path) -> bool:
+    """Whether what has the name of a work folder is one: it holds nothing else than such a folder does."""
+    try:
+        return not work.is_symlink() and {*os.listdir(work)} <= {LOCK, NEW, READY, OLD}
+    except NotADirectoryError:
+        return False
+    except (FileNotFoundError, PermissionError):  # another run's that has just ended; another user's
+        return True
+
+
 def _locked(held: int, made: bool) -> bool:
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -122,7 +135,7 @@ def _made(work: Path) -> bool:
     try:
         work.mkdir()
     except FileExistsError:
-        if work.is_symlink() or not work.is_dir():
+        if not _is_own(work):
             raise GtpinError("this is in the way", file=work, hint="move it aside") from None
         return False
     return True

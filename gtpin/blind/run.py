@@ -69,6 +69,8 @@ def check(
         If cases of the robot can't be made, or the folder belongs to another check and is not to be moved aside (``force``).
     """
     asked = list(drafts(cases, seed, robot))
+    with workers(address):  # that there are none is known before any work
+        pass
     folder = CheckFolder(output)
     settings = Settings(cases, seed, None, robot, plant_digest(), diagnosis_digest())
     with claimed(folder, settings, force):
@@ -96,6 +98,8 @@ def check_given(
         If a truth is missing or malformed, or the folder belongs to another check and is not to be moved aside (``force``).
     """
     cases = given(source)
+    with workers(address):
+        pass
     folder = CheckFolder(output)
     settings = Settings(len(cases), None, source_digest(cases), None, None, diagnosis_digest())
     with claimed(folder, settings, force):

@@ -11,7 +11,7 @@ import typer
 from gtpin.commands.calibrate import write_calibration
 from gtpin.commands.diagnose import FILES as DIAGNOSIS
 from gtpin.commands.diagnose import corrections_hint, write_diagnosis
-from gtpin.commands.terminal import AsJson, Force, Seed, progress_of, rendered, tell
+from gtpin.commands.terminal import AsJson, Force, Seed, output_path, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.model import Model
@@ -30,9 +30,10 @@ FILES = ("dataset", *truth_names("dataset"), "calibration", *DIAGNOSIS)
 
 
 def demo(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; created.")] = Path(
-        "gtpin-demo"
-    ),
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", help="Folder for the results; created.", parser=output_path, metavar="<path>"),
+    ] = Path("gtpin-demo"),
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, output_path, tell
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
@@ -31,6 +31,8 @@ def export(
             help="File; its suffix tells the format: .urdf, .yaml (with a URDF beside it, for example-parallel-robots), .sdf, "
             ".xml (MuJoCo), .csv (corrections of the actuators, or of --commands), .comp (LinuxCNC, a file for each joint).",
             show_default=False,
+            parser=output_path,
+            metavar="<path>",
         ),
     ],
     form: Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, output_path, tell
 from gtpin.data import Commands
 from gtpin.model_folder import read_model
 from gtpin.output import result_file
@@ -20,7 +20,12 @@ def predict(
     commands: Annotated[
         Path, typer.Argument(help="CSV or Parquet table with the columns pose, q1 .. qn.", show_default=False)
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="CSV file for the poses.", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="CSV file for the poses.", show_default=False, parser=output_path, metavar="<path>"
+        ),
+    ],
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:

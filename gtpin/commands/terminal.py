@@ -18,7 +18,25 @@ from gtpin.calibration.rounds import Progress
 from gtpin.errors import GtpinError
 from gtpin.json_text import json_text
 
-Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; created.", show_default=False)]
+
+def output_path(text: str) -> Path:
+    """What ``-o`` names; nothing at all is what a variable of a script that was never set gives."""
+    if not text:
+        raise typer.BadParameter("it is empty")
+    return Path(text)
+
+
+Output = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        help="Folder for the results; created.",
+        show_default=False,
+        parser=output_path,
+        metavar="<path>",
+    ),
+]
 Force = Annotated[
     bool,
     typer.Option("--force", help="Move what gtpin has not written, or was changed since, aside (NAME.old-1)."),

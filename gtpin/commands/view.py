@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, output_path, tell
 from gtpin.data import Dataset
 from gtpin.model_folder import read_model
 from gtpin.output import check_file
@@ -23,7 +23,14 @@ def view(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Write a still image (PNG, SVG, PDF) instead.", show_default=False),
+        typer.Option(
+            "-o",
+            "--output",
+            help="Write a still image (PNG, SVG, PDF) instead.",
+            show_default=False,
+            parser=output_path,
+            metavar="<path>",
+        ),
     ] = None,
     host: Annotated[str, typer.Option("--host", help="Address that the page is served at.")] = "localhost",
     port: Annotated[int, typer.Option("--port", help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -73,7 +74,7 @@ class Commands:
         """
         file = Path(file)
         twin = file.with_suffix(".parquet") if file.name else file
-        if not file.exists() and file.suffix.lower() == ".csv" and twin.exists():
+        if not os.path.exists(file) and file.suffix.lower() == ".csv" and os.path.exists(twin):
             file = twin
         table = read_table(file, ignore=(*POSITION, *ORIENTATION))
         pose, q = table.column("pose"), columns.commands(table)

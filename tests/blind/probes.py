@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+import time
+from pathlib import Path
 
 
 def plant_imported() -> tuple[int, bool]:
@@ -26,3 +28,11 @@ def dying(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[objec
     from gtpin.blind.worker import Said
 
     return Said(error="alive"), 0.0
+
+
+def waiting(folder: str, name: str) -> None:
+    """Say which process this is, and take an hour."""
+    file = Path(folder) / name
+    file.with_suffix(".part").write_text(str(os.getpid()))
+    file.with_suffix(".part").rename(file)
+    time.sleep(3600)

@@ -197,3 +197,138 @@ def test_a_case_of_the_plant_goes_all_the_way(tmp_path: Path, monkeypatch: pytes
     assert case.shrunk.knowing is not None
     assert case.shrunk.knowing < case.shrunk.before
     assert score([case])["cases"] == 1
+
+
+# ------------------------------------------------------------------------------------- crashes, bad input, other people
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("left", [b"", b'{"diagnosis": {"sch', b"\x00" * 100])
+def test_a_diagnosis_that_a_crash_has_cut_short_is_made_again(cases: Path, tmp_path: Path, left: bytes) -> None:
+    output = tmp_path / "out"
+    whole = score(check_given(output, cases, Quiet()).cases)
+    (output / "diagnoses" / "b.json").write_bytes(left)
+    (output / "diagnoses" / ".gtpin-0123.json").write_bytes(left)
+    (output / "seconds.txt").write_text("a 0.1")
+    watch = Quiet()
+    assert score(check_given(output, cases, watch).cases) == whole
+    assert watch.begun[0] == ("diagnosing", 7, 6)
+    assert not list((output / "diagnoses").glob(".*"))
+
+
+@pytest.mark.usefixtures("here")
+def test_a_manifest_that_a_crash_has_left_empty_is_written_again(cases: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    whole = score(check_given(output, cases, Quiet()).cases)
+    manifest = (output / "cases" / "manifest.json").read_bytes()
+    (output / "cases" / "manifest.json").write_bytes(b"")
+    assert score(check_given(output, cases, Quiet()).cases) == whole
+    assert (output / "cases" / "manifest.json").read_bytes() == manifest
+
+
+@pytest.mark.usefixtures("here")
+def test_a_claim_that_could_not_be_written_leaves_nothing(
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = Path.write_text
+
+    def full(path: Path, *rest: object, **more: object) -> int:
+        if "schema" in str(rest[0]):
+            raise OSError(28, "No space left on device")
+        return real(path, *rest, **more)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", full)
+        with pytest.raises(GtpinError, match="No space left"):
+            check_given(tmp_path / "out", cases, Quiet())
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "out" / "cases").mkdir(parents=True)  # as versions before have left it
+    (tmp_path / "out" / "check.json").touch()
+    assert len(check_given(tmp_path / "out", cases, Quiet()).cases) == 7
+
+
+@pytest.mark.usefixtures("here")
+def test_a_full_disk_does_not_touch_the_claim_of_a_check_that_goes_on(
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check_given(tmp_path / "out", cases, Quiet())
+    (tmp_path / "out" / "diagnoses" / "b.json").unlink()
+    claim = (tmp_path / "out" / "check.json").read_bytes()
+
+    def full(*_: object, **__: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", full)
+        with pytest.raises(GtpinError, match="No space left"):
+            check_given(tmp_path / "out", cases, Quiet())
+    assert (tmp_path / "out" / "check.json").read_bytes() == claim
+    assert len(check_given(tmp_path / "out", cases, Quiet()).cases) == 7
+
+
+@pytest.mark.usefixtures("here")
+def test_bad_input_leaves_no_folder_that_refuses_the_right_one(
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output = tmp_path / "out"
+    with pytest.raises(GtpinError, match="no robot is called"):
+        check(output, 2, 0, Quiet(), robot="gremlin")
+    assert not output.exists()
+
+    def broken(*_: object) -> None:
+        raise GtpinError("it can't be copied")
+
+    with monkeypatch.context() as patch:  # the last of seven can't be taken in
+        seen: list[object] = []
+        real = gtpin.blind.run.take_in
+        patch.setattr(
+            gtpin.blind.run, "take_in", lambda *a: broken() if len(seen) == 6 else (seen.append(a), real(*a))[1]
+        )
+        with pytest.raises(GtpinError, match="copied"):
+            check_given(output, cases, Quiet())
+    assert not output.exists()
+    assert len(check_given(output, cases, Quiet()).cases) == 7
+
+
+@pytest.mark.usefixtures("here")
+def test_a_check_of_cases_that_were_corrected_since_replaces_one_that_had_not_begun(
+    cases: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "out"
+    check_given(output, cases, Quiet())
+    (output / "cases" / "manifest.json").unlink()  # as if killed while the cases were taken in
+    (cases / "c.truth.json").write_text('{"effects": [{"effect": "backlash", "site": "cart1"}]}')
+    assert check_given(output, cases, Quiet()).cases[2].kind == "one"
+
+
+@pytest.mark.usefixtures("here")
+def test_force_moves_another_check_and_foreign_files_aside(cases: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    check_given(output, cases, Quiet())
+    first = {file.name: file.read_bytes() for file in (output / "diagnoses").iterdir()}
+    (cases / "c.truth.json").write_text('{"effects": [{"effect": "backlash", "site": "cart1"}]}')
+    with pytest.raises(GtpinError, match="--force"):
+        check_given(output, cases, Quiet())
+    check_given(output, cases, Quiet(), force=True)
+    assert {file.name: file.read_bytes() for file in (output / "diagnoses.old-1").iterdir()} == first
+    assert (output / "check.json.old-1").is_file()
+    (tmp_path / "mine" / "cases").mkdir(parents=True)
+    (tmp_path / "mine" / "cases" / "thesis.tex").write_text("mine")
+    check_given(tmp_path / "mine", cases, Quiet(), force=True)
+    assert (tmp_path / "mine" / "cases.old-1" / "thesis.tex").read_text() == "mine"
+
+
+@pytest.mark.usefixtures("here")
+def test_of_two_checks_in_one_folder_one_stops(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said = []
+
+    def second(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> object:
+        if not said:
+            with pytest.raises(GtpinError, match="another run of gtpin is writing here") as refused:
+                check_given(tmp_path / "out", cases, Quiet())
+            said.append(str(refused.value))
+        return canned(files, exclude)
+
+    monkeypatch.setattr(gtpin.blind.run, "diagnose_alone", second)
+    assert len(check_given(tmp_path / "out", cases, Quiet()).cases) == 7
+    assert said

@@ -5,6 +5,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -109,3 +110,40 @@ def test_a_process_that_dies_costs_its_own_case_alone(tmp_path: Path, monkeypatc
         "c": "alive",
     }
     assert watch.done == 3
+
+
+KILLED = """
+import os, sys, time
+from gtpin.blind.spread import spread, workers
+from probes import waiting
+
+with workers():
+    spread(waiting, ["a", "b"], lambda name: (sys.argv[1], name), lambda *_: None)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes can't be listed")
+def test_processes_end_when_the_one_that_started_them_is_killed(tmp_path: Path) -> None:
+    paths = os.pathsep.join((str(PACKAGE.parent), str(Path(__file__).parent)))
+    environment = {**os.environ, "PYTHONPATH": paths}
+    parent = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], env=environment)
+    for _ in range(1200):
+        if len(list(tmp_path.glob("?"))) == 2 or parent.poll() is not None:
+            break
+        time.sleep(0.1)
+    parent.kill()
+    parent.wait()
+    started = [int(file.read_text()) for file in tmp_path.glob("?")]
+    assert len(started) == 2
+    for _ in range(300):
+        if not any(_runs(process) for process in started):
+            break
+        time.sleep(0.1)
+    assert not any(_runs(process) for process in started)
+
+
+def _runs(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False

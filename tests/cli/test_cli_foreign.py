@@ -12,7 +12,6 @@ from gtpin.errors import GtpinError
 from gtpin.plant.case import make_case
 
 SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "backlash.toml"
-MODEL = {"model", "baseline"}
 FOLDERS = {
     "calibrate": ("calibration.json", "report.html", "report.txt", "model"),
     "diagnose": ("diagnosis.json", "report.html", "baseline", "model", "next_experiment"),
@@ -183,11 +182,12 @@ def test_a_broken_marker_vouches_for_nothing(run, tmp_path, tree):
 def test_results_go_beside_a_user_s_measurements(run, dataset, tmp_path, tree):
     before = tree(dataset)
     assert run("calibrate", dataset, "-o", dataset).code == 0
-    assert {name: content for name, content in tree(dataset).items() if name in before} == before | {
-        ".gtpin.json": tree(dataset)[".gtpin.json"]
-    }
     assert run("calibrate", dataset, "-o", dataset).code == 0
-    assert run("simulate", "-o", dataset, "--poses", "10").failed() if ".gtpin.json" not in before else True
+    after = tree(dataset)
+    assert {name: after[name] for name in before if name != ".gtpin.json"} == {
+        name: content for name, content in before.items() if name != ".gtpin.json"
+    }
+    assert "model/model.json" in after
 
 
 def test_a_linked_output_folder_is_the_folder(run, tmp_path):
@@ -206,6 +206,14 @@ def test_a_link_to_nowhere_is_no_folder_to_write_to(run, source, tmp_path, tree,
     before = tree(tmp_path)
     run(*arguments(command, source, tmp_path / "link" / name)).failed()
     assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("kind", ["null", "stdout"])
+def test_a_device_is_never_replaced(run, source, kind):
+    before = os.lstat(f"/dev/{kind}")
+    error = run("predict", "gantry_tau", source / "commands.csv", "-o", f"/dev/{kind}").failed()
+    assert "this is a device" in error
+    assert os.path.samestat(os.lstat(f"/dev/{kind}"), before)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
@@ -227,7 +235,14 @@ def test_what_is_read_is_not_written(run, tmp_path, tree, command):
     assert tree(tmp_path) == before
 
 
-@pytest.mark.parametrize("output", [".", "..", "new/.."])
+def test_an_output_without_a_name_is_refused(run, source, tmp_path, tree, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for command in ("simulate", "calibrate", "predict", "export", "view", "demo", "blind"):
+        assert "it is empty" in run(*arguments(command, source, "")).failed()
+    assert tree(tmp_path) == {}
+
+
+@pytest.mark.parametrize("output", [".", "..", "new/..", "~"])
 def test_an_output_may_be_given_by_dots(run, tmp_path, monkeypatch, output):
     (tmp_path / "here" / "new").mkdir(parents=True)
     (tmp_path / "here" / "thesis.tex").write_text("mine")

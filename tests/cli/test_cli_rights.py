@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from conftest import Ran, everything
+from ran import Ran, everything
 
 ROOT = Path(__file__).parents[2]
 NOBODY = 65534

@@ -153,3 +153,91 @@ def _members(group: int) -> list[int]:
             if int(fields[2]) == group and fields[0] != "Z":
                 found.append(int(status.parent.name))
     return found
+
+
+# ------------------------------------------------------------------------------ outputs that do not take what is said
+
+STARTS = (["-c", "import gtpin.cli; gtpin.cli.main()"], ["-m", "gtpin"])
+
+
+def started(*arguments: object, start: int = 0, **more) -> subprocess.Popen:
+    path = os.pathsep.join([*more.pop("paths", []), str(Path(gtpin.__file__).parents[1])])
+    environment = {**os.environ, "PYTHONPATH": path, **more.pop("environment", {})}
+    command = [sys.executable, *STARTS[start], *map(str, arguments)]
+    return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, **more)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("arguments", [["predict"], ["--help"]], ids=" ".join)
+def test_a_full_standard_output_is_one_line_and_results_are_written(source, tmp_path, arguments):
+    command, *options = arguments
+    written = [] if command == "--help" else ["gantry_tau", source / "commands.csv", "-o", tmp_path / "p.csv"]
+    with open("/dev/full", "w") as full:
+        process = started(command, *written, *options, stdout=full)
+    said = process.communicate(timeout=600)[1].decode()
+    assert process.returncode == 2
+    assert len(said.splitlines()) == 1
+    assert "No space left on device" in said
+    assert not written or (tmp_path / "p.csv").stat().st_size > 0
+
+
+def test_a_terminal_of_few_letters_is_told_everything_it_can_show(tmp_path):
+    folder = tmp_path / "Μessung µ"  # the first letter is Greek
+    environment = {"PYTHONIOENCODING": "latin-1", "LC_ALL": "C"}
+    process = started("simulate", "-o", folder, "--poses", "10", environment=environment, stdout=subprocess.PIPE)
+    out, err = process.communicate(timeout=600)
+    assert (process.returncode, err) == (0, b"")
+    assert "\\u039cessung µ" in out.decode("latin-1")
+    assert (folder / "poses.csv").is_file()
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["calibrate", LONG, "-o", "o"],
+        ["diagnose", "SET", "-o", LONG],
+        ["predict", LONG, "SET/commands.csv", "-o", "p.csv"],
+        ["predict", "gantry_tau", f"{LONG}.csv", "-o", "p.csv"],
+        ["predict", "gantry_tau", "SET/commands.csv", "-o", f"{LONG}.csv"],
+        ["export", LONG, "-o", "r.xml"],
+        ["export", "gantry_tau", "-o", f"{LONG}.xml"],
+        ["simulate", "-o", LONG],
+        ["simulate", "-o", "s", "--scenario", LONG],
+        ["simulate", "-o", "s", "--robot", f"{LONG}.urdf"],
+        ["sensitivity", "gantry_tau", "--poses", LONG, "-o", "o"],
+        ["compare", LONG, "-o", "o"],
+        ["demo", "-o", LONG],
+        ["blind", "-o", LONG, "--cases", "1"],
+        ["blind", "-o", "b", "--from", LONG],
+        ["view", "gantry_tau", LONG, "-o", "v.png"],
+    ],
+    ids=lambda arguments: " ".join(arguments).replace(LONG, "LONG"),
+)
+def test_a_name_that_is_too_long_is_one_line_that_names_it(run, source, tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    assert LONG in run(*(word.replace("SET", str(source)) for word in arguments)).failed()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("start", [0, 1])
+@pytest.mark.parametrize("module", ["typer", "pandas"])
+def test_an_interruption_of_the_imports_is_one_line(tmp_path, start, module):
+    number = int(signal.SIGTERM if start else signal.SIGINT)
+    code = f"import os, time\nos.kill(os.getpid(), {number})\ntime.sleep(600)\n"
+    (tmp_path / f"{module}.py").write_text(code)  # stands in for one of the many that are imported
+    process = started("calibrate", "set", "-o", tmp_path / "out", start=start, paths=[str(tmp_path)])
+    said = process.communicate(timeout=600)[1].decode()
+    assert (process.returncode, said) == (130, "gtpin: error: interrupted\n")
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_answers_to_an_interruption_is_there_before_anything_heavy():
+    code = (
+        "import sys, gtpin.cli; print(sorted({'numpy', 'pandas', 'pinocchio', 'typer', 'pydantic'} & set(sys.modules)))"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(Path(gtpin.__file__).parents[1])}
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert ran.stdout == "[]\n"

@@ -32,3 +32,23 @@ def test_an_example_is_short_and_says_what_it_is_about(example: Path) -> None:
     text = example.read_text(encoding="utf-8")
     assert len(text.splitlines()) < 60
     assert text.startswith('"""')
+
+
+GIVEN = ("blind/page.py", "jugglebot/cross_validate.py", "machines/scores.py")
+"""Scripts that can do nothing without being told what with."""
+
+
+@pytest.mark.parametrize("script", GIVEN)
+def test_a_script_that_needs_arguments_says_so_in_one_line(script: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, str(ROOT / "examples" / script)]
+    ran = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert ran.returncode != 0
+    assert len(ran.stderr.splitlines()) == 1
+    assert Path(script).name in ran.stderr
+
+
+def test_no_other_script_takes_an_argument_for_granted() -> None:
+    for script in (ROOT / "examples").glob("*/*.py"):
+        text = script.read_text(encoding="utf-8")
+        assert "len(sys.argv)" in text or "sys.argv[1]" not in text, script.name

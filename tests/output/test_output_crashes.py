@@ -174,13 +174,22 @@ def test_a_run_that_is_stopped_leaves_nothing(tmp_path):
 def test_what_only_looks_like_a_work_folder_stays(tmp_path):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere" / "mine").write_text("mine")
-    for name in (".gtpin-work.txt", ".gtpin-works", ".gtpin-work-my notes"):
+    names = [".gtpin-work-0123abcd", ".gtpin-work-notes", ".gtpin-work.txt", ".gtpin-works"]
+    for name in names:
         (tmp_path / name).mkdir()
+        (tmp_path / name / "mine").write_text("mine")
     write(tmp_path, "new")
-    assert hidden(tmp_path) == [".gtpin-work-my notes", ".gtpin-work.txt", ".gtpin-works"]
+    assert hidden(tmp_path) == names
+    assert [os.listdir(tmp_path / name) for name in names] == [["mine"]] * 4
     (tmp_path / ".gtpin-work").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(GtpinError, match="in the way"):
         write(tmp_path, "new")
+    (tmp_path / ".gtpin-work").unlink()
+    (tmp_path / ".gtpin-work").mkdir()
+    (tmp_path / ".gtpin-work" / "mine").write_text("mine")
+    with pytest.raises(GtpinError, match="in the way"):
+        write(tmp_path, "new")
+    assert os.listdir(tmp_path / ".gtpin-work") == ["mine"]
     assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["mine"]
 
 
