@@ -80,8 +80,8 @@ def diagnose(
     """
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
     excluded = check_excluded(exclude, nominal)
-    searched = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
-    require(f"diagnosing {len(dataset):,} poses", FIXED + searched + PER_POSE * len(dataset))
+    search = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
+    require(f"diagnosing {len(dataset):,} poses", FIXED + search + PER_POSE * len(dataset))
     baseline = calibrate(dataset, nominal, progress=progress)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")

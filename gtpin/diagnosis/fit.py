@@ -147,7 +147,7 @@ def fit_together(
         prior = np.concatenate([np.ones(p), np.zeros(causes - p), np.ones(len(c))])
         A = now.information + np.diag(prior)
         step = np.linalg.solve(A, now.gradient - prior * np.concatenate([x, np.zeros(causes - p), c]))
-        joint = np.linalg.inv(A)
+        joint: Floats = np.asarray(np.linalg.inv(A), dtype=np.float64)
         tolerance = model.geometry.tolerance
         c = c + step[causes:]
         geometry = model.geometry.with_values(model.geometry.values + tolerance * step[:p])
