@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 FINE, FINEST = 401, 1500
 """Points of a line along a column; the latter where a cause has a setting, which may be a short period."""
 MOST = 20_000
-"""Poses behind the plots; more are thinned evenly. Means of neighbouring poses come out of a thousand and more still."""
+"""Poses behind the plots; of more an even selection: a mean of neighbouring poses still comes from a thousand."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
