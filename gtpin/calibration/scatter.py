@@ -79,7 +79,7 @@ def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
         squares = sum(float(G[:, i, j] @ (kernel[i] * kernel[j]) @ G[:, j, i]) for i in drives for j in drives)
         variance = 2.0 * (squares - 2.0 * np.trace(C @ AA) + np.trace(C @ A @ C @ A))
         total = sum(float(score[:, i] @ kernel[i] @ score[:, i]) for i in drives)
-        found.append(float((total + np.trace(C @ A)) / np.sqrt(variance)))
+        found.append(float((total + np.trace(C @ A)) / np.sqrt(max(variance, 1e-300))))
     return found
 
 
