@@ -94,7 +94,8 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
     tried = [(misfit, reading) for misfit, reading in search.tried() if misfit <= most]
     if not tried:
         return None
-    enough = AS_GOOD * min(misfit for misfit, _ in tried) + CLOSE * search.size
+    # What fits as data that are right do is enough: free numbers, of a frame or a turn, always fit a little better.
+    enough = max(AS_GOOD * min(misfit for misfit, _ in tried) + CLOSE * search.size, search.fits)
     good = [(misfit, reading) for misfit, reading in tried if misfit <= enough]
     fewest = min(reading.mistakes for _, reading in good)
     chosen = [t for t in good if t[1].mistakes == fewest]
