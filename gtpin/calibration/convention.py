@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import Measured
+from gtpin.calibration.problem import Measured, Point
 from gtpin.data.orientation_convention import misread
 from gtpin.data.readings import RotationReading, orientation_readings, position_readings
 
 Floats = npt.NDArray[np.float64]
 
-ROWS = 300
+ROWS = 150
 """Poses that are enough to tell."""
 LEFT, GAIN = 0.8, 60.0
 """Share of the squared orientation residuals that another convention may leave, and the least by which it lowers them: a
@@ -40,14 +42,15 @@ def other_convention(fit: Fit) -> list[RotationReading]:
     assert some.R is not None
     point = fit.point
     predicted = point.model.seen(point.poses[rows])
-    J = _jacobian(fit, rows)
+    problem = replace(fit.problem, measured=some, whitening=fit.problem.whitening[rows])
+    J = problem.jacobian(Point(point.x, point.model, point.poses[rows]), slice(None))
     weight = np.repeat(np.sqrt(fit.weight[rows]), 6)
     A = J.reshape(-1, J.shape[2]) * weight[:, None]
-    solve = np.linalg.solve(A.T @ A + np.diag(fit.problem.prior), A.T)
+    solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
 
     def left(R: Floats) -> float:
         difference = Measured(some.q, some.T, R).minus(predicted)
-        r = np.einsum("nij,nj->ni", fit.problem.whitening[rows], difference).ravel() * weight
+        r = np.einsum("nij,nj->ni", problem.whitening, difference).ravel() * weight
         return float(((r - A @ (solve @ r)).reshape(-1, 6)[:, 3:] ** 2).sum())
 
     rotation = Rotation.from_matrix(some.R)
@@ -59,8 +62,3 @@ def other_convention(fit: Fit) -> list[RotationReading]:
     if not (least < LEFT * now and least < now - GAIN):
         return []
     return [reading for value, reading in tried if value <= AS_GOOD * least]
-
-
-def _jacobian(fit: Fit, rows: npt.NDArray[np.intp]) -> Floats:
-    """(M, 6, size) derivative of the whitened prediction at some rows."""
-    return np.concatenate([fit.problem.jacobian(fit.point, slice(i, i + 1)) for i in rows])

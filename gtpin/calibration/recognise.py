@@ -34,7 +34,7 @@ BETTER = 4.0
 AS_GOOD, CLOSE = 1.5, 0.02
 """Up to how many times the least misfit, and share of the workspace's size more, a reading of fewer mistakes is preferred."""
 STRAYED = 3.0
-"""Expected errors of the nominal model beyond which its frame, drives' zeros and target are doubted."""
+"""Expected errors of the nominal model beyond which its frame, commands and target are doubted."""
 LINE = 0.1
 """Width of a workspace over its length below which positions do not tell a turn about its length."""
 STEPS = 4
@@ -94,7 +94,8 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
     tried = [(misfit, reading) for misfit, reading in search.tried() if misfit <= most]
     if not tried:
         return None
-    enough = AS_GOOD * min(misfit for misfit, _ in tried) + CLOSE * search.size
+    # What fits as data that are right do is enough: free numbers, of a frame or a turn, always fit a little better.
+    enough = max(AS_GOOD * min(misfit for misfit, _ in tried) + CLOSE * search.size, search.fits)
     good = [(misfit, reading) for misfit, reading in tried if misfit <= enough]
     fewest = min(reading.mistakes for _, reading in good)
     chosen = [t for t in good if t[1].mistakes == fewest]
@@ -155,7 +156,7 @@ class Search:
     @property
     def suspicious(self) -> bool:
         """Whether the data do not fit as they stand."""
-        return self.size > 0.0 and self.misfit > self.fits
+        return self.size > 0.0 and self.misfit > self.fits and self.misfit > self.accepted
 
     @cached_property
     def expected(self) -> float:
@@ -185,10 +186,11 @@ class Search:
             yield from self._in_frame(True)
 
     def _in_frame(self, turned: bool) -> Iterator[tuple[float, Reading]]:
-        for reading in (*self._measurements(turned), *self._commands()):
+        for reading in self._measurements(turned):
             yield self._tried(reading, turned)
-        if self.strayed and not self.lost:
-            for reading in (*self._shifted(turned), *self._targets(turned)):
+        # Poses that lie close together hardly tell other commands from a geometry within its tolerances.
+        if self.strayed:
+            for reading in (*self._commands(), *self._shifted(turned), *self._targets(turned)):
                 yield self._tried(reading, turned)
 
     def _tried(self, reading: Reading, turned: bool) -> tuple[float, Reading]:
@@ -242,6 +244,8 @@ class Search:
 
     def _shifted(self, turned: bool) -> Iterator[Reading]:
         """Readings by which all commands of one actuator are off by a constant."""
+        if self.lost:
+            return
         kinematics, q = self.nominal.kinematics, self.measured.q
         for j in range(q.shape[1]):
             poses, shift = self.poses, 0.0
@@ -259,6 +263,8 @@ class Search:
 
     def _targets(self, turned: bool) -> Iterator[Reading]:
         """Readings by which the target sits elsewhere on the platform than the TCP: aside, turned, or both."""
+        if self.lost:
+            return
         frame = self._frame(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
         seen = self.poses.moved(frame.T, frame.R)
         aside = np.median(np.einsum("nji,nj->ni", seen.R, self.measured.T - seen.T), axis=0)

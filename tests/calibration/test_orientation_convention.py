@@ -41,6 +41,7 @@ def test_a_wrong_conversion_is_refused_with_the_convention_that_fits(wrongly, me
     assert caught.value.column == "qw qx qy qz"
 
 
+@pytest.mark.filterwarnings("ignore:set aside as gross errors")
 def test_turns_so_small_that_the_nominal_robot_hides_them_show_after_the_fit():
     data = make_case(643, robot="stewart", n_effects=0, poses=120, held_out=1).dataset
     few = data.take(Rotation.from_quat(data.orientation.copy(), scalar_first=True).magnitude() < 0.15)
