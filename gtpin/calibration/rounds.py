@@ -32,6 +32,10 @@ ROUGHLY = 1e-4
 """Relative decrease of the cost at which the rough fit is good enough: its weights may go on taking turns below that."""
 ROUGH_STEPS = 15
 """Steps after which the rough fit is near enough to tell gross errors: reweighting can creep."""
+LOST = 100.0
+"""Size of the residuals over the noise from which a rough fit has not come near the machine: 1.5 mm for a tracker."""
+COARSE = (1e-2, 1e-3)
+"""Sigmas, m and rad, of the fits that lead there: of the size of the largest tolerances, then of usual ones."""
 ENOUGH = 3000
 """Poses that residuals tell the machine's own scatter by; more make it slower, and hardly surer."""
 SETTLED = 1e-3
@@ -132,7 +136,11 @@ class Rounds:
         J = in_frame(self.start.kinematics.command_jacobian(self.measured.q, self.near), self.start.frame)
         noise, used, tails = self._first_noise(), np.ones(len(self.near), dtype=bool), weights.Tails()
         outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, None, "rough fit", rough=True)
-        steps = outcome.iterations
+        steps, nominal = outcome.iterations, None
+        if weights.robust_scale(outcome.residual) > LOST:
+            nominal = self._coarsely(used, noise, J)
+            outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, nominal, "rough fit", rough=True)
+            steps += outcome.iterations
         if not all(self._declared):  # gross errors and tails are judged by the size of the noise
             noise = noises.roughly(noise, self.measured.minus(self._predicted(outcome)), self._declared)
         for number in range(1, MAX_ROUNDS + 1):
@@ -150,12 +158,22 @@ class Rounds:
                 return Settled(outcome, used, noise, tails, steps)
             used, noise, tails = now_used, now_noise, now_tails
             # Gross errors may have led the rough fit far astray; without them, nominal is a good place to start.
-            x = None if number == 1 and not used.all() else outcome.point.x
+            x = nominal if number == 1 and not used.all() else outcome.point.x
             outcome = self._fit(used, noise, J, tails.weigh, x, f"fit {number}")
             steps += outcome.iterations
         raise ConvergenceError(
             f"noise and gross errors have not settled in {MAX_ROUNDS} rounds", hint="declare the noise in dataset.toml"
         )
+
+    def _coarsely(self, used: Mask, noise: Noise, J: Floats) -> Floats:
+        """Where a fit ends that takes noise for large, then for smaller: with small noise the cost of a machine far from
+        nominal is a narrow curved valley, along which a rough fit gives up.
+        """
+        x = None
+        for sigma in COARSE:
+            x = self._fit(used, noise.at_least(sigma), J, weights.huber, x, "coarse fit").point.x
+        assert x is not None
+        return x
 
     @property
     def _declared(self) -> tuple[bool, bool]:
