@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from gtpin.calibration.problem import Problem, in_frame
-from gtpin.calibration.rounds import Settled
+from gtpin.calibration.rounds import ENOUGH, Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.errors import ConvergenceError, DatasetError, warn
 
@@ -112,8 +112,10 @@ def shown(settled: Settled, key: Sigma) -> float:
     """Noise per axis, m or rad, that a calibration took: the instrument's and the machine's own scatter together."""
     problem: Problem = settled.fit.problem
     point, components = settled.fit.point, problem.measured.components
-    J = in_frame(point.model.kinematics.command_jacobian(problem.measured.q, point.poses), point.model.frame)
-    covariance = settled.noise.take(settled.used).covariance(J, components)
+    some = np.arange(len(point.poses))[:: 1 + len(point.poses) // ENOUGH]
+    J = point.model.kinematics.command_jacobian(problem.measured.q[some], point.poses[some])
+    noise = settled.noise.take(settled.used).take(some)
+    covariance = noise.covariance(in_frame(J, point.model.frame), components)
     kind = dict(SIGMAS)[key]
     return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, kind].mean()))
 

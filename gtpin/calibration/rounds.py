@@ -38,6 +38,10 @@ PART = 20_000
 """Poses of a random part that the rounds settle on first where there are twice as many: its standard errors are less than a
 hundredth of a tolerance, from where one step on all the poses is the last. Measured: docs/speed.md.
 """
+LOST = 100.0
+"""Size of the residuals over the noise from which a rough fit has not come near the machine: 1.5 mm for a tracker."""
+COARSE = (1e-2, 1e-3)
+"""Sigmas, m and rad, of the fits that lead there: of the size of the largest tolerances, then of usual ones."""
 ENOUGH = 3000
 """Poses that residuals tell the machine's own scatter by; more make it slower, and hardly surer."""
 SETTLED = 1e-3
@@ -146,10 +150,14 @@ class Rounds:
         """
         J = in_frame(self.start.kinematics.command_jacobian(self.measured.q, self.near), self.start.frame)
         noise, used, tails = self._first_noise(), np.ones(len(self.near), dtype=bool), weights.Tails()
-        part = self._of_a_part()
+        part, nominal = self._of_a_part(), None
         if part is None:
             outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, None, "rough fit", rough=True)
             steps = outcome.iterations
+            if weights.robust_scale(outcome.residual) > LOST:
+                nominal = self._coarsely(used, noise, J)
+                outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, nominal, "rough fit", rough=True)
+                steps += outcome.iterations
             if not all(self._declared):  # gross errors and tails are judged by the size of the noise
                 noise = noises.roughly(noise, self._left(outcome, used)[0], self._declared)
         else:
@@ -170,8 +178,8 @@ class Rounds:
                 return Settled(outcome, used, noise, tails, steps)
             used, noise, tails = now_used, now_noise, now_tails
             # Gross errors may have led the rough fit far astray; without them, nominal is a good place to start.
-            x = None if number == 1 and part is None and not used.all() else outcome.point.x
-            near = self.near if x is None else here
+            anew = number == 1 and part is None and not used.all()
+            x, near = (nominal, self.near) if anew else (outcome.point.x, here)
             outcome = self._fit(used, noise, J, tails.weigh, x, f"fit {number}", near=near)
             steps += outcome.iterations
         raise ConvergenceError(
@@ -192,6 +200,16 @@ class Rounds:
             return None
         part = replace(self, measured=self.measured.take(rows), visits=self.visits[rows], near=self.near[rows])
         return part.run()
+
+    def _coarsely(self, used: Mask, noise: Noise, J: Floats) -> Floats:
+        """Where a fit ends that takes noise for large, then for smaller: with small noise the cost of a machine far from
+        nominal is a narrow curved valley, along which a rough fit gives up.
+        """
+        x = None
+        for sigma in COARSE:
+            x = self._fit(used, noise.at_least(sigma), J, weights.huber, x, "coarse fit").point.x
+        assert x is not None
+        return x
 
     @property
     def _declared(self) -> tuple[bool, bool]:

@@ -55,8 +55,8 @@ TOGETHER = 4
 """Neighbouring poses that are left out together."""
 SILENT, NAMED = 1.25, 2.0
 """Held-out position error with the causes in over the noise floor, from which the verdict is ``unknown``, where no cause and
-where some are named. Measured on 53 machines of the plant (docs/diagnosis.md): at most 1.07 and 1.13 where the verdict is
-right; causes that depart from their forms leave more as they get stronger."""
+where some are named. Measured (examples/diagnosis/noise_floor.py): at most 1.07 and 1.13 on 53 machines of the plant where the
+verdict is right; causes that depart from their forms leave more as they get stronger."""
 CHANCE = 1e-6
 """Chance of so large a chi-square from noise alone that must be undercut as well."""
 ROUNDS = 2

@@ -146,3 +146,14 @@ def test_what_drifts_or_follows_a_recorded_column_is_no_bump(effect):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
         gtpin.calibrate(case.dataset)
+
+
+def test_a_machine_a_third_of_a_metre_off_nominal_is_reached():
+    dataset = make_case(11, effects=[("link_compliance", None)], robot="stewart_jugglebot").dataset
+    nominal = gtpin.Geometry.nominal(gtpin.load_robot("stewart_jugglebot"))
+    off = np.linalg.norm(dataset.position - gtpin.Model(nominal).predict(dataset.q).T, axis=1)
+    assert np.median(off) > 0.2
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        found = gtpin.calibrate(dataset)
+    assert np.sqrt((found.residual[:, :3] ** 2).sum(axis=1).mean()) < 1e-4

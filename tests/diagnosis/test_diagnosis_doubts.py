@@ -99,9 +99,8 @@ def test_a_cause_that_predicts_nothing_is_dropped():
         baseline = calibrate_geometry(beside, gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
     pool, _ = make_pool(Observed.of(beside, baseline).design(baseline.model), (), 0.01)
     found = decide(pool)
-    assert {"target_offset@platform"} == set(
-        found.named.names
-    )  # the geometry's price of a moved base, and nothing else
+    # The geometry's price of a moved base, and nothing else.
+    assert found.named.names == ("target_offset@platform",)
     each = list(np.array_split(np.arange(len(beside)), len(beside) // 4))
     blocks = [np.isin(np.arange(len(beside)), rows) for rows in each]
     left = without_idle(pool, found, blocks)
