@@ -10,6 +10,9 @@ import pandas as pd
 
 import gtpin
 from gtpin.data import CartMeasurements, Dataset, Instrument
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.situation import Situation
 from gtpin.model_folder import write_model
 from gtpin.plant import simulate
 from gtpin.robot.library import urdf_path
@@ -127,15 +130,32 @@ def make(folder: Path) -> None:
     whole.write(folder / "parquet", table="parquet")
     replace(drawn, robot="machine.urdf", path=folder / "own").write(folder / "own")
     (folder / "own/machine.urdf").write_bytes(urdf_path("gantry_tau").read_bytes())
-    commands = whole.take(slice(0, 10)).commands
+    commands = whole.take(np.unique(whole.pose, return_index=True)[1][:10]).commands
     for suffix in ("csv", "parquet"):
         commands.write(folder / f"commands.{suffix}")
-    diagnosis = gtpin.diagnose(dataset)
-    write_model(diagnosis.baseline.model, folder / "calibrated/model")
-    write_model(diagnosis.model, folder / "bent")
+    model = gtpin.calibrate(drawn).model
+    write_model(model, folder / "calibrated/model")
+    write_model(replace(model, effects=_effects(model, dataset)), folder / "bent")
     (folder / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
     _write_four_bar(folder / "plane")
     pd.DataFrame({"pose": ["a", "b", "c"], "q1": [0.5, 0.9, 1.4]}).to_csv(folder / "one.csv", index=False)
+
+
+def _effects(model: gtpin.Model, dataset: Dataset) -> tuple[ActiveEffect, ...]:
+    """Some effects of a third of their typical size, with and without covariates and a setting."""
+    at = Situation(model.kinematics, dataset.q, model.kinematics.forward(dataset.q), dataset.covariates)
+    found = []
+    for name, site, setting in (
+        ("backlash", "cart2", None),
+        ("rack_periodic", "cart1", 0.03),
+        ("thermal_links", "arm", None),
+        ("link_compliance", "arm", None),
+        ("tracker_drift", "frame", None),
+    ):
+        effect = catalogue()[name]
+        size = 0.3 * effect.basis(at, site, setting).sigma
+        found.append(ActiveEffect(effect, site, setting, size, np.diag(0.01 * size**2), at.references))
+    return tuple(found)
 
 
 def _carts() -> CartMeasurements:

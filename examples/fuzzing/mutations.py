@@ -97,6 +97,17 @@ DEEP = (
 ENTITIES = (
     '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;">]>'
 )
+UNFIT = (
+    ValueError,
+    LookupError,
+    TypeError,
+    ArithmeticError,
+    RecursionError,
+    OSError,
+    ElementTree.ParseError,
+    pa.ArrowException,
+)
+"""What a change raises of content that is no longer of its kind."""
 
 
 def mutate(content: bytes, suffix: str, rng: Random) -> bytes:
@@ -106,7 +117,16 @@ def mutate(content: bytes, suffix: str, rng: Random) -> bytes:
         change = rng.choice(kinds)
         try:
             content = change(content, rng)
-        except (ValueError, ElementTree.ParseError, RecursionError, pa.ArrowException, OSError):
+        except (
+            ValueError,
+            LookupError,
+            TypeError,
+            ArithmeticError,
+            RecursionError,
+            ElementTree.ParseError,
+            pa.ArrowException,
+            OSError,
+        ):
             content = _bytes(content, rng)  # no longer of its kind, by an earlier change
     return content
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Ids = NDArray[np.object_]
 
-LONGEST = 500
+LONGEST = 10_000
 """Letters that an id has at most: it stands in messages and reports."""
 
 # A leading zero makes a name ("007"), and so does an exponent without a sign ("1e3" may be a hash).

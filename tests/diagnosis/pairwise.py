@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from random import Random
 
 Pair = frozenset[tuple[str, str]]
+
+TRIES = 30
+"""Candidates for each row."""
 
 
 def pairs(factors: Mapping[str, Sequence[str]]) -> set[Pair]:
@@ -24,18 +28,21 @@ def held(row: Mapping[str, str]) -> set[Pair]:
 
 
 def all_pairs(factors: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
-    """Rows, each begun with a pair that is missing and filled with the values that add most pairs; deterministic."""
+    """Rows, each the best of some tries to hold many pairs that are missing (Cohen et al. 1997, AETG); deterministic."""
     missing = dict.fromkeys(sorted(pairs(factors), key=sorted))
-    rows = []
+    rng, rows = Random(0), []
     while missing:
-        row = dict(next(iter(missing)))
-        for name in [name for name in factors if name not in row]:
-            gains = {
-                value: sum(frozenset({(name, value), other}) in missing for other in row.items())
-                for value in factors[name]
-            }
-            row[name] = max(gains, key=lambda value: gains[value])
-        for pair in held(row):
+        tries = [_row(factors, missing, rng) for _ in range(TRIES)]
+        rows.append(max(tries, key=lambda row: sum(pair in missing for pair in held(row))))
+        for pair in held(rows[-1]):
             missing.pop(pair, None)
-        rows.append({name: row[name] for name in factors})
     return rows
+
+
+def _row(factors: Mapping[str, Sequence[str]], missing: Mapping[Pair, None], rng: Random) -> dict[str, str]:
+    """A row begun with a missing pair, and filled in any order with the values that add most pairs."""
+    row = dict(rng.choice(list(missing)))
+    for name in rng.sample([name for name in factors if name not in row], len(factors) - len(row)):
+        values = rng.sample(list(factors[name]), len(factors[name]))
+        row[name] = max(values, key=lambda v: sum(frozenset({(name, v), other}) in missing for other in row.items()))
+    return {name: row[name] for name in factors}

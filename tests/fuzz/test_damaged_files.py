@@ -26,7 +26,7 @@ from fuzzing.mutations import mutate, mutate_file  # noqa: E402
 
 SECONDS = 120
 """CPU seconds after which a command on these small files hangs: a sound diagnosis takes some ten."""
-TRIES = {"calibrate": 60, "diagnose": 3, "predict": 60, "sensitivity": 6, "export": 40, "simulate": 30, "view": 2}
+TRIES = {"calibrate": 25, "diagnose": 2, "predict": 40, "sensitivity": 4, "export": 25, "simulate": 20, "view": 2}
 """Damaged files for each kind of command."""
 
 
