@@ -33,7 +33,14 @@ def __getattr__(name: str) -> Any:
 def main() -> None:
     """Run the command line: exit 2 with one line on standard error for bad input, 1 where a solver did not converge."""
     _on_signals(_end_at_once)
-    import gtpin.commands.app  # noqa: F401
+    try:
+        import gtpin.commands.app  # noqa: F401
+    except (ImportError, OSError, MemoryError) as error:  # a library that is broken, or that does not fit into memory
+        _say(
+            "error",
+            f"a library can't be loaded ({error}); there may be too little memory, or it is not installed whole",
+        )
+        sys.exit(2)
 
     # Processes at work for this one end with it, as by Ctrl-C.
     _on_signals(signal.default_int_handler)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Point, Problem
 from gtpin.calibration.rounds import ENOUGH
-from gtpin.calibration.shifted_rows import own_session
+from gtpin.calibration.shifted_rows import FEWEST, own_session
 from gtpin.calibration.strain import motions
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
@@ -37,7 +37,7 @@ SIZE = 30.0
 """Prior size of a step, mm and mrad; so wide that its value hardly matters beside thousands of nats."""
 GRID = 60
 """Rows that are tried at first; then those around the best."""
-EDGE = 3
+EDGE = FEWEST
 """Rows that are left on either side of a step, at least."""
 
 
@@ -121,7 +121,7 @@ class _Scan:
         F = np.concatenate([motions(problem, point, part)[:, :, :6] for part in parts])
         y = problem.residual(point) + J @ point.x
         colour = np.linalg.inv(problem.whitening)
-        plain = replace(noise, repeatability=0.0)
+        plain = replace(noise, repeatability=0.0, lack=0.0)
         again = plain.whitening(np.zeros((len(y), 6, 1)), problem.measured.components) @ colour
         lengths = colour[:, :3, :] @ F
         rows = np.arange(len(y))

@@ -18,7 +18,6 @@ from gtpin.calibration.rounds import Progress, Rounds, Settled
 from gtpin.calibration.shifted_rows import check_stretch, far_from_nominal
 from gtpin.calibration.usable_rows import check_size, plausible_rows, reach_of
 from gtpin.data import Dataset, Instrument
-from gtpin.data.extremes import check_extremes
 from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError, ModelError, RobotError, warn
 from gtpin.kinematics.kinematics import Solver
@@ -92,9 +91,10 @@ def calibrate(
     """
     robot = _robot_of(dataset) if robot is None else robot
     _check_tolerances(dataset)
+    left_out = tuple(without)
     if model is None:
         geometry = Geometry.nominal(
-            robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=without
+            robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=left_out
         )
     else:
         if orientations and model not in MEASURED:
@@ -105,7 +105,12 @@ def calibrate(
         geometry = model_geometry(model, robot, dataset, orientations=orientations)
         dataset = without_sigmas(dataset)
     return _calibrated(
-        dataset, geometry, progress, doubt=model is None, lacking=model is not None, kinematics=kinematics
+        dataset,
+        geometry,
+        progress,
+        doubt=model is None and not left_out,
+        lacking=model is not None,
+        kinematics=kinematics,
     )
 
 
@@ -136,7 +141,6 @@ def _calibrated(
     if progress is not None and len(dataset) >= MANY:
         progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
     nominal = Model(geometry, solver=kinematics)
-    check_extremes(dataset)
     _check_actuators(nominal.robot, dataset)
     dataset = prepared(dataset, nominal)
     reached = sane_rows(dataset)

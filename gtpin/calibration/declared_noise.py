@@ -26,6 +26,8 @@ TWICE = 2.0
 sheets give limits of two standard deviations as often as one, and less than that changes no verdict."""
 ABSURD = 10.0
 """The same ratio from which the data are refused: no data sheet is so careful. A stated assumption."""
+NO_NOISE = 0.01
+"""Noise, m or rad, that no instrument of a robot has: what is left is then no noise. A stated assumption."""
 CHANCE = 1e-3
 """Chance, by chi-square, of residuals so small under the declared noise, below which the declared value is not used."""
 UNITS: dict[Sigma, tuple[tuple[float, float, str], ...]] = {
@@ -100,6 +102,8 @@ def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled:
             raise
         key = small[0]
         value, seen = getattr(instrument, key), shown(again, key)
+        if seen > NO_NOISE:
+            raise error from None
         raise DatasetError(
             f"{key} is {value:.2g}, but these data show a noise of {seen:.2g}, {seen / value:.2g} times more",
             file=_toml(dataset),

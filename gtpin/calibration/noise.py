@@ -43,6 +43,9 @@ class Noise:
         Per axis, rad.
     repeatability
         Of every actuator, in units of its command: the scatter of the machine itself.
+    lack
+        The same of what the model lacks along the motions of single drives: alike at neighbouring poses, so no scatter, but
+        it weighs like one.
     sight
         (N, 3) unit vectors from the instrument to the poses, or None where the station is not known.
     reach
@@ -60,6 +63,7 @@ class Noise:
     position_sigma: float
     orientation_sigma: float
     repeatability: float = 0.0
+    lack: float = 0.0
     sight: Floats | None = None
     reach: Floats | None = None
     range_ratio: float = 1.0
@@ -80,15 +84,20 @@ class Noise:
         covariance[:, :3, :3] = self.position_sigma**2 * self._shape(count)
         if components == 6:
             covariance[:, 3:, 3:] = self.orientation_sigma**2 * np.eye(3)
-        if self.repeatability > 0.0:
+        if self.along_drives > 0.0:
             J = command_jacobian[:, :components]
-            covariance += self.repeatability**2 * (J @ np.swapaxes(J, 1, 2))
+            covariance += self.along_drives**2 * (J @ np.swapaxes(J, 1, 2))
         return covariance
+
+    @property
+    def along_drives(self) -> float:
+        """Of every actuator, in units of its command: repeatability and lack together."""
+        return float(np.hypot(self.repeatability, self.lack))
 
     def whitening(self, command_jacobian: Floats, components: int) -> Floats:
         """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view of one where all are alike."""
         count = len(command_jacobian)
-        if self.repeatability == 0.0 and self.sight is None:
+        if self.along_drives == 0.0 and self.sight is None:
             sigma = np.array([self.position_sigma] * 3 + [self.orientation_sigma] * 3)[:components]
             return np.broadcast_to(np.diag(1.0 / sigma), (count, components, components))
         whitening = np.empty((count, components, components))
@@ -104,6 +113,7 @@ class Noise:
             position_sigma=self.position_sigma * factor,
             orientation_sigma=self.orientation_sigma * factor,
             repeatability=self.repeatability * factor,
+            lack=self.lack * factor,
         )
 
     def at_least(self, sigma: float) -> Noise:

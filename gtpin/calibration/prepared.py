@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.data.duplicates import counted_once
+from gtpin.data.extremes import check_extremes
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import log
 from gtpin.model import Model
@@ -24,11 +25,17 @@ TURNS = 1e-5
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     """The dataset without copies of rows, and without a constant orientation where the robot must turn.
 
+    Raises
+    ------
+    DatasetError
+        If what dataset.toml says can't be, or all commands are the same.
+
     Warns
     -----
     GtpinWarning
         Of what is left out.
     """
+    check_extremes(dataset)
     dataset = counted_once(dataset)
     if dataset.orientation is None or not _same(dataset.orientation) or not _turns(dataset, nominal):
         return dataset

@@ -221,6 +221,7 @@ class Calibration:
                 "position_sigma": self.noise.position_sigma,
                 "orientation_sigma": self.noise.orientation_sigma if self.residual.shape[1] == 6 else None,
                 "repeatability": self.noise.repeatability,
+                "lack": self.noise.lack,
                 "range_ratio": self.noise.range_ratio if self.noise.sight is not None else None,
                 "source": self.noise.source,
                 "tail_freedom": self.freedom if np.isfinite(self.freedom) else None,

@@ -310,7 +310,7 @@ class Rounds:
 
         An instrument's noise does not know where the drives point: residuals that lie along the motions of single drives
         are the machine's. They are counted up for the freedoms that the fit took. They are its scatter only where they are
-        independent from pose to pose: what neighbouring poses share, the model lacks.
+        independent from pose to pose: what neighbouring poses share, the model lacks, but weighs by all the same.
         """
         some = np.arange(len(left))[:: 1 + len(left) // ENOUGH]
         whole = left[some] * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))
@@ -319,7 +319,9 @@ class Rounds:
             return noise
         measured, free = self.measured.take(used), self.instrument.frame == "free"
         shown = replace(told, sight=noise.sight, reach=noise.reach, source="residuals", dof=outcome.residual.size / 2.0)
-        return shown if independent(self.start, outcome.point, measured, shown.take(used), J, free) else noise
+        if independent(self.start, outcome.point, measured, shown.take(used), J, free):
+            return shown
+        return replace(shown, repeatability=0.0, lack=shown.repeatability)
 
     def _volume(self, noise: Noise, J: Floats) -> float:
         """How much a noise admits: the mean log determinant of its covariance."""
@@ -351,6 +353,7 @@ class Rounds:
             position_sigma=max(noise.position_sigma * factors[0], noises.SMALLEST),
             orientation_sigma=max(noise.orientation_sigma * factors[1], noises.SMALLEST),
             repeatability=0.0,
+            lack=0.0,
             source="residuals",
             dof=outcome.residual.size / 2.0,
         )
@@ -374,7 +377,7 @@ def _same(one: Noise, two: Noise) -> bool:
     pairs = (
         (one.position_sigma, two.position_sigma),
         (one.orientation_sigma, two.orientation_sigma),
-        (one.position_sigma + one.repeatability, two.position_sigma + two.repeatability),
+        (one.position_sigma + one.along_drives, two.position_sigma + two.along_drives),
         (one.range_ratio, two.range_ratio),
     )
     return all(abs(a - b) <= SETTLED * abs(b) for a, b in pairs)

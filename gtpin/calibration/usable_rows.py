@@ -74,11 +74,7 @@ def reach_of(geometry: Geometry) -> float:
 
 
 def check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:
-    """Refuse fewer numbers than there are parameters, and poses that are all the same."""
-    if (np.ptp(measured.q, axis=0) == 0.0).all():
-        raise DatasetError(
-            "all usable rows have the same commands", file=dataset.file, hint="measure poses all over the workspace"
-        )
+    """Refuse fewer numbers than there are parameters."""
     numbers = len(measured.T) * measured.components
     if numbers <= unknowns:
         raise DatasetError(

@@ -50,10 +50,11 @@ def check_extremes(dataset: Dataset) -> None:
 
 def _bounded(dataset: Dataset) -> Iterator[tuple[str, float, tuple[float, float], str]]:
     instrument = dataset.instrument
-    for name, unit in (("position_sigma", "m"), ("orientation_sigma", "rad")):
+    for name, unit, long in (("position_sigma", "m", "metre"), ("orientation_sigma", "rad", "radian")):
         sigma = getattr(instrument, name)
         if sigma is not None:
-            yield f"instrument.{name}", sigma, SIGMA, f"1 sigma per axis in {unit}"
+            looks = f" (it looks like micro{long}s)" if sigma > SIGMA[1] else ""
+            yield f"instrument.{name}", sigma, SIGMA, f"1 sigma per axis in {unit}{looks}"
     for coordinate in instrument.station or ():
         yield "instrument.station", coordinate, (-STATION, STATION), "where the instrument stands, m"
     hint = "the temperature at which the geometry holds, degC (subtract 273.15 from kelvin)"

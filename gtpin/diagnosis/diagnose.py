@@ -31,7 +31,7 @@ from gtpin.diagnosis.shrinkage import Gap, gap
 from gtpin.diagnosis.splitting import Standing
 from gtpin.diagnosis.testable import check_excluded, make_pool
 from gtpin.diagnosis.understated import understated
-from gtpin.diagnosis.unexplained import unexplained
+from gtpin.diagnosis.unexplained import marginal_chance, unexplained
 from gtpin.diagnosis.where import where
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -154,7 +154,7 @@ def diagnose(
     columns = {n: pool.groups.columns[n] * s for n, s in zip(names, found.named.scale, strict=True)}
     report("how far the gap shrinks", 0, float("nan"))
     whole, shares = _gaps(searched, evidence, columns, rng)
-    found = _held_to(found, whole, unexplained(pool, found.named, False).p_value)
+    found = _held_to(found, whole, marginal_chance(pool, found.named))
     left_over = unexplained(pool, found.named, found.verdict == "unknown")
     takes = {n: (whole.shrinkage or 0.0) - (shares[n].shrinkage or 0.0) for n in names}
     shrunk = [replace(c, shrinkage=takes[f"{c.effect}@{c.site}"]) for c in found_causes]

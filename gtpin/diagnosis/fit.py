@@ -108,15 +108,15 @@ def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:
     in it look small.
     """
     noise, instrument, model = baseline.noise, dataset.instrument, baseline.model
-    if noise.repeatability > 0.0:
+    if noise.along_drives > 0.0:
         poses = model.kinematics.forward(dataset.q)
         J = in_frame(model.kinematics.command_jacobian(dataset.q, poses), model.frame)
-        own = noise.repeatability**2 * (J**2).sum(axis=2).mean(axis=0)
+        own = noise.along_drives**2 * (J**2).sum(axis=2).mean(axis=0)
         if instrument.position_sigma is None:
             noise = replace(noise, position_sigma=float(np.sqrt(noise.position_sigma**2 + own[:3].mean())))
         if instrument.orientation_sigma is None:
             noise = replace(noise, orientation_sigma=float(np.sqrt(noise.orientation_sigma**2 + own[3:].mean())))
-    return replace(noise, repeatability=0.0)
+    return replace(noise, repeatability=0.0, lack=0.0)
 
 
 def fit_together(

@@ -197,20 +197,20 @@ class Diagnosis:
                     for site, coordinates, p in self.unexplained.correlates
                 ],
                 "could_be": [{"effect": effect, "site": site} for effect, site in self.unexplained.could_be],
+                "questions": [
+                    {
+                        "effect": q.effect,
+                        "site": q.site,
+                        "parameter": q.parameter,
+                        "value": q.value,
+                        "sigma": q.sigma,
+                        "unit": q.unit,
+                        "expected": [q.low if np.isfinite(q.low) else None, q.high if np.isfinite(q.high) else None],
+                        "why": q.why,
+                        "believed": q.believed,
+                    }
+                    for q in self.questions
+                ],
             },
             "next_experiment": [e.to_json() for e in self.next_experiment],
-            "questions": [
-                {
-                    "effect": q.effect,
-                    "site": q.site,
-                    "parameter": q.parameter,
-                    "value": q.value,
-                    "sigma": q.sigma,
-                    "unit": q.unit,
-                    "expected": [q.low if np.isfinite(q.low) else None, q.high if np.isfinite(q.high) else None],
-                    "why": q.why,
-                    "believed": q.believed,
-                }
-                for q in self.questions
-            ],
         }

@@ -31,9 +31,8 @@ def unexplained(pool: Pool, model: Posterior, unknown: bool) -> Unexplained:
         Whether something unknown is beside them.
     """
     groups, design = pool.groups, pool.design
-    moment = np.concatenate([np.zeros(0), *(groups.moment(n) for n in model.names)])
-    power = groups.power - float(moment @ model.mean)
-    gram = np.vstack([np.zeros((0, len(moment))), *(groups.across(n, model.names) for n in model.names)])
+    power = _power(pool, model)
+    gram = np.vstack([np.zeros((0, len(model.mean))), *(groups.across(n, model.names) for n in model.names)])
     taken = float(np.einsum("ij,ji->", model.covariance, gram))
     dof = max(len(design.y) - design.n_geometry - taken, 1.0)
     excess = groups.power - len(design.y) + design.n_geometry
@@ -48,6 +47,20 @@ def unexplained(pool: Pool, model: Posterior, unknown: bool) -> Unexplained:
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     kept_rows = tuple(row for row in correlates[:CORRELATES] if row[2] < SEEN)
     return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, _could_be(pool, model) if unknown else ())
+
+
+def marginal_chance(pool: Pool, model: Posterior) -> float:
+    """Chance of a larger chi-square from noise, from geometry within its tolerances and from the causes of a model.
+
+    y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y is chi-square with as many degrees of freedom as y has numbers, however few.
+    """
+    return float(chi2.sf(_power(pool, model), len(pool.design.y)))
+
+
+def _power(pool: Pool, model: Posterior) -> float:
+    """Squares of the whitened residual, with geometry and a model's causes marginalised."""
+    moment = np.concatenate([np.zeros(0), *(pool.groups.moment(n) for n in model.names)])
+    return pool.groups.power - float(moment @ model.mean)
 
 
 def _could_be(pool: Pool, model: Posterior) -> tuple[tuple[str, str], ...]:

@@ -74,6 +74,10 @@ def _noise(c: Calibration) -> str:
     if noise.repeatability > 0.0:
         how = "the residuals" if noise.source == "residuals" else "repeated visits"
         lines.append(f"  repeatability of each actuator, from {how}: {noise.repeatability * 1e6:.2f} um or urad")
+    if noise.lack > 0.0:
+        lines.append(
+            f"  lack of the model along single drives, alike at neighbouring poses: {noise.lack * 1e6:.2f} um or urad"
+        )
     if scatters(c):
         lines.append(
             "  That is much: backlash and whatever else comes and goes between visits may hide in it. gtpin diagnose tells."

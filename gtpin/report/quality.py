@@ -73,6 +73,8 @@ def _noise(c: Calibration) -> str:
     if noise.repeatability > 0.0:
         how = "from the residuals" if noise.source == "residuals" else "from repeated visits"
         text += f"; repeatability of each actuator, {how}: {length(noise.repeatability)}"
+    if noise.lack > 0.0:
+        text += f"; what the model lacks along single drives, alike at neighbouring poses: {length(noise.lack)}"
     if np.isfinite(c.freedom):
         text += f"; its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)"
     return text + "."

@@ -85,7 +85,7 @@ def test_noise_declared_a_million_times_too_small_is_refused_or_warned_of():
         _, said = warned(declared(clean(), 1e-6, 1e-6))
     except DatasetError as error:
         said = str(error)
-    assert "times the noise" in said or "show a noise of" in said
+    assert "times the noise" in said or "show a noise of" in said or "1 sigma per axis in m, from" in said
 
 
 def test_an_instrument_eight_millimetres_beside_the_base_is_warned_of_and_fitted_as_free():

@@ -193,6 +193,7 @@ def test_an_orientation_that_is_constant_is_left_out_with_a_warning():
     assert np.array_equal(left_out.model.geometry.values, alone.model.geometry.values)
 
 
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # its drawn geometry does turn a little
 def test_a_constant_orientation_of_a_robot_that_keeps_it_is_a_measurement():
     data = machine("linear_delta", 632)
     constant = replace(data, orientation=np.tile([1.0, 0.0, 0.0, 0.0], (len(data), 1)))

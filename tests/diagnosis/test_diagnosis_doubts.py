@@ -38,7 +38,7 @@ def understated(dataset: Dataset, factor: float) -> Dataset:
 def test_noise_declared_too_small_makes_no_cause(factor):
     found, said = warned(understated(machine(3).dataset, factor))
     assert "position_sigma" in said
-    assert "the data's own is used" in said
+    assert "which is used" in said
     assert (found.verdict, found.causes) == ("none", ())
     assert found.gap.before < 1.25 * found.gap.floor
 
@@ -78,7 +78,7 @@ def test_a_question_reaches_summary_and_file():
     speeds = {name: -values for name, values in dataset.covariates.items() if name.startswith("speed")}
     found, _ = warned(replace(dataset, covariates={**dataset.covariates, **speeds}))
     assert [(c.effect, c.site) for c in found.causes] == [("servo_lag", "cart1")]
-    (question,) = found.to_json()["questions"]
+    (question,) = found.to_json()["unexplained"]["questions"]
     assert (question["effect"], question["parameter"], question["believed"]) == ("servo_lag", "lag", True)
     assert question["expected"] == [0.0, None]
     assert any("unusual" in str(part) for part in diagnosis_summary(found).renderables)
