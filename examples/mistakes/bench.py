@@ -39,6 +39,8 @@ ENERGY = 1500.0
 SURE = 0.95
 FAR = 3.0
 """Times the noise of a perfect model that `none` and `explained` may leave."""
+VISIBLE = 1e-4
+"""Noise of positions, m, in which the effects drown."""
 EFFECTS = (
     ("backlash", "cart1"),
     ("rack_periodic", "cart2"),
@@ -123,8 +125,8 @@ def _wrong(found: gtpin.Diagnosis, effect: tuple[str, str] | None, mistake: Mist
             return True
     if found.verdict not in ("none", "explained"):
         return False
-    floor = float(np.sqrt(3.0)) * 1.5e-5  # the plant's instrument, whatever was declared
-    missed = effect is not None and found.verdict == "none"
+    floor = float(np.sqrt(3.0)) * mistake.noise  # whatever was declared
+    missed = effect is not None and found.verdict == "none" and mistake.noise < VISIBLE
     return missed or found.gap.after > FAR * floor
 
 

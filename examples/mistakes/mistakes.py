@@ -37,6 +37,8 @@ class Mistake:
         (id, site) of the effect that the machine has when it has one; each machine has its own where None.
     right
         Effects that describe this mistake, and are no wrong causes.
+    noise
+        1 sigma per axis of the positions, m, with the mistake in them.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Mistake:
     words: str
     effect: tuple[str, str] | None = None
     right: tuple[str, ...] = ()
+    noise: float = 1.5e-5
 
 
 def _rotations(table: pd.DataFrame) -> Rotation:
@@ -241,15 +244,14 @@ def _temperatures_swapped(table: pd.DataFrame, toml: Toml, rng: np.random.Genera
 
 
 HEAT = ("thermal_links", "arm")
-FIT = "unit|millimet|column|frame|convention|order|looks like|rows?"
 
 MISTAKES = (
-    Mistake("noise declared a thousand times too large", _sigma(1e3), "declared noise"),
-    Mistake("position noise declared in micrometres", _position_sigma(1e6), "declared noise|micromet|um"),
-    Mistake("noise declared 100 times too large", _sigma(100.0), "declared noise"),
-    Mistake("noise declared 10 times too large", _sigma(10.0), "declared noise"),
-    Mistake("noise declared 100 times too small", _sigma(0.01), "declared noise"),
-    Mistake("noise declared 10 times too small", _sigma(0.1), "declared noise"),
+    Mistake("noise declared a thousand times too large", _sigma(1e3), "show a noise of|times the noise|rounded"),
+    Mistake("position noise declared in micrometres", _position_sigma(1e6), "micromet|show a noise of"),
+    Mistake("noise declared 100 times too large", _sigma(100.0), "show a noise of|times the noise|rounded"),
+    Mistake("noise declared 10 times too large", _sigma(10.0), "show a noise of|times the noise|rounded"),
+    Mistake("noise declared 100 times too small", _sigma(0.01), "show a noise of|times the noise|rounded"),
+    Mistake("noise declared 10 times too small", _sigma(0.1), "show a noise of|times the noise|rounded"),
     Mistake("instrument 1 to 5 mm beside the base", _beside_the_base, "free"),
     Mistake("instrument elsewhere, not said", _elsewhere, "free"),
     Mistake("quaternions conjugated", _conjugated, "conjugat|inverse"),
@@ -279,8 +281,8 @@ MISTAKES = (
     Mistake("65535 in 30 % of the temperatures", _sentinels(65535.0, 0.3), "65535|temp", HEAT),
     Mistake("85 degC at power-up", _power_up, "85|temp", HEAT),
     Mistake("0 K in 5 % of the temperatures", _sentinels(-273.15, 0.05), "-273|temp", HEAT),
-    Mistake("every row twice", _repeated(2), "identical|twice|same reading|duplicate"),
-    Mistake("every row ten times", _repeated(10), "identical|same reading|duplicate"),
+    Mistake("every row twice", _repeated(2), "copies"),
+    Mistake("every row ten times", _repeated(10), "copies"),
     Mistake("approach +1 everywhere", _starting("approach", lambda a: a * 0 + 1), "approach", ("backlash", "cart1")),
     Mistake("approach reversed", _starting("approach", lambda a: -a), "backlash|approach|sign", ("backlash", "cart1")),
     Mistake("speeds in mm/s", _starting("speed", lambda v: 1e3 * v), "speed", ("servo_lag", "cart2")),
@@ -290,9 +292,9 @@ MISTAKES = (
     Mistake("clock from zero each session", _clock_from_zero_each_session, "time", ("tracker_drift", "frame")),
     Mistake("two sessions called one", _one_session, "session", ("zero_shift", "cart2"), ("frame_shift",)),
     Mistake("temp_frame and temp_link swapped", _temperatures_swapped, "temp", HEAT),
-    Mistake("two machines in one table", _two_machines, FIT, right=("frame_shift",)),
-    Mistake("positions rounded to 0.1 mm", _rounded(1e-4), "round|digits|resolution|declared noise"),
-    Mistake("positions rounded to 1 mm", _rounded(1e-3), "round|digits|resolution|declared noise"),
+    Mistake("two machines in one table", _two_machines, "two (groups|machines)", right=("frame_shift",)),
+    Mistake("positions rounded to 0.1 mm", _rounded(1e-4), "rounded", noise=3.3e-5),
+    Mistake("positions rounded to 1 mm", _rounded(1e-3), "rounded", noise=1e-3 / 12**0.5),
     Mistake("a sixth of the readings frozen", _stuck, "identical|same reading|frozen|gross"),
     Mistake("a tool of 100 mm not said", _tool, "target|tool|tcp|tolerances", right=("target_offset",)),
     Mistake("one number mistyped by 100 mm", _typo, "gross|set aside"),

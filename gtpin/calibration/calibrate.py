@@ -18,6 +18,7 @@ from gtpin.calibration.rounds import Progress, Rounds, Settled
 from gtpin.calibration.shifted_rows import check_stretch, far_from_nominal
 from gtpin.calibration.usable_rows import check_size, plausible_rows, reach_of
 from gtpin.data import Dataset, Instrument
+from gtpin.data.rounding import with_rounding
 from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError, ModelError, RobotError, warn
 from gtpin.kinematics.kinematics import Solver
@@ -142,7 +143,7 @@ def _calibrated(
         progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
     nominal = Model(geometry, solver=kinematics)
     _check_actuators(nominal.robot, dataset)
-    dataset = prepared(dataset, nominal)
+    dataset = with_rounding(prepared(dataset, nominal))
     reached = sane_rows(dataset)
     poses = nominal.kinematics.forward(dataset.q[reached])
     plausible = plausible_rows(dataset.take(reached), nominal, poses)

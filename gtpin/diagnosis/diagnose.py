@@ -22,7 +22,7 @@ from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.filled_in import without_filled_in
 from gtpin.diagnosis.fit import Observed, fit_together
 from gtpin.diagnosis.next_experiment import plan
-from gtpin.diagnosis.noise import asked_again, gross_errors
+from gtpin.diagnosis.noise import asked_again, gross_errors, left_over
 from gtpin.diagnosis.pool import Pool
 from gtpin.diagnosis.predictive import without_idle
 from gtpin.diagnosis.questions import questions, without_impossible
@@ -30,6 +30,7 @@ from gtpin.diagnosis.result import Cause, Considered, Diagnosis
 from gtpin.diagnosis.shrinkage import Gap, gap
 from gtpin.diagnosis.splitting import Standing
 from gtpin.diagnosis.testable import check_excluded, make_pool
+from gtpin.diagnosis.two_groups import two_groups
 from gtpin.diagnosis.understated import understated
 from gtpin.diagnosis.unexplained import marginal_chance, unexplained
 from gtpin.diagnosis.where import where
@@ -57,6 +58,10 @@ SILENT, NAMED = 1.25, 2.0
 """Held-out position error with the causes in over the noise floor, from which the verdict is ``unknown``, where no cause and
 where some are named. Measured (examples/diagnosis/noise_floor.py): at most 1.07 and 1.13 on 53 machines of the plant where the
 verdict is right; causes that depart from their forms leave more as they get stronger."""
+USUAL = (1.5e-5, 5e-5)
+"""Noise of a laser tracker, m and rad, by which positions are weighed against orientations where none is declared."""
+SHOWN = 8
+"""Lines of rows that a message lists."""
 CHANCE = 1e-6
 """Chance of so large a chi-square from noise alone that must be undercut as well."""
 ROUNDS = 2
@@ -155,21 +160,23 @@ def diagnose(
     report("how far the gap shrinks", 0, float("nan"))
     whole, shares = _gaps(searched, evidence, columns, rng)
     found = _held_to(found, whole, marginal_chance(pool, found.named))
-    left_over = unexplained(pool, found.named, found.verdict == "unknown")
+    left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
+    if found.verdict != "unknown":
+        found = _of_one_measurement(found, design, left_over(pool, found.named)[0], searched)
+    remaining = unexplained(pool, found.named, found.verdict == "unknown")
     takes = {n: (whole.shrinkage or 0.0) - (shares[n].shrinkage or 0.0) for n in names}
     shrunk = [replace(c, shrinkage=takes[f"{c.effect}@{c.site}"]) for c in found_causes]
     causes = sorted(shrunk, key=lambda c: -c.shrinkage)
-    left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     aside = ~np.isin(recorded.row, kept.row)
     report("what to measure next", 0, float("nan"))
     return Diagnosis(
         verdict=found.verdict,
         causes=tuple(causes),
-        candidates=tuple(_considered(pool, found, evidence.untestable, left_over.could_be)),
+        candidates=tuple(_considered(pool, found, evidence.untestable, remaining.could_be)),
         where=where(design, left, pool, found.gains, regions),
         gap=whole,
-        unexplained=left_over,
+        unexplained=remaining,
         baseline=baseline,
         model=model,
         set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),
@@ -192,6 +199,23 @@ def _held_to(found: Decision, whole: Gap, p_value: float) -> Decision:
     most = SILENT if found.verdict == "none" else NAMED
     if found.verdict == "unknown" or whole.after <= most * whole.floor or p_value > CHANCE:
         return found
+    return replace(found, verdict="unknown", unknown=1.0)
+
+
+def _of_one_measurement(found: Decision, design: Design, left: Floats, dataset: Dataset) -> Decision:
+    """The verdict ``unknown`` where what passes for noise are two groups of rows, with a warning that names them."""
+    instrument = dataset.instrument
+    sigma = (instrument.position_sigma or USUAL[0], instrument.orientation_sigma or USUAL[1])
+    groups = two_groups(design, left, sigma)
+    if groups is None:
+        return found
+    lines = dataset.row[groups.smaller]
+    shown = ", ".join(str(line) for line in np.sort(lines)[:SHOWN])
+    warn(
+        f"the rows fall into two groups that differ by one motion of {1e3 * groups.apart:.2g} mm: {len(lines)} rows "
+        f"({shown}, ...) against {len(groups.smaller) - len(lines)}: two machines, two set-ups of the instrument, a zero that "
+        "moved, or play whose direction of approach was not recorded; give each group its session"
+    )
     return replace(found, verdict="unknown", unknown=1.0)
 
 

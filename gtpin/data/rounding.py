@@ -1,0 +1,55 @@
+"""Positions that were rounded more coarsely than the instrument's noise: the rounding is noise as well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gtpin.data.dataset import Dataset
+from gtpin.errors import warn
+
+STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
+"""Steps that positions are rounded to, m, the coarsest first."""
+FEWEST = 10
+"""Poses below which multiples of a step may be chance."""
+EXACT = 1e-6
+"""Share of a step by which a number in decimals may miss a multiple of it."""
+MATTERS = 1.05
+"""Growth of the noise by rounding from which it is counted."""
+
+
+def with_rounding(dataset: Dataset) -> Dataset:
+    """The dataset with a declared position's noise that has the rounding in it.
+
+    Rounding to a step d is an error uniform over d, of standard deviation d / sqrt(12). Undeclared noise is estimated from
+    the data, and has it already.
+
+    Warns
+    -----
+    GtpinWarning
+        Where rounding makes the noise larger than what is declared.
+    """
+    step, declared = rounded_to(dataset), dataset.instrument.position_sigma
+    if step is None or declared is None:
+        return dataset
+    sigma = float(np.hypot(declared, step / np.sqrt(12.0)))
+    if sigma < MATTERS * declared:
+        return dataset
+    text = (
+        f"positions are rounded to {1e3 * step:g} mm: with it their noise is {sigma:.2g} m, more than the {declared:.2g} m "
+        "that are declared, and is used; export more digits"
+    )
+    warn(f"{dataset.file}: {text}" if dataset.file else text)
+    return replace(dataset, instrument=dataset.instrument.model_copy(update={"position_sigma": sigma}))
+
+
+def rounded_to(dataset: Dataset) -> float | None:
+    """The coarsest step, m, that all positions are multiples of; None where there is none."""
+    if len(dataset) < FEWEST:
+        return None
+    for step in STEPS:
+        counts = dataset.position / step
+        if np.abs(counts - np.round(counts)).max() < EXACT * max(1.0, float(np.abs(counts).max()) * 1e-6):
+            return step
+    return None
