@@ -24,12 +24,12 @@ def read_parquet(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table
     """
     try:
         table = pa.parquet.read_table(pa.BufferReader(data))
+        names = table.column_names  # decoded only here: damaged ones are no UTF-8
+        # pandas keeps an index that is no plain range as a column of this name.
+        table = table.select([i for i, name in enumerate(names) if not name.startswith("__index_level_")])
     except (pa.ArrowException, OSError, ValueError) as error:
         reason = " ".join(str(error).split())[:120]
         raise DatasetError(f"not a Parquet file that can be read ({reason})", file=file, hint="write it anew") from None
-    # pandas keeps an index that is no plain range as a column of this name.
-    kept = [i for i, name in enumerate(table.column_names) if not name.startswith("__index_level_")]
-    table = table.select(kept)
     names = table.column_names
     check_header(names, file)
     if table.num_rows == 0:

@@ -2,7 +2,9 @@
 
 import contextlib
 import warnings
+from pathlib import Path
 
+import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -10,6 +12,7 @@ from small_dataset import HEADER, LINES, TOML
 
 from gtpin.data import Commands, Dataset
 from gtpin.data.csv_file import _line_by_line, read_csv
+from gtpin.data.parquet_file import read_parquet
 from gtpin.errors import DatasetError
 
 
@@ -369,3 +372,11 @@ def test_a_corrupted_parquet_table_never_raises_anything_but_a_dataset_error(mak
         with contextlib.suppress(DatasetError):
             Dataset.read(folder)
     (folder / "poses.parquet").unlink()
+
+
+def test_damaged_names_in_a_parquet_file_are_one_line(tmp_path: Path) -> None:
+    good = tmp_path / "poses.parquet"
+    pd.DataFrame({"pose": ["a", "b"], "q1": [0.0, 1.0], "remark": [1.0, 2.0]}).to_parquet(good)
+    damaged = good.read_bytes().replace(b"remark", b"\xff\xfe\xff\xfe\xff\xfe")
+    with pytest.raises(DatasetError, match="not a Parquet file that can be read"):
+        read_parquet(good, damaged)
