@@ -15,6 +15,8 @@ from pathlib import Path
 
 from figures import FIGURES, ROOT
 from scores import jugglebot, machine_scores, sealed_score, sealed_sentence
+from speed import command_table
+from speed import table as speed_table
 
 BLOCK = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
 TABLES: dict[str, Callable[[], str]] = {
@@ -23,6 +25,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "sealed_sentence": sealed_sentence,
     "machine_scores": machine_scores,
     "jugglebot": jugglebot,
+    "speed": speed_table,
+    "speed_of_commands": command_table,
 }
 
 

@@ -21,9 +21,13 @@ text = st.text(st.characters(categories=("L", "N", "P", "S", "Zs")), min_size=1,
 names = text.filter(lambda name: name == name.strip()).map(lambda name: "c" + name)
 
 
-def array(draw, *shape):
+countable = st.floats(-1e30, 1e30)
+"""What a covariate may be."""
+
+
+def array(draw, *shape, values=finite):
     size = int(np.prod(shape))
-    return np.array(draw(st.lists(finite, min_size=size, max_size=size))).reshape(shape)
+    return np.array(draw(st.lists(values, min_size=size, max_size=size))).reshape(shape)
 
 
 def quaternions(draw, n):
@@ -35,11 +39,11 @@ def quaternions(draw, n):
 
 def covariates(draw, n):
     known = {
-        "time": array(draw, n),
-        "payload": np.abs(array(draw, n)),
+        "time": array(draw, n, values=countable),
+        "payload": np.abs(array(draw, n, values=countable)),
         "approach1": np.where(array(draw, n) > 0, 1.0, -1.0),
     }
-    others = {name: array(draw, n) for name in draw(st.lists(names, max_size=2, unique=True))}
+    others = {name: array(draw, n, values=countable) for name in draw(st.lists(names, max_size=2, unique=True))}
     session = {"session": draw(st.lists(st.one_of(text, st.integers()), min_size=n, max_size=n))}
     return {**known, **others, **session}
 

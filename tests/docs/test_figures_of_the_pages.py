@@ -113,3 +113,17 @@ CONSTANTS = (
 def test_a_constant_on_a_page_is_the_codes(page: str, phrase: str, value: float | str) -> None:
     text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
     assert phrase.format(value if isinstance(value, str) else f"{value:g}") in text
+
+
+def test_every_time_on_the_page_of_speed_is_of_a_benchmark_that_exists() -> None:
+    import speed
+
+    code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "benchmarks").glob("test_*.py"))
+    named = {*speed.ROWS, *(name for pair in speed.RATIOS.values() for name in pair)}
+    assert named == {name for name in named if f"def {name}(" in code}
+    times = json.loads(speed.RECORD.read_text(encoding="utf-8"))["benchmarks"]
+    assert named <= set(times)
+    found = speed.ratios(times)
+    assert found["a closed posture by `fsolve` over one by Pinocchio"] > 1.0
+    assert found["a closed posture by `fsolve` over one in arrays"] > 20.0
+    assert found["`least_squares` over the calibration of 61 poses"] > 20.0
