@@ -15,7 +15,7 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model import Frame, Model
 from gtpin.model_file import AGAIN, SCHEMA, FrameRecord, ModelFile, TrackRecord, explained, read_model_file
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.export import placements_to_urdf, to_urdf
 from gtpin.robot.geometry import Geometry

@@ -1,14 +1,15 @@
 """How far left-out poses are from the noise floor where the verdict is right: the source of SILENT and NAMED.
 
-Machines with no effect, one, or two are diagnosed. Of those whose causes are the machine's own, the largest ratio of the
-held-out position error with the causes in to the noise floor is printed. Run ``python examples/diagnosis/noise_floor.py
-[MACHINES]`` (20 of each kind by default).
+Machines with no effect, one, or two are diagnosed. Of those whose causes are the machine's own, the table has the largest
+ratio of the held-out position error with the causes in to the noise floor.
+``python examples/pages/refresh.py --measure noise_floor`` measures the table of docs/diagnosis.md again.
 """
 
 from __future__ import annotations
 
-import sys
 import warnings
+
+import pandas as pd
 
 import gtpin
 from gtpin.plant import make_case
@@ -17,25 +18,30 @@ SEEDS = 7_000
 """From here on each kind draws its machines."""
 
 
-def ratio(number: int, effects: int) -> tuple[str, float] | None:
-    """The verdict and the ratio; None where the causes are not the machine's."""
-    case = make_case(SEEDS + 100 * effects + number, n_effects=effects)
+def jobs(machines: int) -> list[dict[str, object]]:
+    """Which machines are diagnosed."""
+    return [{"effects": effects, "machine": k} for effects in (0, 1, 2) for k in range(machines)]
+
+
+def measured(effects: int, machine: int) -> list[dict[str, object]]:
+    """The ratio, and whether all that was named is the machine's own."""
+    case = make_case(SEEDS + 100 * effects + machine, n_effects=effects)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
         found = gtpin.diagnose(case.dataset)
     truth = {(t.effect, t.site) for t in case.effects}
-    if found.verdict == "unknown" or not {(c.effect, c.site) for c in found.causes} <= truth:
-        return None
-    return ("no cause" if not found.causes else "causes"), found.gap.after / found.gap.floor
+    right = found.verdict != "unknown" and {(c.effect, c.site) for c in found.causes} <= truth
+    return [{"causes": len(found.causes), "right": right, "ratio": found.gap.after / found.gap.floor}]
 
 
-def main(machines: int) -> None:
-    """Print the largest ratio without and with causes."""
-    found = [r for effects in (0, 1, 2) for k in range(machines) if (r := ratio(k, effects))]
-    for kind in ("no cause", "causes"):
-        ratios = [value for verdict, value in found if verdict == kind]
-        print(f"{kind}: {len(ratios)} machines, at most {max(ratios, default=float('nan')):.3f}")
+def table(records: pd.DataFrame) -> str:
+    """The largest ratio without and with causes."""
+    right = records[records["right"].astype(str) == "True"]
+    lines = ["| named | machines | largest ratio |", "|---|---|---|"]
+    for words, rows in (("no cause", right[right["causes"] == 0]), ("causes", right[right["causes"] > 0])):
+        lines.append(f"| {words} | {len(rows)} | {rows['ratio'].max():.2f} |")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    print(table(pd.DataFrame([{**job, **row} for job in jobs(2) for row in measured(**job)])))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import gtpin.cli
-from gtpin.ownership import MARKER
+from gtpin.output.ownership import MARKER
 
 MEMORY = 4 * 2**30
 """Bytes of memory that a command on these small files may map."""

@@ -73,5 +73,6 @@ FIGURES = (
     Figure("missing_covariates", "diagnosis/missing_covariates.py", 20),
     Figure("mistakes", "mistakes/bench.py", 5),
     Figure("next_experiment", "next_experiment/compare.py", 12),
+    Figure("noise_floor", "diagnosis/noise_floor.py", 15),
     Figure("imitators", "effects/confusable.py", 1),
 )

@@ -18,10 +18,10 @@ from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, workspace
 from gtpin.errors import GtpinError, ModelError, warn
-from gtpin.json_text import json_text
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
-from gtpin.output import results_folder
+from gtpin.output.json_text import json_text
+from gtpin.output.results import results_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

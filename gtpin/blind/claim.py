@@ -13,9 +13,9 @@ from pathlib import Path
 from gtpin.blind.folder import CheckFolder, Settings
 from gtpin.data.files import UNFINISHED, placed_file
 from gtpin.errors import GtpinError
-from gtpin.output import writing
-from gtpin.ownership import MARKER, aside, refuse_foreign
-from gtpin.work_folder import work_folder
+from gtpin.output.ownership import MARKER, aside, refuse_foreign
+from gtpin.output.results import writing
+from gtpin.output.work_folder import work_folder
 
 SCHEMA = "gtpin-blind/1"
 CLAIM = "check.json"

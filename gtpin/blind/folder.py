@@ -18,8 +18,8 @@ from gtpin.blind.worker import Said
 from gtpin.data.files import placed_file, write_table
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
-from gtpin.output import writing
-from gtpin.ownership import MARKER
+from gtpin.output.ownership import MARKER
+from gtpin.output.results import writing
 
 JUDGES = ("blind", "plant", "report", "commands", "paper")
 """Parts of gtpin that a diagnosis does not depend on."""

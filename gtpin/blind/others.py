@@ -18,8 +18,8 @@ from gtpin.data.files import find_table, read_bytes, read_table
 from gtpin.data.names import POSITION
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import DatasetError, GtpinError
-from gtpin.output import writing
-from gtpin.ownership import MARKER
+from gtpin.output.ownership import MARKER
+from gtpin.output.results import writing
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 

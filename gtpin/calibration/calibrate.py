@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.calibration.declared_noise import used_noise
-from gtpin.calibration.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
+from gtpin.calibration.checks.declared_noise import used_noise
+from gtpin.calibration.checks.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
+from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
+from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, reach_of
 from gtpin.calibration.paper_models import MEASURED, model_geometry
-from gtpin.calibration.prepared import prepared
 from gtpin.calibration.problem import measured_poses, rough_frame
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress, Rounds, Settled
-from gtpin.calibration.shifted_rows import check_stretch, far_from_nominal
-from gtpin.calibration.usable_rows import check_size, plausible_rows, reach_of
 from gtpin.data import Dataset, Instrument
 from gtpin.data.rounding import with_rounding
 from gtpin.data.sane import sane_rows

@@ -12,8 +12,8 @@ from gtpin.calibration.cart_tracks import Linearity
 from gtpin.calibration.comparison import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, GtpinError, warn
-from gtpin.json_text import json_text
-from gtpin.output import results_folder
+from gtpin.output.json_text import json_text
+from gtpin.output.results import results_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

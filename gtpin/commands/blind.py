@@ -14,7 +14,7 @@ from rich.text import Text
 
 from gtpin.commands.terminal import AsJson, Force, Output, Seed, tell, write_json
 from gtpin.errors import GtpinError
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.plant.digest import digest
 
 CASES = 100

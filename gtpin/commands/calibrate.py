@@ -12,7 +12,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, progress_of, tell, write_json
 from gtpin.data import Dataset
 from gtpin.model_folder import write_model
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.calibration_text import calibration_summary, calibration_text
 

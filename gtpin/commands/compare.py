@@ -11,7 +11,7 @@ from gtpin.calibration.comparison import Comparison
 from gtpin.calibration.figures import FILES, write_comparison
 from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, tell
 from gtpin.data import Dataset
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.report.comparison_page import comparison_page
 from gtpin.robot.library import load_robot
 

@@ -16,7 +16,7 @@ from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.model import Model
 from gtpin.model_folder import read_model
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.truth import Case, truth_names
 from gtpin.predict import predict

@@ -13,7 +13,7 @@ from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.model_folder import write_model
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.diagnosis_text import diagnosis_summary

@@ -17,7 +17,7 @@ from gtpin.export.export import Format
 from gtpin.export.export import export as run_export
 from gtpin.model import Model
 from gtpin.model_folder import read_model
-from gtpin.output import result_file
+from gtpin.output.results import result_file
 from gtpin.predict import predict
 
 

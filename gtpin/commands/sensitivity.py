@@ -12,7 +12,7 @@ from gtpin.accuracy.report import FILES, Accuracy, write_sensitivity
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, progress_of, tell
 from gtpin.data import Commands
 from gtpin.model_folder import read_model
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.predict import predict
 from gtpin.report.sensitivity_page import sensitivity_page
 

@@ -13,7 +13,7 @@ from gtpin.commands.terminal import AsJson, Force, Output, tell
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.simulate import Simulation
 from gtpin.plant.simulate import simulate as run_simulation

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from gtpin.calibration.rounds import Progress
 from gtpin.errors import GtpinError
-from gtpin.json_text import json_text
+from gtpin.output.json_text import json_text
 
 
 def output_path(text: str) -> Path:

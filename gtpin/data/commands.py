@@ -17,7 +17,7 @@ from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.table import Column, Floats
 from gtpin.errors import DatasetError
-from gtpin.output import result_file
+from gtpin.output.results import result_file
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,8 +31,8 @@ from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.table import Column, Floats
 from gtpin.errors import DatasetError, warn
-from gtpin.output import results_folder, writing
-from gtpin.ownership import refuse_foreign, was_moved_aside
+from gtpin.output.ownership import refuse_foreign, was_moved_aside
+from gtpin.output.results import results_folder, writing
 
 FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
 """What a dataset's folder may consist of."""

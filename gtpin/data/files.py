@@ -16,7 +16,7 @@ from gtpin.data.parquet_file import read_parquet
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError
 from gtpin.memory import require
-from gtpin.output import writing
+from gtpin.output.results import writing
 
 UNFINISHED = ".gtpin-"
 """How the names of files begin that are being written."""

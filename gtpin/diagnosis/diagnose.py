@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE, calibrate
-from gtpin.calibration.declared_noise import Sigma
-from gtpin.calibration.prepared import prepared
+from gtpin.calibration.checks.declared_noise import Sigma
+from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
@@ -21,8 +21,9 @@ from gtpin.diagnosis.decide import Decision, decide, rough_guess, split, with_fi
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.filled_in import without_filled_in
 from gtpin.diagnosis.fit import Observed, fit_together
+from gtpin.diagnosis.held_out import held_out
 from gtpin.diagnosis.next_experiment import plan
-from gtpin.diagnosis.noise import asked_again, gross_errors, left_over
+from gtpin.diagnosis.noise import asked_again, gross_errors
 from gtpin.diagnosis.pool import Pool
 from gtpin.diagnosis.predictive import without_idle
 from gtpin.diagnosis.questions import questions, without_impossible
@@ -30,9 +31,8 @@ from gtpin.diagnosis.result import Cause, Considered, Diagnosis
 from gtpin.diagnosis.shrinkage import Gap, gap
 from gtpin.diagnosis.splitting import Standing
 from gtpin.diagnosis.testable import check_excluded, make_pool
-from gtpin.diagnosis.two_groups import two_groups
 from gtpin.diagnosis.understated import understated
-from gtpin.diagnosis.unexplained import marginal_chance, unexplained
+from gtpin.diagnosis.unexplained import unexplained
 from gtpin.diagnosis.where import where
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -54,16 +54,6 @@ candidate. Measured: docs/speed.md.
 """
 TOGETHER = 4
 """Neighbouring poses that are left out together."""
-SILENT, NAMED = 1.25, 2.0
-"""Held-out position error with the causes in over the noise floor, from which the verdict is ``unknown``, where no cause and
-where some are named. Measured (examples/diagnosis/noise_floor.py): at most 1.07 and 1.13 on 53 machines of the plant where the
-verdict is right; causes that depart from their forms leave more as they get stronger."""
-USUAL = (1.5e-5, 5e-5)
-"""Noise of a laser tracker, m and rad, by which positions are weighed against orientations where none is declared."""
-SHOWN = 8
-"""Lines of rows that a message lists."""
-CHANCE = 1e-6
-"""Chance of so large a chi-square from noise alone that must be undercut as well."""
 ROUNDS = 2
 """Times that the noise is asked again: a first guess beside too little noise explains some of it away."""
 
@@ -159,10 +149,8 @@ def diagnose(
     columns = {n: pool.groups.columns[n] * s for n, s in zip(names, found.named.scale, strict=True)}
     report("how far the gap shrinks", 0, float("nan"))
     whole, shares = _gaps(searched, evidence, columns, rng)
-    found = _held_to(found, whole, marginal_chance(pool, found.named))
+    found = held_out(found, pool, whole, searched)
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
-    if found.verdict != "unknown":
-        found = _of_one_measurement(found, design, left_over(pool, found.named)[0], searched)
     remaining = unexplained(pool, found.named, found.verdict == "unknown")
     takes = {n: (whole.shrinkage or 0.0) - (shares[n].shrinkage or 0.0) for n in names}
     shrunk = [replace(c, shrinkage=takes[f"{c.effect}@{c.site}"]) for c in found_causes]
@@ -192,31 +180,6 @@ def diagnose(
         ),
         questions=(*asked.impossible, *asked.unusual),
     )
-
-
-def _held_to(found: Decision, whole: Gap, p_value: float) -> Decision:
-    """The verdict ``unknown`` where left-out poses are much farther off than noise, whatever was named."""
-    most = SILENT if found.verdict == "none" else NAMED
-    if found.verdict == "unknown" or whole.after <= most * whole.floor or p_value > CHANCE:
-        return found
-    return replace(found, verdict="unknown", unknown=1.0)
-
-
-def _of_one_measurement(found: Decision, design: Design, left: Floats, dataset: Dataset) -> Decision:
-    """The verdict ``unknown`` where what passes for noise are two groups of rows, with a warning that names them."""
-    instrument = dataset.instrument
-    sigma = (instrument.position_sigma or USUAL[0], instrument.orientation_sigma or USUAL[1])
-    groups = two_groups(design, left, sigma)
-    if groups is None:
-        return found
-    lines = dataset.row[groups.smaller]
-    shown = ", ".join(str(line) for line in np.sort(lines)[:SHOWN])
-    warn(
-        f"the rows fall into two groups that differ by one motion of {1e3 * groups.apart:.2g} mm: {len(lines)} rows "
-        f"({shown}, ...) against {len(groups.smaller) - len(lines)}: two machines, two set-ups of the instrument, a zero that "
-        "moved, or play whose direction of approach was not recorded; give each group its session"
-    )
-    return replace(found, verdict="unknown", unknown=1.0)
 
 
 def _fitted(everything: Observed, model: Model, evidence: _Evidence, found: Decision) -> tuple[Model, list[Cause]]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.declared_noise import SIGMAS, Sigma
+from gtpin.calibration.checks.declared_noise import SIGMAS, Sigma
 from gtpin.calibration.noise import LEAST_CONTRASTS, Noise, contrasts, from_repeats
 from gtpin.calibration.result import Calibration
 from gtpin.diagnosis.decide import rough_guess

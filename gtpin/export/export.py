@@ -18,7 +18,7 @@ from gtpin.export.parallel_robots import side_file, with_anchors
 from gtpin.export.sdf import to_sdf
 from gtpin.model import Model
 from gtpin.model_folder import calibrated_urdf
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot
 

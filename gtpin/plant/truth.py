@@ -15,7 +15,7 @@ from gtpin.data import Commands, Dataset
 from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
 from gtpin.kinematics.poses import Poses
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 from gtpin.plant.machine import Machine
 from gtpin.plant.recipe import Recipe
 from gtpin.plant.visits import Visits

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from gtpin.data import Dataset
-from gtpin.ownership import MARKER
+from gtpin.output.ownership import MARKER
 from gtpin.report.page import Table
 from gtpin.robot.robot import Robot
 

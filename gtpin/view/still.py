@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.accuracy.figures import new_figure
 from gtpin.errors import GtpinError, ModelError
 from gtpin.model import Model
-from gtpin.output import result_file
+from gtpin.output.results import result_file
 from gtpin.report.camera import ELEVATION, Camera
 from gtpin.report.skeleton import Skeleton, skeleton
 from gtpin.robot.robot import Robot

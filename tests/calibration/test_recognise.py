@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.calibration.checks.recognise import recognised
 from gtpin.calibration.problem import measured_poses
-from gtpin.calibration.recognise import recognised
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.model import Model
 from gtpin.plant import simulate

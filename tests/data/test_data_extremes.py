@@ -11,7 +11,7 @@ import gtpin
 from gtpin import errors
 from gtpin.calibration.noise import line_of_sight
 from gtpin.data import Dataset
-from gtpin.json_text import json_text
+from gtpin.output.json_text import json_text
 from gtpin.plant import simulate
 
 

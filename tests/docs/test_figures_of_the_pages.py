@@ -27,6 +27,7 @@ AGAIN = {
     "missing_covariates": 6,
     "mistakes": 12,
     "next_experiment": 4,
+    "noise_floor": 4,
     "imitators": 1,
 }
 """Jobs that are measured again, spread over all; a whole measurement takes minutes."""

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from writer import NAMES, write
 
-import gtpin.output
+import gtpin.output.placing
 from gtpin.errors import GtpinError
-from gtpin.output import result_file, results_folder
+from gtpin.output.results import result_file, results_folder
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -101,7 +101,7 @@ def test_a_move_that_fails_at_any_step_is_taken_back(tmp_path, monkeypatch):
         (folder / "c.txt").write_text("mine")
         left[0] = step
         with monkeypatch.context() as patch:
-            patch.setattr(gtpin.output.os, "replace", replace)
+            patch.setattr(gtpin.output.placing.os, "replace", replace)
             said = outcome(folder)
         if said is None:
             break
@@ -126,7 +126,7 @@ HOLDING = """
 import sys
 import time
 from pathlib import Path
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 
 with results_folder(Path(sys.argv[1]), ("a.txt",)) as new:
     (new / "a.txt").write_text("half")
@@ -196,7 +196,7 @@ def test_what_only_looks_like_a_work_folder_stays(tmp_path):
 MANY = """
 import sys
 from pathlib import Path
-from gtpin.output import result_file
+from gtpin.output.results import result_file
 
 for k in range(20):
     with result_file(Path(sys.argv[1]) / f"{sys.argv[2]}-{k}.txt") as new:
@@ -220,7 +220,9 @@ def test_results_that_are_no_longer_made_go_with_the_old_ones(tmp_path):
 
 
 def test_a_lock_that_another_user_holds_is_a_line_and_not_a_wait_without_end(tmp_path, monkeypatch):
-    monkeypatch.setattr("gtpin.work_folder.os.open", lambda *_: (_ for _ in ()).throw(PermissionError(13, "denied")))
+    monkeypatch.setattr(
+        "gtpin.output.work_folder.os.open", lambda *_: (_ for _ in ()).throw(PermissionError(13, "denied"))
+    )
     (tmp_path / ".gtpin-work").mkdir()
     with pytest.raises(GtpinError, match="another run of gtpin"):
         write(tmp_path, "new")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gtpin.output import results_folder
+from gtpin.output.results import results_folder
 
 NAMES = ("a.txt", "b", "c.txt")
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.checks.recognise import REACHED, Reading, recognised
 from gtpin.calibration.problem import Measured, measured_poses
-from gtpin.calibration.recognise import REACHED, Reading, recognised
 from gtpin.data import Dataset, check_commands, check_measurements
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import DatasetError, warn

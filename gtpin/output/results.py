@@ -8,9 +8,9 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from gtpin.errors import GtpinError
-from gtpin.ownership import refuse_foreign
-from gtpin.placing import NEW, place
-from gtpin.work_folder import NAME, placing_lock, work_folder
+from gtpin.output.ownership import refuse_foreign
+from gtpin.output.placing import NEW, place
+from gtpin.output.work_folder import NAME, placing_lock, work_folder
 
 
 @contextlib.contextmanager

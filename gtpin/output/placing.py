@@ -10,7 +10,7 @@ import os
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from gtpin.ownership import MARKER, aside, foreign, mark, recorded, refuse_foreign
+from gtpin.output.ownership import MARKER, aside, foreign, mark, recorded, refuse_foreign
 
 NEW, READY, OLD = "new", "ready", "old"
 

@@ -7,15 +7,15 @@ from collections.abc import Callable
 import numpy as np
 
 from gtpin.calibration import weights
-from gtpin.calibration.bumped import check_bumped
-from gtpin.calibration.convention import other_convention
-from gtpin.calibration.declared_noise import settled_or_explained
+from gtpin.calibration.checks.bumped import check_bumped
+from gtpin.calibration.checks.convention import other_convention
+from gtpin.calibration.checks.declared_noise import settled_or_explained
+from gtpin.calibration.checks.recognise import either
+from gtpin.calibration.checks.shifted_rows import check_stretch
+from gtpin.calibration.checks.strain import relieved, strain
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Problem
-from gtpin.calibration.recognise import either
 from gtpin.calibration.rounds import Settled
-from gtpin.calibration.shifted_rows import check_stretch
-from gtpin.calibration.strain import relieved, strain
 from gtpin.data import Dataset, Instrument
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn

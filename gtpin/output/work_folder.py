@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gtpin.errors import GtpinError
-from gtpin.placing import NEW, OLD, READY, resume
+from gtpin.output.placing import NEW, OLD, READY, resume
 
 NAME = ".gtpin-work"
 OWN = re.compile(rf"{re.escape(NAME)}(-placing|-[0-9a-f]{{8}})?")

@@ -1,7 +1,7 @@
 """An instrument that moved once, or for a while, during the measurement: steps of its frame, sought along the rows.
 
-As in :mod:`gtpin.calibration.strain`, with a motion of the frame from some row on, and back from another: rows in the order of
-the file, and by time where it was recorded.
+As in :mod:`gtpin.calibration.checks.strain`, with a motion of the frame from some row on, and back from another: rows in
+the order of the file, and by time where it was recorded.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.checks.shifted_rows import FEWEST, own_session
+from gtpin.calibration.checks.strain import motions
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Point, Problem
 from gtpin.calibration.rounds import ENOUGH
-from gtpin.calibration.shifted_rows import FEWEST, own_session
-from gtpin.calibration.strain import motions
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 
