@@ -170,6 +170,43 @@ def _commands_in_millimetres(table: pd.DataFrame, toml: Toml, rng: np.random.Gen
     table[_commands(table)] *= 1000.0
 
 
+def _reversed_in_the_second_half(table: pd.DataFrame, toml: Toml, rng: np.random.Generator) -> None:
+    middle = len(table) // 2
+    q = table["q2"].to_numpy(copy=True)
+    q[middle:] = q[middle:][::-1]
+    table["q2"] = q
+    _ids_of_their_own(table)
+
+
+def _inches_in_the_second_half(table: pd.DataFrame, toml: Toml, rng: np.random.Generator) -> None:
+    table.loc[table.index[len(table) // 2 :], XYZ] /= 0.0254
+
+
+def _approach_by_sign_of_command(table: pd.DataFrame, toml: Toml, rng: np.random.Generator) -> None:
+    for name in _commands(table):
+        table[f"approach{name[1:]}"] = np.where(table[name] > 0.0, 1, -1)
+
+
+def _of_other_rows(prefix: str) -> Spoil:
+    def spoil(table: pd.DataFrame, toml: Toml, rng: np.random.Generator) -> None:
+        names = [c for c in table.columns if c.startswith(prefix)]
+        table[names] = table[names].to_numpy()[rng.permutation(len(table))]
+
+    return spoil
+
+
+def _cut_off(table: pd.DataFrame, toml: Toml, rng: np.random.Generator) -> None:
+    for name in _commands(table):
+        table[name] = np.trunc(table[name] / 1e-4) * 1e-4
+
+
+def _temperatures_late(table: pd.DataFrame, toml: Toml, rng: np.random.Generator) -> None:
+    order = np.argsort(table["time"].to_numpy())
+    time = table["time"].to_numpy()[order]
+    for name in [c for c in table.columns if c.startswith("temp")]:
+        table.loc[table.index, name] = np.interp(table["time"] - 3000.0, time, table[name].to_numpy()[order])
+
+
 def _bumped(table: pd.DataFrame, toml: Toml, rng: np.random.Generator) -> None:
     middle = len(table) // 2
     table.loc[table.index[middle:], XYZ] += rng.choice([-1.0, 1.0], 3) * rng.uniform(2e-4, 8e-4, 3)
@@ -273,6 +310,9 @@ MISTAKES = (
     Mistake("commands one row off", _one_row_off, "row"),
     Mistake("commands one row off from the middle on", _one_row_off_from_the_middle, "row"),
     Mistake("commands shuffled", _commands_shuffled, "row|order|commands"),
+    Mistake("q2 in reverse order in the second half", _reversed_in_the_second_half, "rows?"),
+    Mistake("inches in the second half", _inches_in_the_second_half, "rows?|inch"),
+    Mistake("commands cut off at 0.1 mm", _cut_off, "digits|commands.*(cut|round)"),
     Mistake("tracker bumped in the middle", _bumped, "row|bump", right=("frame_shift", "tracker_drift")),
     Mistake("a cart's zero off by 50 mm", _zero_off, "tolerances|zero|nominal", right=("zero_shift",)),
     Mistake("temperatures in kelvin", _starting("temp", lambda t: t + 273.15), "kelvin", HEAT),
@@ -285,6 +325,11 @@ MISTAKES = (
     Mistake("every row ten times", _repeated(10), "copies"),
     Mistake("approach +1 everywhere", _starting("approach", lambda a: a * 0 + 1), "approach", ("backlash", "cart1")),
     Mistake("approach reversed", _starting("approach", lambda a: -a), "backlash|approach|sign", ("backlash", "cart1")),
+    Mistake("approach by the sign of the command", _approach_by_sign_of_command, "approach", ("backlash", "cart1")),
+    Mistake("approach of other rows", _of_other_rows("approach"), "approach", ("backlash", "cart1")),
+    Mistake("speeds of other rows", _of_other_rows("speed"), "speed", ("servo_lag", "cart2")),
+    Mistake("sessions of other rows", _of_other_rows("session"), "session", ("frame_shift", "frame")),
+    Mistake("temperatures 50 minutes late", _temperatures_late, "temp", HEAT),
     Mistake("speeds in mm/s", _starting("speed", lambda v: 1e3 * v), "speed", ("servo_lag", "cart2")),
     Mistake("payload in grams", _starting("payload", lambda p: 1e3 * p), "payload", ("link_compliance", "arm")),
     Mistake("forces reversed", _starting("f", lambda f: -f), "force|sign", ("link_compliance", "arm")),

@@ -22,6 +22,7 @@ from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.filled_in import without_filled_in
 from gtpin.diagnosis.fit import Observed, fit_together
 from gtpin.diagnosis.held_out import held_out
+from gtpin.diagnosis.moves import without_contradictions
 from gtpin.diagnosis.next_experiment import plan
 from gtpin.diagnosis.noise import asked_again, gross_errors
 from gtpin.diagnosis.pool import Pool
@@ -92,7 +93,7 @@ def diagnose(
     searching = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
     require(f"diagnosing {len(dataset):,} poses", FIXED + searching + PER_POSE * len(dataset))
     recorded = prepared(dataset, Model(Geometry.nominal(nominal)))
-    dataset = without_filled_in(recorded.take(sane_rows(recorded)))
+    dataset = without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))))
     baseline = calibrate(dataset, nominal, progress=progress)
     # What is drawn from rows must not depend on the order that they came in.
     dataset = replace(dataset, instrument=baseline.instrument).in_order()

@@ -11,7 +11,7 @@ from gtpin.calibration.checks.bumped import check_bumped
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained
 from gtpin.calibration.checks.recognise import either
-from gtpin.calibration.checks.shifted_rows import check_stretch
+from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Problem
@@ -22,6 +22,11 @@ from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
+WHOLE = 1e-3
+"""Median error, m, of rows that were set aside from which they are another measurement's. A stated assumption: an effect that
+shows in some rows alone makes less."""
+MOST = 0.25
+"""Share of the rows that gross errors make at most; beyond it nobody can say which the errors are."""
 FAR = 0.01
 """Median position error after a fit, m, that no calibrated robot shows."""
 MISFIT = 10.0
@@ -70,11 +75,26 @@ def _nominal_problem(start: Model, measured: Measured, near: Poses, instrument: 
 
 
 def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
-    """Refuse data of which a whole stretch of rows was set aside, where it is known why."""
+    """Refuse data of which a stretch of rows, or a large part, was set aside: what fits is not the machine's whole."""
     if settled.used.all():
         return
-    model = settled.fit.point.model
-    check_stretch(kept, measured, model.predict(kept.q), ~settled.used)
+    aside = ~settled.used
+    predicted = settled.fit.point.model.predict(kept.q)
+    check_stretch(kept, measured, predicted, aside)
+    off = np.linalg.norm(measured.T - predicted.T, axis=1)
+    if np.nanmedian(off[aside]) < WHOLE:
+        return
+    found = stretch(aside)
+    lines = kept.row[aside] if found is None else kept.row[found.rows]
+    if found is None and aside.mean() < MOST:
+        return
+    where = f"rows {lines.min()} to {lines.max()}" if found is not None else f"{aside.sum()} of {len(aside)} rows"
+    raise DatasetError(
+        f"{where} do not fit the others, by {1e3 * np.nanmedian(off[aside]):.3g} mm in the median",
+        file=kept.file,
+        row=int(lines.min()),
+        hint="commands or readings of other rows, signs or units of a part of the table; correct them, or leave them out",
+    )
 
 
 def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., Settled]) -> tuple[Settled, Instrument]:
