@@ -43,9 +43,6 @@ class Noise:
         Per axis, rad.
     repeatability
         Of every actuator, in units of its command: the scatter of the machine itself.
-    lack
-        The same of what the model lacks along the motions of single drives: alike at neighbouring poses, so no scatter, but
-        it weighs like one.
     sight
         (N, 3) unit vectors from the instrument to the poses, or None where the station is not known.
     reach
@@ -58,18 +55,21 @@ class Noise:
         Degrees of freedom that the sigmas were estimated with; infinite where they are declared.
     estimated
         Whether the position's and the orientation's sigma were estimated from the data.
+    lack
+        Like repeatability, of what the model lacks along the motions of single drives: alike at neighbouring poses, so no
+        scatter, but it weighs like one.
     """
 
     position_sigma: float
     orientation_sigma: float
     repeatability: float = 0.0
-    lack: float = 0.0
     sight: Floats | None = None
     reach: Floats | None = None
     range_ratio: float = 1.0
     source: str = "declared"
     dof: float = np.inf
     estimated: tuple[bool, bool] = (False, False)
+    lack: float = 0.0
 
     def covariance(self, command_jacobian: Floats, components: int) -> Floats:
         """(N, c, c) covariance of the measured pose: position alone (c = 3) or with the rotation vector (c = 6).

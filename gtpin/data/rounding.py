@@ -15,6 +15,8 @@ FEWEST = 10
 """Poses below which multiples of a step may be chance."""
 EXACT = 1e-6
 """Share of a step by which a number in decimals may miss a multiple of it."""
+FARTHEST = 1e3
+"""Coordinate, m, beyond which a position is a gross error, whose digits tell nothing."""
 MATTERS = 1.05
 """Growth of the noise by rounding from which it is counted."""
 
@@ -46,10 +48,11 @@ def with_rounding(dataset: Dataset) -> Dataset:
 
 def rounded_to(dataset: Dataset) -> float | None:
     """The coarsest step, m, that all positions are multiples of; None where there is none."""
-    if len(dataset) < FEWEST:
+    near = dataset.position[(np.abs(dataset.position) < FARTHEST).all(axis=1)]
+    if len(near) < FEWEST:
         return None
     for step in STEPS:
-        counts = dataset.position / step
-        if np.abs(counts - np.round(counts)).max() < EXACT * max(1.0, float(np.abs(counts).max()) * 1e-6):
+        counts = near / step
+        if np.abs(counts - np.round(counts)).max() < EXACT:
             return step
     return None

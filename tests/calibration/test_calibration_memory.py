@@ -49,7 +49,7 @@ def test_memory_grows_by_no_more_than_what_is_said_for_each_pose(robot):
 def test_what_is_said_beforehand_is_what_a_process_takes(robot, tmp_path):
     simulate(robot, "gantry_tau", poses=60_000, seed=2).dataset.write(tmp_path / "data")
     program = (
-        "import resource, sys, gtpin\n"
+        "import resource, sys, gtpin, gtpin.calibration.calibrate\n"
         "data = gtpin.Dataset.read(sys.argv[1])\n"
         "before = int(open('/proc/self/statm').read().split()[1]) * resource.getpagesize()\n"
         "gtpin.calibrate(data)\n"
