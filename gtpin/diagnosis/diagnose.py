@@ -17,12 +17,13 @@ from gtpin.data import Dataset, Instrument, by_region
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.believed import MOST_POSES, believed
 from gtpin.diagnosis.causes import cause
+from gtpin.diagnosis.contradictions import without_contradictions
 from gtpin.diagnosis.decide import Decision, decide, rough_guess, split, with_fine
 from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.digits import with_full_digits
 from gtpin.diagnosis.filled_in import without_filled_in
 from gtpin.diagnosis.fit import Observed, fit_together
 from gtpin.diagnosis.held_out import held_out
-from gtpin.diagnosis.moves import without_contradictions
 from gtpin.diagnosis.next_experiment import plan
 from gtpin.diagnosis.noise import asked_again, gross_errors
 from gtpin.diagnosis.pool import Pool
@@ -140,7 +141,7 @@ def diagnose(
         good = ~np.isin(np.arange(len(kept)), rows[~evidence.used])
         kept, everything = kept.take(good), replace(everything, noise=noise).take(good)
     report("fitting causes and geometry together", 0, float("nan"))
-    found = without_idle(pool, evidence.found, _blocks(searched))
+    found = with_full_digits(without_idle(pool, evidence.found, _blocks(searched)), pool, searched)
     model, found_causes = _fitted(everything, baseline.model, evidence, found)
     asked = questions(pool, found_causes)
     if asked.impossible:

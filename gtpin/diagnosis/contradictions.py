@@ -1,4 +1,4 @@
-"""Directions of approach held against speeds: of columns that contradict each other, at least one is not what it says."""
+"""Columns that contradict each other: directions of approach and speeds, sessions and the order of the rows."""
 
 from __future__ import annotations
 
@@ -12,12 +12,16 @@ from gtpin.errors import warn
 AGREE = 0.95
 """Share of the rows in motion whose direction of approach is that of the speed (or, by the other sign, is not), from which the
 two columns agree. A drive that moves while it is measured comes from where its speed points away from: the rest are slips."""
+INTERLEAVED = 4
+"""Times the changes of session that there are at least, from which sessions are in no order. A session is a stretch of the
+work; a few rows out of their place are let through."""
 FEWEST = 8
 """Rows in motion below which nothing is said: that many would agree, or disagree, by chance in 1 of 128 columns."""
 
 
 def without_contradictions(dataset: Dataset) -> Dataset:
-    """The dataset without ``approach`` and ``speed`` of actuators for which the two contradict each other.
+    """The dataset without ``approach`` and ``speed`` of actuators for which the two contradict each other, and without
+    sessions that are stretches neither of time nor of the file.
 
     A direction of approach that belongs to other rows, or to another drive, makes backlash look like a lag behind the speed,
     and the reverse. Nothing tells which of the two columns is wrong, so both count as missing.
@@ -44,6 +48,21 @@ def without_contradictions(dataset: Dataset) -> Dataset:
             )
             hint = "one of them belongs to other rows or another drive, so that neither is used"
             warn(f"{dataset.file}: {text}: {hint}" if dataset.file else f"{text}: {hint}")
+    if _interleaved(dataset):
+        wrong.append("session")
+        text = "the column session is in order neither of time nor of the rows, so that it is not used"
+        warn(f"{dataset.file}: {text}" if dataset.file else text)
     if not wrong:
         return dataset
     return replace(dataset, covariates={n: v for n, v in dataset.covariates.items() if n not in wrong})
+
+
+def _interleaved(dataset: Dataset) -> bool:
+    """Whether sessions are no stretches: neither in the order of the file nor in that of time, as far as it is known."""
+    if "session" not in dataset.covariates or "time" not in dataset.covariates:
+        return False
+    names, session = np.unique(dataset.covariates["session"].astype(str), return_inverse=True)
+    least = max(len(names) - 1, 1)
+    orders = (np.argsort(dataset.row, kind="stable"), np.argsort(dataset.covariates["time"], kind="stable"))
+    changes = [int((np.diff(session[order]) != 0).sum()) for order in orders]
+    return len(names) > 1 and min(changes) > max(INTERLEAVED * least, FEWEST)
