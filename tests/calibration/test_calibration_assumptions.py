@@ -157,3 +157,13 @@ def test_a_machine_a_third_of_a_metre_off_nominal_is_reached():
         warnings.simplefilter("ignore", GtpinWarning)
         found = gtpin.calibrate(dataset)
     assert np.sqrt((found.residual[:, :3] ** 2).sum(axis=1).mean()) < 1e-4
+
+
+def test_a_stretch_of_rows_with_commands_of_others_is_refused_with_its_rows():
+    dataset = clean()
+    q = dataset.q.copy()
+    half = len(q) // 2
+    q[half:, 1] = q[half:, 1][::-1]
+    wrong = replace(dataset, q=q, pose=np.arange(len(q)).astype(str).astype(object))
+    with pytest.raises(DatasetError, match=r"rows? "):
+        gtpin.calibrate(wrong)
