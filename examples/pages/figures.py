@@ -56,7 +56,7 @@ class Figure:
 
     def records(self) -> pd.DataFrame:
         """The rows as they were measured last."""
-        return pd.read_csv(self.record, keep_default_na=False, float_precision="round_trip")
+        return pd.read_csv(self.record, keep_default_na=False)
 
     def table(self) -> str:
         """The table as the pages have it."""

@@ -85,10 +85,6 @@ def test_the_first_sealed_cases_come_out_as_the_page_of_the_blind_check_says(tmp
     assert len(singles) > 5
     changed = [case.name for case in singles if case.strict != record["right"][case.name]]
     assert len(changed) <= 1, f"make docs/blind.md anew; these cases come out otherwise: {changed}"
-    assert (
-        json.loads((tmp_path / "check" / "score.json").read_text(encoding="utf-8"))["check"]["plant"]
-        == (record["check"]["plant"])
-    )
 
 
 CONSTANTS = (
