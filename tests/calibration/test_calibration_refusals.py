@@ -65,7 +65,7 @@ def test_errors_in_a_third_of_the_poses_are_not_passed_over_in_silence(good):
     position = good.position.copy()
     spoilt = rng.choice(len(good), len(good) // 3, replace=False)
     position[spoilt] += 0.01 * rng.standard_normal((len(spoilt), 3))
-    with pytest.warns(GtpinWarning, match=r"set aside|times the noise"):
+    with pytest.raises(DatasetError, match=r"\d+ of \d+ rows do not fit the others"):
         gtpin.calibrate(replace(good, position=position))
 
 

@@ -24,7 +24,8 @@ def single() -> Found:
     pose = dataset.pose.copy()
     for wanted, hostile in (("3", "<script>alert(1)</script>"), ("5", "<b>#@${component}</b>&amp;")):
         pose[dataset.pose.astype(str) == wanted] = hostile
-    session = np.where(dataset.q[:, 2] > 0.0, "<i>one</i>", "two").astype(object)
+    time = np.asarray(dataset.covariates["time"], dtype=float)
+    session = np.where(time > np.median(time), "<i>one</i>", "two").astype(object)
     found = replace(dataset, pose=pose, covariates={**dataset.covariates, "session": session})
     return Found(diagnose(found), found)
 
