@@ -5,7 +5,7 @@ Machines are drawn by the plant, with and without an effect, written as files, s
 - named: refused or warned with words that name the mistake, and no wrong cause is sure;
 - noticed: refused, warned or called unknown or ambiguous, without a wrong cause that is sure;
 - harmless: what is said is what is said of good data: the effect in a class, or nothing where there is none;
-- confidently wrong: a cause that the machine does not have, sure of it; or, without a warning that names the mistake, `none`
+- confidently wrong: a cause that the machine does not have, sure of it; `none`
   for a machine that has an effect, `none` or `explained` for data that the model misses by far more than the noise.
 
     python examples/mistakes/bench.py [--machines 5] [--only WORDS] [-o mistakes.csv]
@@ -109,7 +109,7 @@ def answer(mistake: Mistake, number: int, with_effect: bool) -> tuple[str, str]:
     gap = f"{1e6 * found.gap.before:.0f} -> {1e6 * found.gap.after:.0f} um, floor {1e6 * found.gap.floor:.0f}"
     told = f"{found.verdict}: {causes or '-'} ({gap}) {text}"
     named = bool(re.search(mistake.words, text, re.IGNORECASE))
-    if _wrong(found, effect, mistake, named):
+    if _wrong(found, effect, mistake):
         return "confidently wrong", told
     if named:
         return "named", told
@@ -118,13 +118,13 @@ def answer(mistake: Mistake, number: int, with_effect: bool) -> tuple[str, str]:
     return "harmless" if as_it_is else "noticed", told
 
 
-def _wrong(found: gtpin.Diagnosis, effect: tuple[str, str] | None, mistake: Mistake, named: bool) -> bool:
+def _wrong(found: gtpin.Diagnosis, effect: tuple[str, str] | None, mistake: Mistake) -> bool:
     right = {effect} if effect else set()
     for cause in found.causes:
         known = (cause.effect, cause.site) in right or cause.effect in mistake.right
         if cause.probability >= SURE and not known:
             return True
-    if named or found.verdict not in ("none", "explained"):
+    if found.verdict not in ("none", "explained"):
         return False
     floor = float(np.sqrt(3.0)) * mistake.noise  # whatever was declared
     missed = effect is not None and found.verdict == "none" and mistake.noise < VISIBLE
