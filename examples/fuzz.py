@@ -20,9 +20,12 @@ from fuzzing.mutations import mutate_file
 SECONDS = 120
 """CPU seconds after which a command on a small file counts as hung."""
 
+SPOKEN = 300
+"""Seconds between two lines that say how far the run is."""
+
 
 def main(minutes: float, seed: int, kept: Path) -> None:
-    counts, found = Counter[tuple[str, int]](), 0
+    counts, found, said = Counter[tuple[str, int]](), 0, time.monotonic()
     with tempfile.TemporaryDirectory() as scratch, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         sound, work = Path(scratch, "sound"), Path(scratch, "work")
@@ -45,6 +48,9 @@ def main(minutes: float, seed: int, kept: Path) -> None:
                 print(f"cd {place} && gtpin {command.line}  # {damaged.name}: {'; '.join(wrong)}", flush=True)
             counts[command.line.split()[0], ran.code] += 1
             shutil.rmtree(work)
+            if time.monotonic() > said + SPOKEN:
+                said = time.monotonic()
+                print(f"{(end - said) / 60:.0f} minutes left: {counts.total()} damaged files, {found} faults", flush=True)
     for (name, code), count in sorted(counts.items()):
         print(f"{name:<12} exit {code:>3}: {count}")
     print(f"{counts.total()} damaged files, {found} faults")
