@@ -50,7 +50,9 @@ def main(minutes: float, seed: int, kept: Path) -> None:
             shutil.rmtree(work)
             if time.monotonic() > said + SPOKEN:
                 said = time.monotonic()
-                print(f"{(end - said) / 60:.0f} minutes left: {counts.total()} damaged files, {found} faults", flush=True)
+                print(
+                    f"{(end - said) / 60:.0f} minutes left: {counts.total()} damaged files, {found} faults", flush=True
+                )
     for (name, code), count in sorted(counts.items()):
         print(f"{name:<12} exit {code:>3}: {count}")
     print(f"{counts.total()} damaged files, {found} faults")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -66,6 +66,8 @@ class Dataset:
         (N,) line of each row in its file; numbered from 2 where none are given.
     file
         The table that the rows were read from.
+    unusable
+        Covariates that were recorded and can't be right, so that ``covariates`` has them no longer.
 
     Raises
     ------
@@ -86,6 +88,7 @@ class Dataset:
     path: Path | None = None
     row: NDArray[np.int64] = field(default_factory=unnumbered)
     file: Path | None = None
+    unusable: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         description = self._description(self.robot)
@@ -130,6 +133,11 @@ class Dataset:
     def commands(self) -> Commands:
         """The commands and covariates without what was measured."""
         return Commands(self.pose, self.q, self.covariates, self.row, self.file)
+
+    def without(self, names: Collection[str]) -> Dataset:
+        """The dataset without covariates that can't be right."""
+        kept = {name: values for name, values in self.covariates.items() if name not in names}
+        return replace(self, covariates=kept, unusable=self.unusable | frozenset(names))
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.integer] | slice | list[int]) -> Dataset:
         """Give the dataset of some rows, by mask or index, in the order given; carts stay whole."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from gtpin.data import Dataset
@@ -54,7 +52,7 @@ def without_contradictions(dataset: Dataset) -> Dataset:
         warn(f"{dataset.file}: {text}" if dataset.file else text)
     if not wrong:
         return dataset
-    return replace(dataset, covariates={n: v for n, v in dataset.covariates.items() if n not in wrong})
+    return dataset.without(wrong)
 
 
 def _interleaved(dataset: Dataset) -> bool:

@@ -23,7 +23,7 @@ from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.digits import with_full_digits
 from gtpin.diagnosis.filled_in import without_filled_in
 from gtpin.diagnosis.fit import Observed, fit_together
-from gtpin.diagnosis.held_out import held_out
+from gtpin.diagnosis.held_out import held_out, scatter_may_hide
 from gtpin.diagnosis.next_experiment import plan
 from gtpin.diagnosis.noise import asked_again, gross_errors
 from gtpin.diagnosis.pool import Pool
@@ -152,8 +152,13 @@ def diagnose(
     report("how far the gap shrinks", 0, float("nan"))
     whole, shares = _gaps(searched, evidence, columns, rng)
     found = held_out(found, pool, whole, searched)
+    sigma, at = baseline.noise.position_sigma, design.situation
+    scattered = scatter_may_hide(found, baseline.noise.repeatability, sigma, evidence.untestable, at)
+    if scattered:
+        found = replace(found, verdict="unknown", unknown=1.0)
     left = design.y - design.B @ pool.groups.marginal.deviation(design.y)
     remaining = unexplained(pool, found.named, found.verdict == "unknown")
+    remaining = replace(remaining, could_be=tuple(dict.fromkeys((*scattered, *remaining.could_be))))
     takes = {n: (whole.shrinkage or 0.0) - (shares[n].shrinkage or 0.0) for n in names}
     shrunk = [replace(c, shrinkage=takes[f"{c.effect}@{c.site}"]) for c in found_causes]
     causes = sorted(shrunk, key=lambda c: -c.shrinkage)

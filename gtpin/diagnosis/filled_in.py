@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 
@@ -34,7 +33,7 @@ def without_filled_in(dataset: Dataset) -> Dataset:
         return dataset
     text = f"the same in every row, so taken as not recorded: {', '.join(filled)}"
     warn(f"{dataset.file}: {text}" if dataset.file else text)
-    return replace(dataset, covariates={n: v for n, v in dataset.covariates.items() if n not in filled})
+    return dataset.without(filled)
 
 
 def _filled_in(name: str, dataset: Dataset) -> bool:

@@ -46,6 +46,8 @@ class Observed:
         degC at which the geometry holds.
     free_frame
         Whether the instrument's pose is identified too.
+    unusable
+        Covariates that were recorded and can't be right.
     """
 
     measured: Measured
@@ -54,6 +56,7 @@ class Observed:
     weight: Floats
     temperature: float
     free_frame: bool
+    unusable: frozenset[str] = frozenset()
 
     @staticmethod
     def of(dataset: Dataset, baseline: Calibration) -> Observed:
@@ -70,6 +73,7 @@ class Observed:
             weight=np.ones(len(dataset)),
             temperature=dataset.conditions.reference_temperature,
             free_frame=dataset.instrument.frame == "free",
+            unusable=dataset.unusable,
         )
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> Observed:
@@ -87,7 +91,8 @@ class Observed:
         kinematics = model.kinematics
         assert isinstance(kinematics, RodKinematics)
         poses = kinematics.forward(self.measured.q) if poses is None else poses
-        return Situation(kinematics, self.measured.q, poses, self.covariates, fixed, self.temperature)
+        q = self.measured.q
+        return Situation(kinematics, q, poses, self.covariates, fixed, self.temperature, self.unusable)
 
     def design(
         self,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +12,12 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.decide import Decision
 from gtpin.diagnosis.noise import left_over
 from gtpin.diagnosis.pool import Pool
+from gtpin.diagnosis.result import Considered
 from gtpin.diagnosis.shrinkage import Gap
 from gtpin.diagnosis.two_groups import two_groups
 from gtpin.diagnosis.unexplained import marginal_chance
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.situation import Situation
 from gtpin.errors import warn
 
 SILENT, NAMED = 1.25, 2.0
@@ -21,10 +26,13 @@ where some are named. A stated assumption, well above what right verdicts leave 
 examples/diagnosis/noise_floor.py); causes that depart from their forms leave more as they get stronger."""
 USUAL = (1.5e-5, 5e-5)
 """Noise of a laser tracker, m and rad, by which positions are weighed against orientations where none is declared."""
+SCATTERS = 0.5
+"""Repeatability over the instrument's sigma from which something may well hide in it: a stated assumption."""
 SHOWN = 8
 """Lines of rows that a message lists."""
 CHANCE = 1e-6
 """Chance of so large a chi-square from noise alone that must be undercut as well."""
+_MOVES = re.compile(r"(approach|speed)[0-9]+")
 
 
 def held_out(found: Decision, pool: Pool, whole: Gap, dataset: Dataset) -> Decision:
@@ -48,6 +56,24 @@ def held_out(found: Decision, pool: Pool, whole: Gap, dataset: Dataset) -> Decis
     if whole.after > most * whole.floor and marginal_chance(pool, found.named) <= CHANCE:
         return replace(found, verdict="unknown", unknown=1.0)
     return _of_one_measurement(found, pool, dataset)
+
+
+def scatter_may_hide(
+    found: Decision, repeatability: float, sigma: float, untestable: Iterable[Considered], at: Situation
+) -> tuple[tuple[str, str], ...]:
+    """Effects and sites that differ between visits, and lack columns that were recorded but contradict the others.
+
+    Where nothing was found and visits scatter by more than the instrument, that scatter is as likely theirs as the drives':
+    ``none`` would say that somebody looked.
+    """
+    if found.verdict != "none" or repeatability <= SCATTERS * sigma:
+        return ()
+    effects = catalogue()
+    return tuple(
+        (row.effect, row.site)
+        for row in untestable
+        if any(_MOVES.fullmatch(n) and n in at.unusable for n in effects[row.effect].covariates(at.robot, row.site))
+    )
 
 
 def _of_one_measurement(found: Decision, pool: Pool, dataset: Dataset) -> Decision:

@@ -91,8 +91,14 @@ def _under(design: Design, candidate: Candidate, spells: list[Situation]) -> Flo
 
 
 def odds(at: Situation, candidate: Candidate) -> float:
-    """How likely an effect is without what it goes with, over one that can be tested."""
-    once = _missing(at, candidate) == ["session"] and not len(pauses(at))
+    """How likely an effect is without what it goes with, over one that can be tested.
+
+    What was recorded and can't be used was there to vary, so nothing speaks against it.
+    """
+    missing = _missing(at, candidate)
+    if at.unusable.issuperset(missing):
+        return 1.0
+    once = missing == ["session"] and not len(pauses(at))
     return CONSTANT if once else USUAL
 
 

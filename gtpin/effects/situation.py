@@ -66,6 +66,8 @@ class Situation:
         References of an earlier fit; left out, they are those of this data.
     temperature
         degC at which the geometry holds.
+    unusable
+        Covariates that were recorded and can't be right: ``covariates`` has none of them.
     """
 
     kinematics: RodKinematics
@@ -74,6 +76,7 @@ class Situation:
     covariates: Mapping[str, Column]
     fixed: References | None = None
     temperature: float = 20.0
+    unusable: frozenset[str] = frozenset()
 
     @property
     def robot(self) -> Robot:
