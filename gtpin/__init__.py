@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from gtpin.kinematics.poses import Poses
     from gtpin.kinematics.posture import ClosedPosture, home
     from gtpin.kinematics.statics import rod_forces, static_forces
-    from gtpin.model import Frame, Model
-    from gtpin.model_folder import read_model, write_model
+    from gtpin.model.model import Frame, Model
+    from gtpin.model.model_folder import read_model, write_model
     from gtpin.robot.geometry import Geometry
     from gtpin.robot.library import load_robot, robot_names
     from gtpin.robot.robot import Robot
@@ -44,10 +44,10 @@ _HOME = {
     "home": "gtpin.kinematics.posture",
     "rod_forces": "gtpin.kinematics.statics",
     "static_forces": "gtpin.kinematics.statics",
-    "Frame": "gtpin.model",
-    "Model": "gtpin.model",
-    "read_model": "gtpin.model_folder",
-    "write_model": "gtpin.model_folder",
+    "Frame": "gtpin.model.model",
+    "Model": "gtpin.model.model",
+    "read_model": "gtpin.model.model_folder",
+    "write_model": "gtpin.model.model_folder",
     "Geometry": "gtpin.robot.geometry",
     "load_robot": "gtpin.robot.library",
     "robot_names": "gtpin.robot.library",

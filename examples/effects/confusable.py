@@ -12,7 +12,7 @@ import pandas as pd
 from scipy.linalg import cho_factor, cho_solve
 
 import gtpin
-from gtpin.diagnosis.evidence import best_scales
+from gtpin.diagnosis.linear.evidence import best_scales
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.situation import Situation
 from gtpin.plant import make_case

@@ -13,7 +13,7 @@ from gtpin.data import CartMeasurements, Dataset, Instrument
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.situation import Situation
-from gtpin.model_folder import write_model
+from gtpin.model.model_folder import write_model
 from gtpin.plant import simulate
 from gtpin.robot.library import urdf_path
 

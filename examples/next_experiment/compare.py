@@ -17,12 +17,12 @@ import gtpin
 from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.data.table import Column
-from gtpin.diagnosis.candidates import Candidate
-from gtpin.diagnosis.circumstances import INTERVAL, LATER, NIGHT
-from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
-from gtpin.diagnosis.fit import Observed
-from gtpin.diagnosis.splitting import Standing, chosen, concerns, split
-from gtpin.diagnosis.trials import Known, possible
+from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, gain
+from gtpin.diagnosis.planning.discrimination import Standing, chosen, concerns, split
+from gtpin.diagnosis.planning.measurement_conditions import INTERVAL, LATER, NIGHT
+from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.effects.catalogue import catalogue
 from gtpin.plant import Case, make_case, measure_at
 

@@ -15,7 +15,7 @@ from gtpin.accuracy.steps import PARAMETERS, STEP, poses_after, rod_step
 from gtpin.errors import ModelError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from gtpin.errors import ModelError
 from gtpin.kinematics.closures import pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from gtpin.accuracy.signal import Signal, signal
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Observability
 from gtpin.errors import ModelError
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]

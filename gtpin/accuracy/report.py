@@ -19,7 +19,7 @@ from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, workspace
 from gtpin.errors import GtpinError, ModelError, warn
 from gtpin.kinematics.poses import Poses
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.output.json_text import json_text
 from gtpin.output.results import results_folder
 

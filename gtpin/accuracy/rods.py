@@ -9,7 +9,7 @@ from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

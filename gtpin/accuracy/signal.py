@@ -12,7 +12,7 @@ from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Observability, observability
 from gtpin.calibration.problem import in_frame
 from gtpin.kinematics.rotations import skew
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]

@@ -11,7 +11,7 @@ from gtpin.accuracy.dexterity import unit_rows
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.errors import ModelError
 from gtpin.kinematics.poses import Poses
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

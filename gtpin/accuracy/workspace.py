@@ -13,7 +13,7 @@ from gtpin.accuracy.rods import rod_kinematics
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -14,7 +14,7 @@ from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

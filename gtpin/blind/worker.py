@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.errors import GtpinError
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 

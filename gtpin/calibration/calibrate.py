@@ -23,7 +23,7 @@ from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError, ModelError, RobotError, warn
 from gtpin.kinematics.kinematics import Solver
 from gtpin.memory import amount, require
-from gtpin.model import Frame, Model
+from gtpin.model.model import Frame, Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.parameters import KINDS, TOLERANCE, Per

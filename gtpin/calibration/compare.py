@@ -22,7 +22,7 @@ from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinWarning, UnreachableError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot

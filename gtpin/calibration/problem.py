@@ -12,7 +12,7 @@ from gtpin.data import Dataset
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, skew
-from gtpin.model import Frame, Model
+from gtpin.model.model import Frame, Model
 
 Floats = npt.NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from gtpin.data import Instrument
 from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

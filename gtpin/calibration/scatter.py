@@ -19,7 +19,7 @@ from scipy.stats import norm
 
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Point, Problem
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

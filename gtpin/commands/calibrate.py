@@ -11,7 +11,7 @@ from gtpin.calibration.calibrate import calibrate as run_calibration
 from gtpin.calibration.result import Calibration
 from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, progress_of, tell, write_json
 from gtpin.data import Dataset
-from gtpin.model_folder import write_model
+from gtpin.model.model_folder import write_model
 from gtpin.output.results import results_folder
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.calibration_text import calibration_summary, calibration_text

@@ -14,12 +14,12 @@ from gtpin.commands.diagnose import corrections_hint, write_diagnosis
 from gtpin.commands.terminal import AsJson, Force, Seed, output_path, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.model import Model
-from gtpin.model_folder import read_model
+from gtpin.model.model import Model
+from gtpin.model.model_folder import read_model
+from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
 from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.truth import Case, truth_names
-from gtpin.predict import predict
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.words import length

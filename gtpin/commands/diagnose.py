@@ -12,7 +12,7 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.model_folder import write_model
+from gtpin.model.model_folder import write_model
 from gtpin.output.results import results_folder
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.diagnosis_page import diagnosis_page

@@ -15,10 +15,10 @@ from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import Format
 from gtpin.export.export import export as run_export
-from gtpin.model import Model
-from gtpin.model_folder import read_model
+from gtpin.model.model import Model
+from gtpin.model.model_folder import read_model
+from gtpin.model.predict import predict
 from gtpin.output.results import result_file
-from gtpin.predict import predict
 
 
 def export(

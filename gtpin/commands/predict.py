@@ -9,10 +9,10 @@ import typer
 
 from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, output_path, tell
 from gtpin.data import Commands
-from gtpin.model_folder import read_model
+from gtpin.model.model_folder import read_model
+from gtpin.model.predict import predict as run_prediction
+from gtpin.model.predict import prediction_table
 from gtpin.output.results import result_file
-from gtpin.predict import predict as run_prediction
-from gtpin.predict import prediction_table
 
 
 def predict(

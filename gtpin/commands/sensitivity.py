@@ -11,9 +11,9 @@ import typer
 from gtpin.accuracy.report import FILES, Accuracy, write_sensitivity
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, progress_of, tell
 from gtpin.data import Commands
-from gtpin.model_folder import read_model
+from gtpin.model.model_folder import read_model
+from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
-from gtpin.predict import predict
 from gtpin.report.sensitivity_page import sensitivity_page
 
 WRITTEN = ("sensitivity.csv", "accuracy.json", "report.html")

@@ -13,12 +13,12 @@ from gtpin.commands.terminal import AsJson, Force, Output, tell
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
+from gtpin.model.predict import prediction_table
 from gtpin.output.results import results_folder
 from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.simulate import Simulation
 from gtpin.plant.simulate import simulate as run_simulation
 from gtpin.plant.truth import DATASET_FILES, Case, case_folders, truth_names
-from gtpin.predict import prediction_table
 from gtpin.robot.library import load_robot
 
 ROBOT, POSES, SEED = "gantry_tau", 200, 0

@@ -10,7 +10,7 @@ import typer
 
 from gtpin.commands.terminal import AsJson, Force, ModelReference, output_path, tell
 from gtpin.data import Dataset
-from gtpin.model_folder import read_model
+from gtpin.model.model_folder import read_model
 from gtpin.output.results import check_file
 from gtpin.view.gap import gap_of
 from gtpin.view.still import write_still

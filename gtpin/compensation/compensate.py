@@ -13,7 +13,7 @@ from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
-from gtpin.model import Frame, Model
+from gtpin.model.model import Frame, Model
 
 Floats = npt.NDArray[np.float64]
 

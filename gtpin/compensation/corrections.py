@@ -13,7 +13,7 @@ from gtpin.effects.effect import number
 from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

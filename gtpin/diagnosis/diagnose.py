@@ -15,31 +15,31 @@ from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset, Instrument, by_region
 from gtpin.data.sane import sane_rows
-from gtpin.diagnosis.believed import MOST_POSES, believed
-from gtpin.diagnosis.causes import cause
-from gtpin.diagnosis.contradictions import without_contradictions
-from gtpin.diagnosis.decide import Decision, decide, rough_guess, split, with_fine
-from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.digits import with_full_digits
-from gtpin.diagnosis.filled_in import without_filled_in
-from gtpin.diagnosis.fit import Observed, fit_together
-from gtpin.diagnosis.held_out import held_out, scatter_may_hide
-from gtpin.diagnosis.next_experiment import plan
-from gtpin.diagnosis.noise import asked_again, gross_errors
-from gtpin.diagnosis.pool import Pool
-from gtpin.diagnosis.predictive import without_idle
-from gtpin.diagnosis.questions import questions, without_impossible
+from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
+from gtpin.diagnosis.hypotheses.propose import check_excluded, make_pool
+from gtpin.diagnosis.inference.causes import cause
+from gtpin.diagnosis.inference.decide import Decision, decide, rough_guess, split, with_fine
+from gtpin.diagnosis.inference.digits import with_full_digits
+from gtpin.diagnosis.inference.held_out import held_out, scatter_may_hide
+from gtpin.diagnosis.inference.joint_fit import Observed, fit_together
+from gtpin.diagnosis.inference.noise import asked_again, gross_errors
+from gtpin.diagnosis.inference.predictive import without_idle
+from gtpin.diagnosis.inference.questions import questions, without_impossible
+from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES, believed
+from gtpin.diagnosis.inference.understated_noise import understated
+from gtpin.diagnosis.inference.unexplained import unexplained
+from gtpin.diagnosis.inference.where import where
+from gtpin.diagnosis.linear.cross_validation import Gap, gap
+from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.planning.discrimination import Standing
+from gtpin.diagnosis.planning.next_experiment import plan
+from gtpin.diagnosis.preparation.contradictions import without_contradictions
+from gtpin.diagnosis.preparation.filled_in import without_filled_in
 from gtpin.diagnosis.result import Cause, Considered, Diagnosis
-from gtpin.diagnosis.shrinkage import Gap, gap
-from gtpin.diagnosis.splitting import Standing
-from gtpin.diagnosis.testable import check_excluded, make_pool
-from gtpin.diagnosis.understated import understated
-from gtpin.diagnosis.unexplained import unexplained
-from gtpin.diagnosis.where import where
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.memory import require
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot

@@ -8,10 +8,10 @@ from typing import Any, Literal
 import numpy as np
 
 from gtpin.calibration.result import Calibration
-from gtpin.diagnosis.experiment import Experiment
-from gtpin.diagnosis.shrinkage import Gap
-from gtpin.diagnosis.where import Where
-from gtpin.model import Model
+from gtpin.diagnosis.inference.where import Where
+from gtpin.diagnosis.linear.cross_validation import Gap
+from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.model.model import Model
 
 Verdict = Literal["none", "explained", "ambiguous", "unknown"]
 

@@ -14,7 +14,7 @@ from gtpin.effects.situation import Situation
 from gtpin.export.mechanism import Joint, Mechanism, Spring
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod

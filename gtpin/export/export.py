@@ -16,8 +16,8 @@ from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
 from gtpin.export.sdf import to_sdf
-from gtpin.model import Model
-from gtpin.model_folder import calibrated_urdf
+from gtpin.model.model import Model
+from gtpin.model.model_folder import calibrated_urdf
 from gtpin.output.results import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:

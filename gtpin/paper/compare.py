@@ -13,7 +13,7 @@ from gtpin.accuracy.euler import zyz
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.sensitivity import sensitivity, step_sums
 from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.paper.grid import OF_ALL, RECOVERED, Grid
 from gtpin.paper.table1 import expected_table1
 from gtpin.paper.tables import tables

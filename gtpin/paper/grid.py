@@ -16,7 +16,7 @@ from gtpin.errors import UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.paper.tables import tables
 
 Floats = npt.NDArray[np.float64]

@@ -8,7 +8,7 @@ from scipy.stats import rankdata
 
 from gtpin.accuracy.expected import closure_response
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.paper.tables import tables
 
 Floats = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from gtpin.accuracy.expected import ExpectedError, Response, Uncertainty, expected_of, response
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.paper.tables import tables
 
 Floats = npt.NDArray[np.float64]

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gtpin.data import Commands, Dataset, Instrument
 from gtpin.errors import GtpinError, UnreachableError
 from gtpin.kinematics.poses import Poses
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 

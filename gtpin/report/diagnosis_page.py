@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Dataset
+from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.diagnosis.where import Where
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.effect_curves import Curve, curves

@@ -9,7 +9,7 @@ from typing import Any
 
 from gtpin.data import Commands, Dataset
 from gtpin.data.ids import normal_ids
-from gtpin.diagnosis.circumstances import as_usual
+from gtpin.diagnosis.planning.measurement_conditions import as_usual
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.page import Table
 from gtpin.report.words import covariate_unit, whole, with_unit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtpin.calibration.result import Calibration
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.report.page import Table
 from gtpin.report.words import quantity, whole
 

@@ -17,7 +17,7 @@ from gtpin.data.names import command_names
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

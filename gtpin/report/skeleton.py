@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.robot.chain import Actuator
 
 Floats = npt.NDArray[np.float64]

@@ -12,7 +12,7 @@ from gtpin.data import Dataset, check_commands
 from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

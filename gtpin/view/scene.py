@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from gtpin.errors import GtpinError
 from gtpin.kinematics.posture import ClosedPosture, home
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.report.camera import Camera
 from gtpin.report.skeleton import skeleton
 from gtpin.view.gap import Gap

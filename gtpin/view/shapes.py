@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from gtpin.model import Model
-from gtpin.model_folder import calibrated_urdf
+from gtpin.model.model import Model
+from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot
 from gtpin.view.colors import of_share

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.accuracy.figures import new_figure
 from gtpin.errors import GtpinError, ModelError
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.output.results import result_file
 from gtpin.report.camera import ELEVATION, Camera
 from gtpin.report.skeleton import Skeleton, skeleton

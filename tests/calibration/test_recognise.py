@@ -11,7 +11,7 @@ import gtpin
 from gtpin.calibration.checks.recognise import recognised
 from gtpin.calibration.problem import measured_poses
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.plant import simulate
 from gtpin.robot.geometry import Geometry
 

@@ -13,9 +13,9 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.calibration.problem import measured_poses
-from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import SCALE_SPREAD, Groups, Marginal
-from gtpin.diagnosis.fit import Observed
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.evidence import SCALE_SPREAD, Groups, Marginal
 from gtpin.plant import make_case
 
 Floats = np.ndarray

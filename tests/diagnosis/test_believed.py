@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.data import Dataset
-from gtpin.diagnosis import believed, diagnose
+from gtpin.diagnosis import diagnose
+from gtpin.diagnosis.inference import readmit_outliers as believed
 from gtpin.plant import make_case
 from gtpin.report.residuals import Residuals
 

@@ -10,11 +10,11 @@ from diagnosed import LARGE, machine, said
 import gtpin
 from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
-from gtpin.diagnosis.decide import decide
-from gtpin.diagnosis.fit import Observed
-from gtpin.diagnosis.predictive import without_idle
+from gtpin.diagnosis.hypotheses.propose import make_pool
+from gtpin.diagnosis.inference.decide import decide
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.diagnosis.testable import make_pool
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
 from gtpin.report.diagnosis_text import diagnosis_summary

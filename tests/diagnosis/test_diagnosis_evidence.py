@@ -5,7 +5,7 @@ import pytest
 from linear_problems import Dense
 from numpy.testing import assert_allclose
 
-from gtpin.diagnosis.evidence import (
+from gtpin.diagnosis.linear.evidence import (
     NOTHING,
     SCALES,
     Groups,

@@ -11,13 +11,13 @@ from scipy.stats import binom, chi2
 
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured
-from gtpin.diagnosis.candidates import Candidate
-from gtpin.diagnosis.evidence import Groups, Marginal, fixed
-from gtpin.diagnosis.fit import Observed, fit_together
+from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.inference.joint_fit import Observed, fit_together
+from gtpin.diagnosis.linear.evidence import Groups, Marginal, fixed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.kinematics.rotations import exp
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
 POSITION, ORIENTATION = 1.5e-5, 5e-5

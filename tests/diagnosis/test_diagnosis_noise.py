@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from gtpin.calibration.problem import Measured
-from gtpin.diagnosis.evidence import NOTHING, fixed
-from gtpin.diagnosis.fit import Observed
-from gtpin.diagnosis.noise import asked_again, left_over
-from gtpin.diagnosis.pool import Pool
+from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.inference.noise import asked_again, left_over
+from gtpin.diagnosis.linear.evidence import NOTHING, fixed
 from gtpin.effects.basis import Basis
 from gtpin.kinematics.rotations import exp
 

@@ -8,10 +8,10 @@ from linear_problems import calibrated
 from numpy.testing import assert_allclose
 from scipy.stats import binom, chi2
 
-from gtpin.diagnosis import scan
-from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, fixed, gain
-from gtpin.diagnosis.scan import Scan
+from gtpin.diagnosis.linear import scan
+from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, Posterior, fixed, gain
+from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.effects.rack_periodic import RackPeriodic

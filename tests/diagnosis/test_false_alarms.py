@@ -7,8 +7,8 @@ import pytest
 from linear_problems import calibrated
 from scipy.stats import binom
 
-from gtpin.diagnosis.decide import rough_guess
-from gtpin.diagnosis.testable import make_pool
+from gtpin.diagnosis.hypotheses.propose import make_pool
+from gtpin.diagnosis.inference.decide import rough_guess
 
 MACHINES = 25
 

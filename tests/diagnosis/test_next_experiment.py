@@ -12,14 +12,14 @@ from scipy.stats import multivariate_normal
 import gtpin
 from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
-from gtpin.diagnosis.candidates import Candidate
-from gtpin.diagnosis.fit import Observed
-from gtpin.diagnosis.free_motions import free_motions
-from gtpin.diagnosis.next_experiment import Experiment, Standing, plan
-from gtpin.diagnosis.odds import Prediction, Rivalry, expected_gain, most_telling
+from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.hypotheses.smooth_terms import free_motions
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain, most_telling
+from gtpin.diagnosis.planning.map_unknown import trace
+from gtpin.diagnosis.planning.next_experiment import Experiment, Standing, plan
+from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.diagnosis.result import Considered
-from gtpin.diagnosis.tracing import trace
-from gtpin.diagnosis.trials import Known, possible
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.linearity import Linearity
 from gtpin.plant import Case, make_case, measure_at

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.believed import believed
-from gtpin.diagnosis.fit import Observed
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.inference.readmit_outliers import believed
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.evidence import NOTHING
-from gtpin.diagnosis.fit import Observed
-from gtpin.diagnosis.noise import left_over
-from gtpin.diagnosis.testable import make_pool
-from gtpin.diagnosis.two_groups import two_groups
+from gtpin.diagnosis.hypotheses.propose import make_pool
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.inference.noise import left_over
+from gtpin.diagnosis.inference.two_groups import two_groups
+from gtpin.diagnosis.linear.evidence import NOTHING
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise

@@ -12,9 +12,11 @@ import pandas as pd
 import pytest
 
 from gtpin.blind.judged import Judged
-from gtpin.diagnosis import decide, pool, splitting
-from gtpin.diagnosis.believed import MOST_POSES
 from gtpin.diagnosis.diagnose import FALSE_ALARM
+from gtpin.diagnosis.hypotheses import hypothesis_set as pool
+from gtpin.diagnosis.inference import decide
+from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
+from gtpin.diagnosis.planning import discrimination as splitting
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "pages"))

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model_folder import calibrated_urdf
+from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import Description
 
 OTHERS = ["tau", "stewart", "linear_delta", "gantry_tau_6dof"]

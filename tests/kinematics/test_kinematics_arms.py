@@ -14,7 +14,7 @@ import gtpin
 from gtpin.errors import ClosureError, ModelError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.model_folder import calibrated_urdf
+from gtpin.model.model_folder import calibrated_urdf
 
 Floats = np.ndarray
 ARMS = {"ur5": "ur_description/urdf/ur5_robot.urdf", "panda": "panda_description/urdf/panda.urdf"}

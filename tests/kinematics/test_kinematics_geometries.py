@@ -13,7 +13,7 @@ from loaded_machines import drawn
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import log
-from gtpin.model_folder import calibrated_urdf
+from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import Description
 
 Floats = np.ndarray

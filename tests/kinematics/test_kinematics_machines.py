@@ -12,7 +12,7 @@ from machines import MAKERS, Machine
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import log
-from gtpin.model_folder import calibrated_urdf
+from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import Description
 
 Floats = np.ndarray

@@ -11,7 +11,7 @@ from machines import Machine
 import gtpin
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model_folder import calibrated_urdf
+from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import Description
 
 Floats = np.ndarray

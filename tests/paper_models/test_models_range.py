@@ -14,7 +14,7 @@ from gtpin import Commands, Dataset, Model
 from gtpin.calibration.paper_models import model_geometry
 from gtpin.errors import DatasetError, GtpinWarning, ModelError
 from gtpin.kinematics.closures import solve_each
-from gtpin.predict import predict
+from gtpin.model.predict import predict
 
 PATHS = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 50 + c)) for c in range(3))
 TURNS = tuple(mm.bent(np.zeros(3), mm.wavy(2e-4, 60 + c)) for c in range(3))

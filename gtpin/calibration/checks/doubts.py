@@ -20,7 +20,7 @@ from gtpin.data import Dataset, Instrument
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 WHOLE = 1e-3
 """Median error, m, of rows that were set aside from which they are another measurement's. A stated assumption: an effect that

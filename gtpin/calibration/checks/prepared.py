@@ -12,7 +12,7 @@ from gtpin.data.duplicates import counted_once
 from gtpin.data.extremes import check_extremes
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import log
-from gtpin.model import Model
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

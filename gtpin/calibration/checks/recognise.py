@@ -16,7 +16,7 @@ from gtpin.data.orientation_convention import misread
 from gtpin.data.readings import RotationReading, orientation_readings, position_readings
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
-from gtpin.model import Frame, Model
+from gtpin.model.model import Frame, Model
 
 Floats = npt.NDArray[np.float64]
 

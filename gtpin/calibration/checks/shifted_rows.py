@@ -11,7 +11,7 @@ from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
-from gtpin.model import Frame
+from gtpin.model.model import Frame
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -13,7 +13,7 @@ from gtpin.data import Dataset, check_commands, check_measurements
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import DatasetError, warn
 from gtpin.kinematics.poses import Poses
-from gtpin.model import Model
+from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
 Mask = npt.NDArray[np.bool_]

@@ -1,0 +1,1 @@
+"""What may explain a gap: effects at sites, smooth nonparametric terms, proxies for missing covariates."""

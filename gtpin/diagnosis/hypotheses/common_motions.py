@@ -1,0 +1,60 @@
+"""Motions of all carts at once: what bends or stretches the whole machine looks like the same effect at every cart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.hypotheses.hypothesis import Free
+from gtpin.diagnosis.hypotheses.smooth_terms import SHIFT
+from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import wave
+
+Floats = npt.NDArray[np.float64]
+
+ORDERS = {2: 5, 3: 4}
+"""Sum of the orders of waves that are multiplied, by the number of actuators; single waves alone where there are more."""
+DECAY = 1.5
+"""How fast sizes decay with that sum."""
+COMMON = ("field", "scale")
+"""Names of these motions; a site has no share of the gap for them, since they are of no one site."""
+
+
+def common_motions(at: Situation, scaled: bool) -> Iterator[tuple[Free, Basis]]:
+    """Along all tracks together: over all commands, and each over its own in proportion.
+
+    Parameters
+    ----------
+    scaled
+        Whether a named effect can stretch all that is seen: then the latter has a name.
+    """
+    if at.robot.n_actuators < 2:
+        return
+    yield Free("frame", ("position",), "field"), _of_all(at, *_field(at))
+    if not scaled:
+        yield Free("frame", ("position",), "scale"), _of_all(at, np.zeros((len(at), 0)), np.zeros(0))
+
+
+def _field(at: Situation) -> tuple[Floats, Floats]:
+    """Smooth functions (N, m) of all commands, and their sizes."""
+    n = at.robot.n_actuators
+    most = ORDERS.get(n, 1)
+    orders = [row for row in product(range(most + 1), repeat=n) if 1 <= sum(row) <= most]
+    columns = [np.prod([wave(at.travel[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in orders]
+    size = np.array([float(sum(row)) for row in orders]) ** -DECAY
+    return np.stack(columns, axis=1), 1.5 * size / np.linalg.norm(size)
+
+
+def _of_all(at: Situation, columns: Floats, size: Floats) -> Basis:
+    """The same functions along every track, and each in proportion to its own command and a little uneven."""
+    total: list[Floats] = []
+    for j, site in enumerate(at.robot.sites):
+        own = at.travel[:, [j]]
+        along = along_track(at, site, np.hstack([columns, own, own**2]), np.ones(columns.shape[1] + 2))
+        total.append(along.displacement(at))
+    sizes = SHIFT * np.concatenate([size, [1.0, 0.2]])
+    return Basis(np.tile(sizes, len(total)), twist=np.concatenate(total, axis=2))

@@ -1,0 +1,109 @@
+"""What a covariate that nobody recorded may have been, by what goes with it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.hypotheses.hypothesis import CLOCK
+from gtpin.diagnosis.planning.measurement_conditions import WARMER
+from gtpin.effects.situation import Column, Situation
+
+Floats = npt.NDArray[np.float64]
+
+LIKELY_SPEED = 0.1
+"""Speed of a machine whose speed was not recorded, m/s or rad/s."""
+PAUSE, MOST_PAUSES = 10.0, 11
+"""Times the usual interval between visits from which it is a pause, after which a new session may have begun; and how many."""
+SHORT = 0.95
+"""Share of the waits, the shorter ones, that are no pauses."""
+BREAKS, TWO_BREAKS = 23, 7
+"""Places in time at which one may have begun where there is no pause: where it is one, and where they are two."""
+CLOCKS = tuple(name for name in CLOCK if name != "session")
+"""What goes by the clock in numbers."""
+PAYLOAD, SPELLS = 10.0, 12
+"""A usual payload, kg, and spells of the work in which another one may have been carried."""
+
+
+def guesses(at: Situation, name: str) -> Iterable[tuple[Column, ...]]:
+    """What a missing covariate may have been: one after the other, each a few (N,) that are taken together."""
+    numbered = re.fullmatch(r"(approach|speed)(\d+)", name)
+    if numbered:
+        other = f"{'speed' if numbered[1] == 'approach' else 'approach'}{numbered[2]}"
+        if not at.varies(other):
+            return []
+        return [(np.sign(at.covariate(other)) * (1.0 if numbered[1] == "approach" else LIKELY_SPEED),)]
+    if name == "session":
+        return _sessions(at)
+    if name == "time":
+        clocks: list[tuple[Column, ...]] = [(at.covariate(n),) for n in CLOCKS if n != name and at.varies(n)]
+        if at.varies("session"):
+            clocks.append((_order(at.covariates["session"]),))
+        return clocks
+    if name in CLOCKS:
+        return _temperatures(at, name)
+    return []
+
+
+def _order(names: Column) -> Floats:
+    """(N,) place of each session: by numbers where all names are, else as texts."""
+    known = sorted({str(name) for name in names}, key=lambda n: (0, int(n), n) if n.isdecimal() else (1, 0, n))
+    return np.array([known.index(str(name)) for name in names], dtype=float)
+
+
+def _sessions(at: Situation) -> Iterator[tuple[Column, ...]]:
+    """New beginnings after pauses; where there are none, one or two in the course of time."""
+    clock = next((n for n in CLOCKS if at.varies(n)), None)
+    if clock is None:
+        return
+    values = at.covariate(clock)
+    begun: list[Floats] = [np.quantile(values, places) for places in _places()]
+    for since in [pauses(at)] if len(pauses(at)) else begun:
+        yield (np.searchsorted(since, values, side="right").astype(str).astype(object),)
+
+
+def _places() -> Iterator[Floats]:
+    """Shares of the visits after which something new may have begun."""
+    once, twice = (np.arange(1, n + 1) / (n + 1) for n in (BREAKS, TWO_BREAKS))
+    yield from once[:, None]
+    yield from (np.array(pair) for pair in combinations(twice, 2))
+
+
+def pauses(at: Situation) -> Floats:
+    """Ends of the longest pauses between visits, s, in their order."""
+    if not at.varies("time"):
+        return np.zeros(0)
+    time = np.sort(at.covariate("time"))
+    waits = np.diff(time)
+    longest = np.sort(np.argsort(-waits)[:MOST_PAUSES])
+    # No median: clocks may show whole minutes, and most waits be none.
+    usual = np.sort(waits)[: max(int(SHORT * len(waits)), 1)].mean()
+    return np.asarray(time[1:][longest[waits[longest] > PAUSE * max(float(usual), 1e-9)]])
+
+
+def _temperatures(at: Situation, name: str) -> Iterable[tuple[Column, ...]]:
+    """The other temperature, and slow changes over time."""
+    reference = at.references.temperature
+    together: list[Column] = [at.covariate(n) for n in CLOCKS[1:] if n != name and at.varies(n)]
+    if at.varies("time"):
+        together += [reference + WARMER * at.time, reference + WARMER * at.time**2]
+    return [tuple(together)] if together else []
+
+
+def loaded(at: Situation) -> list[Situation]:
+    """The situation with a payload in one spell of the work after the other; none where the payload was recorded."""
+    clock = next((n for n in CLOCKS if at.varies(n)), None)
+    if "payload" in at.covariates or clock is None:
+        return []
+    spell = np.argsort(np.argsort(at.covariate(clock))) * SPELLS // len(at)
+    return [with_column(at, "payload", np.where(spell == k, PAYLOAD, 0.0)) for k in range(SPELLS)]
+
+
+def with_column(at: Situation, name: str, values: Column) -> Situation:
+    """The situation with a covariate that was not recorded; what was cached of it is computed again."""
+    return replace(at, covariates={**at.covariates, name: values})

@@ -1,0 +1,1 @@
+"""From evidence to a verdict: search, classes, verdict, joint fit, noise."""

@@ -1,0 +1,60 @@
+"""Commands that were rounded or cut off on their way into the table: what that leaves is no effect of the machine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Dataset
+from gtpin.data.rounding import EXACT
+from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
+from gtpin.diagnosis.inference.decide import Decision
+from gtpin.diagnosis.inference.noise import left_over
+from gtpin.diagnosis.linear.evidence import NOTHING
+from gtpin.errors import warn
+
+Floats = npt.NDArray[np.float64]
+
+DIGITS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5)
+"""Steps that commands may have been rounded to, m or rad, the coarsest first."""
+VARIOUS = 0.5
+"""Share of different commands from which they are no grid that somebody chose."""
+FEW_STEPS = 3.0
+"""Position error over the step of the commands, up to which the step may be its reason: rounding of three drives makes less.
+A stated assumption."""
+
+
+def with_full_digits(found: Decision, pool: Pool, dataset: Dataset) -> Decision:
+    """The decision; without causes where something unknown is of the size of the last digit that commands have.
+
+    Parameters
+    ----------
+    dataset
+        The rows that were searched.
+
+    Warns
+    -----
+    GtpinWarning
+        Of the step.
+    """
+    step = next((s for s in DIGITS if _multiples(dataset.q, s)), None)
+    if found.verdict != "unknown" or step is None:
+        return found
+    left = left_over(pool, NOTHING)[0]
+    errors = np.linalg.solve(pool.design.whitening, left[..., None])[:, :3, 0]
+    if np.sqrt((errors**2).sum(axis=1).mean()) > FEW_STEPS * step:
+        return found
+    warn(
+        f"commands have steps of {1e3 * step:g} mm or mrad, and what is left is of that size: they look rounded or cut off; "
+        "export more digits"
+    )
+    return replace(found, named=pool.only(found.named, ()), classes={})
+
+
+def _multiples(q: Floats, step: float) -> bool:
+    """Whether commands are multiples of a step, and too many different ones to have been chosen by hand."""
+    counts = q / step
+    various = min(len(np.unique(column)) for column in np.round(counts).T) > VARIOUS * len(q)
+    return various and bool(np.abs(counts - np.round(counts)).max() < EXACT)

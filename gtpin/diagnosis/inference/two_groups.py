@@ -1,0 +1,84 @@
+"""Rows of two measurements in one table: two groups that differ by one motion of the frame, whatever their order.
+
+Two machines, two set-ups of an instrument or two zeros of a drive that were mixed row by row look like a lack of
+repeatability. Of Gaussian noise, two frames, each fitted to the rows that it suits better, take at most the share 2/pi of
+the power in one direction; of two groups far apart they take nearly all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.linear.design import Design
+from gtpin.kinematics.rotations import skew
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+RATIO = 5.0
+"""Power left by one frame over that left by two, from which there are two groups. Noise of one direction alone, the worst
+case, gives 1 / (1 - 2/pi) = 2.75; a stated assumption beyond that."""
+LEAST_SHARE = 0.1
+"""Share of the rows that the smaller group has at least: fewer are gross errors."""
+SWEEPS = 30
+
+
+@dataclass(frozen=True)
+class Groups:
+    """The smaller group (N,), and by how much the two differ at the median row, m."""
+
+    smaller: Mask
+    apart: float
+
+
+def two_groups(design: Design, left: Floats, sigma: tuple[float, float]) -> Groups | None:
+    """Two groups of rows; None where one frame does nearly as well.
+
+    Parameters
+    ----------
+    left
+        (N, c) whitened residual of the geometry and the causes.
+    sigma
+        The instrument's noise of positions and orientations, m and rad, by which residuals are weighed.
+    """
+    c = design.components
+    scale = np.array([sigma[0]] * 3 + [sigma[1]] * 3)[:c]
+    errors = np.linalg.solve(design.whitening, left[..., None])[..., 0]
+    y, F = errors / scale, _motions(design)[:, :c] / scale[:, None]
+    centred = y - y.mean(axis=0)
+    first = centred @ np.linalg.svd(centred, full_matrices=False)[2][0] > 0.0
+    for _ in range(SWEEPS):
+        off = [_left_by(F, y, group)[0] for group in (first, ~first)]
+        now = (off[0] ** 2).sum(axis=1) < (off[1] ** 2).sum(axis=1)
+        if (now == first).all():
+            break
+        first = now
+    smaller = first if first.mean() <= 0.5 else ~first
+    if smaller.mean() < LEAST_SHARE:
+        return None
+    (one, a), (two, b) = (_left_by(F, y, group) for group in (smaller, ~smaller))
+    both = np.where(smaller[:, None], one, two)
+    whole, _ = _left_by(F, y, np.ones(len(y), dtype=bool))
+    if (whole**2).sum() < RATIO * (both**2).sum():
+        return None
+    apart = np.linalg.norm((F @ (a - b))[:, :3] * scale[:3], axis=1)
+    return Groups(smaller, float(np.median(apart)))
+
+
+def _left_by(F: Floats, y: Floats, group: Mask) -> tuple[Floats, Floats]:
+    """(N, c) what a frame fitted to a group leaves of all rows, and its motion (6,)."""
+    flat = F[group].reshape(-1, 6)
+    motion: Floats = np.asarray(np.linalg.lstsq(flat, y[group].ravel(), rcond=None)[0], dtype=np.float64)
+    return y - F @ motion, motion
+
+
+def _motions(design: Design) -> Floats:
+    """(N, 6, 6) motions of the poses by shifts, m, and turns, rad, of the frame about their middle."""
+    T = design.model.seen(design.situation.poses).T
+    motion = np.zeros((len(T), 6, 6))
+    motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
+    motion[:, :3, 3:] = -skew(T - T.mean(axis=0))
+    return motion

@@ -1,0 +1,100 @@
+"""Where the gap lies, before any cause is named: shares of its power by rod, site, axis, covariate and region."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.hypotheses.common_motions import COMMON
+from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
+from gtpin.diagnosis.linear.design import Design
+
+Floats = npt.NDArray[np.float64]
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Where:
+    """Shares of the gap's power beyond noise and beyond what geometry absorbs.
+
+    Parameters
+    ----------
+    rod, site, axis
+        By name; each sums to 1, or is all zero where there is no gap.
+    covariate
+        By name, the share that goes with a smooth function of it at some site.
+    region
+        Boxes (2, 3), m, base frame, and the share in each.
+    """
+
+    rod: dict[str, float]
+    site: dict[str, float]
+    axis: dict[str, float]
+    covariate: dict[str, float]
+    region: tuple[tuple[Floats, float], ...]
+
+
+def where(
+    design: Design, left: Floats, pool: Pool, gains: Mapping[str, float], blocks: list[npt.NDArray[np.bool_]]
+) -> Where:
+    """Share the gap out.
+
+    Parameters
+    ----------
+    left
+        (N c,) whitened residual after the geometry alone was fitted.
+    gains
+        Gain in log evidence of each explanation by itself.
+    blocks
+        (N,) masks of the poses of each region.
+    """
+    c = design.components
+    whitened = left.reshape(-1, c)
+    excess = whitened**2 - 1.0
+    axis = _shares(dict(zip(AXES[:c], excess.mean(axis=0), strict=False)))
+    by_pose = excess.sum(axis=1)
+    T = design.situation.poses.T
+    regions = _shares({str(k): float(by_pose[b].sum()) for k, b in enumerate(blocks)})
+    boxes = tuple(
+        (np.stack([T[b].min(axis=0), T[b].max(axis=0)]), regions[str(k)]) for k, b in enumerate(blocks) if b.any()
+    )
+    return Where(_rods(design, whitened), _sites(pool, gains), axis, _covariates(pool, gains), boxes)
+
+
+def _rods(design: Design, whitened: Floats) -> dict[str, float]:
+    """Residual and noise mapped to the rods by the closures' Jacobian."""
+    at = design.situation
+    seen = np.linalg.inv(design.whitening)
+    to_rods = np.linalg.inv(at.response)[:, :, : design.components] @ seen
+    power = (np.einsum("nkc,nc->nk", to_rods, whitened) ** 2).mean(axis=0) - (to_rods**2).sum(axis=2).mean(axis=0)
+    return _shares(dict(zip(at.robot.rod_sites, power, strict=True)))
+
+
+def _sites(pool: Pool, gains: Mapping[str, float]) -> dict[str, float]:
+    """How well the best motion at each site explains the gap, whether it has a name or not."""
+    best: dict[str, float] = {}
+    for name, gain in gains.items():
+        if name in pool.free and pool.free[name].motion in COMMON:
+            continue
+        site = pool.free[name].site if name in pool.free else name.partition("@")[2]
+        best[site] = max(best.get(site, 0.0), gain)
+    return _shares(best)
+
+
+def _covariates(pool: Pool, gains: Mapping[str, float]) -> dict[str, float]:
+    best: dict[str, float] = {}
+    for name, free in pool.free.items():
+        for coordinate in free.over:
+            best[coordinate] = max(best.get(coordinate, 0.0), gains[name])
+    top = max(best.values(), default=0.0)
+    return {name: (gain / top if top > 0.0 else 0.0) for name, gain in best.items()}
+
+
+def _shares(power: Mapping[str, float]) -> dict[str, float]:
+    positive = {name: max(float(value), 0.0) for name, value in power.items()}
+    total = sum(positive.values())
+    return {name: (value / total if total > 0.0 else 0.0) for name, value in positive.items()}

@@ -1,0 +1,164 @@
+"""How far the gap shrinks on poses that were not fitted: blocks left out in turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.linear.design import Design
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+DRAWS = 400
+"""Draws behind an interval."""
+ASKED = 120
+"""Poses that a user is supposed to ask for: so many say how far the gap shrank."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Held-out position errors before and after causes were added.
+
+    Parameters
+    ----------
+    before, after
+        Root mean square length of the position error per pose, m, of a geometry alone and with the causes.
+    floor
+        What a perfect model would show, m.
+    shrinkage
+        Share of the gap's power that goes away, 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there is no gap.
+    interval
+        Its 95 % interval: what other poses of the same kind would show.
+    """
+
+    before: float
+    after: float
+    floor: float
+    shrinkage: float | None
+    interval: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A linear model fitted to all poses, and what it predicts of blocks that were left out.
+
+    Parameters
+    ----------
+    errors
+        (N, 3) measured less predicted position, m, each block predicted from the others.
+    noise
+        (N,) squared length, m^2, that each pose's noise has as the fit shows it.
+    z, root
+        (k,) what was fitted, in prior sizes, and (k, k) with root @ root' its covariance.
+    columns
+        (N, 3, k) derivative of the positions by it, m.
+    """
+
+    errors: Floats
+    noise: Floats
+    z: Floats
+    root: Floats
+    columns: Floats
+
+
+def leave_out(design: Design, causes: Floats, blocks: list[Mask]) -> LeftOut:
+    """Fit geometry and causes, and predict each block from the others.
+
+    Parameters
+    ----------
+    causes
+        (N c, m) whitened displacements of the causes for coefficients of the size that their priors have; m may be 0.
+    blocks
+        (N,) masks of the poses left out together, a partition.
+    """
+    c = design.components
+    J = np.hstack([design.B, causes])
+    prior = np.ones(J.shape[1])
+    prior[design.n_geometry : design.B.shape[1]] = 0.0
+    root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
+    z = root @ (root.T @ (J.T @ design.y))
+    left, half = design.y - J @ z, J @ root
+    out, inside = np.empty_like(left), np.empty_like(left)
+    for block in blocks:
+        rows = np.flatnonzero(np.repeat(block, c))
+        # What a fit without the block leaves of it follows from the fit of all, by the block's leverage.
+        leverage = np.eye(len(rows)) - half[rows] @ half[rows].T
+        out[rows] = np.linalg.solve(leverage, left[rows])
+        inside[rows] = left[rows] * out[rows]
+    colour = np.linalg.inv(design.whitening)
+    errors = np.einsum("nij,nj->ni", colour, out.reshape(-1, c))
+    # The product of both residuals has the noise's own variance, whatever the leverage.
+    size = np.einsum("nij,nj->n", colour[:, :3] ** 2, inside.reshape(-1, c))
+    columns = np.einsum("nij,njk->nik", colour, J.reshape(-1, c, J.shape[1]))[:, :3]
+    return LeftOut(errors[:, :3], size, z, root, columns)
+
+
+def gap(design: Design, causes: Floats, floor: Floats, blocks: list[Mask], rng: np.random.Generator) -> Gap:
+    """Compare a geometry alone with geometry and causes on poses that were left out.
+
+    Parameters
+    ----------
+    design
+        The linear problem, causes not yet in it.
+    causes
+        (N c, m) whitened displacements of the causes for coefficients of the size that their priors have; m may be 0.
+    floor
+        (N,) expected squared length of each pose's position noise, m^2.
+    blocks
+        (N,) masks of the poses left out together, a partition.
+    """
+    alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
+    b2 = (alone.errors**2).sum(axis=1)
+    if not causes.shape[1]:
+        return Gap(_root(b2), _root(b2), _root(np.minimum(floor.mean(), b2.mean())), None, None)
+    whole = leave_out(design, causes, blocks)
+    a2 = (whole.errors**2).sum(axis=1)
+    # These poses' own noise as the fit shows it, where that is no more than chance makes of the noise that is known.
+    least = min(float(whole.noise.mean()), float(floor.mean()) * (1.0 + 2.0 * np.sqrt(2.0 / (3.0 * len(floor)))))
+    shrinkage = _share(float(b2.mean()), float(a2.mean()), least)
+    drawn = _draws(alone, whole, max(float(a2.mean()) - float(whole.noise.mean()), 0.0), a2, rng)
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    interval = (min(float(low), shrinkage), max(float(high), shrinkage))
+    return Gap(_root(b2), _root(a2), float(np.sqrt(least)), shrinkage, interval)
+
+
+def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: np.random.Generator) -> Floats:
+    """Shrinkages (DRAWS,) that other poses may show, what was fitted being as uncertain as it is.
+
+    Parameters
+    ----------
+    error
+        Squared length of the error of predictions, m^2, as poses that were left out show it.
+    squares
+        (N,) squared errors of the poses left out, m^2.
+    """
+    count = len(squares)
+    unit = rng.standard_normal((len(whole.z), DRAWS))
+    off = np.einsum("nik,kd->nid", whole.columns, whole.root @ unit, optimize=True)
+    expected = float(((whole.columns @ whole.root) ** 2).sum() / count)
+    # What the fit's own uncertainty does not account for is form that the causes lack; nobody knows it better than this.
+    lacking = max(error - expected, 0.0)
+    spread = float(np.sqrt(2.0 / count)) * float(squares.mean())
+    predicted = np.einsum("nik,k->ni", whole.columns, whole.z)
+    predicted -= np.einsum("nik,k->ni", alone.columns, alone.z)
+    shares = np.empty(DRAWS)
+    for d in range(DRAWS):
+        rows = rng.integers(0, count, ASKED)
+        more = max(lacking + spread * float(rng.standard_normal()), 0.0)
+        after = float((off[rows, :, d] ** 2).sum(axis=1).mean()) + more
+        before = float(((off[rows, :, d] + predicted[rows]) ** 2).sum(axis=1).mean()) + more
+        shares[d] = _share(before, after, 0.0)
+    return shares
+
+
+def _root(squares: Floats | float) -> float:
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _share(before: float, after: float, floor: float) -> float:
+    """Share of the gap's power beyond the floor that goes away; between 0 and 1 but for noise."""
+    power = max(before - floor, 1e-300)
+    return float(np.clip(1.0 - (after - floor) / power, -1.0, 1.0))

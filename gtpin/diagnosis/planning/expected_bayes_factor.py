@@ -1,0 +1,144 @@
+"""How far measurements to come would part two hypotheses: expected log Bayes factors of linear Gaussian predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from gtpin.diagnosis.planning.trials import Trials
+
+Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+
+IGNORED = 3e-3
+"""Variance a row, in units of the noise, that a direction must have to matter in the choice of rows."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a hypothesis expects of M rows with c numbers each, whitened, given the rows that were measured.
+
+    Parameters
+    ----------
+    mean
+        (M, c).
+    spread
+        (M, c, r) whose products are the covariance without the noise, which is 1.
+    """
+
+    mean: Floats
+    spread: Floats
+
+    @staticmethod
+    def of(trials: Trials, columns: Floats) -> Prediction:
+        """By displacements ((N + M) c, m) of standard normal coefficients, with the geometry's."""
+        c, p = trials.design.components, trials.design.B.shape[1] + columns.shape[1]
+        J = np.hstack([trials.design.B, columns])
+        old, new = J[trials.old], J[trials.old.stop :]
+        factor = cho_factor(np.eye(p) + old.T @ old, lower=True)
+        mean = new @ cho_solve(factor, old.T @ trials.design.y[trials.old])
+        spread = solve_triangular(factor[0], new.T, lower=True).T
+        return Prediction(mean.reshape(-1, c), spread.reshape(len(trials), c, -1))
+
+
+@dataclass(frozen=True)
+class Rivalry:
+    """Two hypotheses by number, the first of which is taken for true, and how much the two matter."""
+
+    true: int
+    rival: int
+    weight: float
+
+
+def expected_gain(predictions: Sequence[Prediction], rivalries: Sequence[Rivalry], rows: Rows) -> float:
+    """Expected log Bayes factor, nats, for the true hypothesis by measuring some rows; weighted mean over rivalries.
+
+    The Kullback-Leibler divergence of N(mu_a, I + L_a L_a') from N(mu_b, I + L_b L_b').
+    """
+    factors = []
+    for p in predictions:
+        L = p.spread[rows].reshape(-1, p.spread.shape[2])
+        factors.append(cho_factor(np.eye(len(L)) + L @ L.T, lower=True))
+    total = 0.0
+    for r in rivalries:
+        lower = np.tril(factors[r.true][0])
+        shift = (predictions[r.true].mean - predictions[r.rival].mean)[rows].ravel()
+        solved = solve_triangular(factors[r.rival][0], np.column_stack([lower, shift]), lower=True)
+        logs = np.log(np.diag(factors[r.rival][0])).sum() - np.log(np.diag(lower)).sum()
+        total += r.weight * float(0.5 * ((solved**2).sum() - len(shift)) + logs)
+    return total / sum(r.weight for r in rivalries)
+
+
+def most_telling(predictions: Sequence[Prediction], rivalries: Sequence[Rivalry], count: int) -> Rows:
+    """(count,) rows that together part the hypotheses best, chosen one by one.
+
+    The logarithm of one plus each rivalry's gain counts, so that no rivalry is settled over and over while another stays open.
+    """
+    spreads = [_main(p.spread) for p in predictions]
+    races = [_Race(predictions[r.true].mean - predictions[r.rival].mean, spreads[r.true]) for r in rivalries]
+    chosen: list[int] = []
+    while len(chosen) < min(count, len(predictions[0].mean)):
+        covariances = [np.eye(s.shape[1]) + s @ np.swapaxes(s, 1, 2) for s in spreads]
+        inverses: list[Floats] = [np.asarray(np.linalg.inv(S), dtype=float) for S in covariances]
+        logs: list[Floats] = [np.asarray(np.linalg.slogdet(S)[1], dtype=float) for S in covariances]
+        steps = [
+            race.steps(inverses[r.rival], logs[r.rival] - logs[r.true])
+            for race, r in zip(races, rivalries, strict=True)
+        ]
+        worth = sum(
+            r.weight * np.log1p(race.gain + step) for race, step, r in zip(races, steps, rivalries, strict=True)
+        )
+        worth = np.asarray(worth)
+        worth[chosen] = -np.inf
+        best = int(worth.argmax())
+        chosen.append(best)
+        for race, step, r in zip(races, steps, rivalries, strict=True):
+            race.take(best, spreads[r.rival], inverses[r.rival], float(step[best]))
+        spreads = [_known(s, best, S) for s, S in zip(spreads, covariances, strict=True)]
+    return np.array(chosen, dtype=np.intp)
+
+
+def _main(spread: Floats) -> Floats:
+    """(M, c, few) what a root of the covariance (M, c, r) is all but equal to."""
+    flat = spread.reshape(-1, spread.shape[2])
+    values, vectors = np.linalg.eigh(flat.T @ flat)
+    return np.asarray(spread @ vectors[:, values > IGNORED * len(spread)])
+
+
+class _Race:
+    """What a rival gets wrong of all rows while the other hypothesis is true, and rows are measured one by one."""
+
+    def __init__(self, shift: Floats, spread: Floats) -> None:
+        """Take the (M, c) mean and (M, c, r) root of the covariance of the rival's errors before anything is measured."""
+        self.shift, self.spread, self.gain = shift.copy(), spread.copy(), 0.0
+
+    def steps(self, inverse: Floats, logs: Floats) -> Floats:
+        """(M,) gain by measuring each row next.
+
+        Parameters
+        ----------
+        inverse, logs
+            (M, c, c) of the covariance that the rival expects, and (M,) log of its determinant over the true one's.
+        """
+        c = self.shift.shape[1]
+        trace = (inverse * (np.eye(c) + self.spread @ np.swapaxes(self.spread, 1, 2))).sum(axis=(1, 2))
+        squared = np.einsum("ni,nij,nj->n", self.shift, inverse, self.shift)
+        return np.asarray(0.5 * (trace + squared - c + logs))
+
+    def take(self, row: int, spread: Floats, inverse: Floats, gain: float) -> None:
+        """Let the rival learn from a row, and from its noise, by its root of the covariance (M, c, r) so far."""
+        learned = (spread @ spread[row].T) @ inverse[row]
+        self.shift = self.shift - learned @ self.shift[row]
+        self.spread = np.concatenate([self.spread - learned @ self.spread[row], learned], axis=2)
+        self.gain += gain
+
+
+def _known(spread: Floats, row: int, covariances: Floats) -> Floats:
+    """The root of the covariance after a row was measured (Potter's update for several numbers at once)."""
+    values, vectors = np.linalg.eigh(covariances[row])
+    middle = (vectors / (np.sqrt(values) * (np.sqrt(values) + 1.0))) @ vectors.T
+    return np.asarray(spread - (spread @ spread[row].T) @ (middle @ spread[row]))

@@ -1,0 +1,167 @@
+"""The measurements that would let effects be tested that these data can't show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.planning.discrimination import LEAST, Standing, beside, best_rows, chosen, concerns, watch
+from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain
+from gtpin.diagnosis.planning.experiment import Experiment, listed, settings
+from gtpin.diagnosis.planning.measurement_conditions import FORCES, kind
+from gtpin.diagnosis.planning.trials import Known, Trials, possible
+from gtpin.diagnosis.result import Considered
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.situation import Situation
+
+Floats = npt.NDArray[np.float64]
+
+POOL = 48
+"""Rows at random of which the most telling are taken."""
+EXAMPLES = 2
+"""Effects of a group for which poses are chosen: those for one are good for the others."""
+POSES = 12
+"""Poses of an experiment at most: to see an effect at all takes fewer than to tell it from another."""
+EFFORTS = (1.0, 4.0, 12.0)
+"""Times the loads that any machine takes, of which the least are asked for at which most effects would show."""
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Effects that the same remedy would reveal.
+
+    Parameters
+    ----------
+    members
+        The effects.
+    lacking
+        Covariates that are missing or do not vary; none where something else is the matter.
+    missing
+        Whether they are missing.
+    reason
+        Why the first of them can't be tested.
+    """
+
+    members: tuple[Candidate, ...]
+    lacking: tuple[str, ...]
+    missing: bool
+    reason: str
+
+
+def reveal(
+    known: Known,
+    standings: Sequence[Standing],
+    untestable: Sequence[Considered],
+    poses: int,
+    rng: np.random.Generator,
+) -> list[Experiment]:
+    """An experiment for every remedy; those that tell most first, those that no poses help last."""
+    found = [
+        experiment
+        for group in _groups(known.situation, untestable)
+        for experiment in _experiments(group, known, standings, min(poses, POSES), rng)
+    ]
+    return sorted(found, key=lambda e: -(e.expected_gain or 0.0) if len(e.poses) else 1.0)
+
+
+def _groups(at: Situation, untestable: Sequence[Considered]) -> list[_Group]:
+    effects = catalogue()
+    groups: dict[tuple[object, bool], list[tuple[Candidate, list[str], str]]] = {}
+    for row in untestable:
+        effect = effects[row.effect]
+        lacking = [name for name in effect.covariates(at.robot, row.site) if not at.varies(name)]
+        missing = [name for name in lacking if name not in at.covariates]
+        remedy = tuple(sorted({kind(name) for name in lacking})) or effect.untestable(at, row.site)
+        groups.setdefault((remedy, bool(missing)), []).append((Candidate(effect, row.site), lacking, row.reason))
+    return [
+        _Group(
+            tuple(candidate for candidate, _, _ in members),
+            tuple(sorted({name for _, lacking, _ in members for name in lacking})),
+            key[1],
+            members[0][2],
+        )
+        for key, members in groups.items()
+    ]
+
+
+def _experiments(
+    group: _Group,
+    known: Known,
+    standings: Sequence[Standing],
+    poses: int,
+    rng: np.random.Generator,
+) -> list[Experiment]:
+    robot = known.robot
+    words = set(group.lacking) or {word for member in group.members for word in concerns(member, robot)}
+    if "load" in words:
+        words |= set(FORCES)
+    tried = [possible(known, words, POOL, rng, effort) for effort in (EFFORTS if "load" in words else (1.0,))]
+    for trials in sorted(tried, key=lambda t: -len(_testable(group, t))):
+        shown = _testable(group, trials)
+        if not shown:
+            break
+        others = beside(trials, standings, words)
+        predictions = [Prediction.of(trials, others)]
+        predictions += [_prediction(trials, others, candidate, group) for candidate in shown[:EXAMPLES]]
+        rivalries = [Rivalry(i, 0, 1.0) for i in range(1, len(predictions))]
+        if expected_gain(predictions, rivalries, np.arange(min(poses, len(trials)))) < LEAST:
+            continue
+        rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
+        set_too = chosen(trials, rows, words)
+        told = settings(set_too, robot.sites, known.observed.temperature)
+        measure = f"{_remedy(group)}{len(rows)} poses reveal {in_words(shown)}{told}."
+        revealed = Experiment(measure, tuple(c.name for c in shown), trials.q[rows], set_too, gain, random)
+        return [revealed, *_hidden(group, [c for c in group.members if c not in shown], known)]
+    return _hidden(group, group.members, known)
+
+
+def _hidden(group: _Group, candidates: Sequence[Candidate], known: Known) -> list[Experiment]:
+    """What to do about effects that no poses reveal."""
+    if not candidates:
+        return []
+    robot = known.robot
+    instead = watch([candidate.site for candidate in candidates], robot)
+    measure = f"No poses within reach reveal {in_words(candidates)}, because {group.reason}: {instead}."
+    return [Experiment(measure, tuple(c.name for c in candidates), np.zeros((0, robot.n_actuators)))]
+
+
+def _remedy(group: _Group) -> str:
+    """What is to be done differently from the measurements so far, as the beginning of a sentence."""
+    if not group.lacking:
+        return "These "
+    if group.lacking == ("session",):
+        if group.missing:
+            return "Add a column session, with one name for all measurements so far and another for these: these "
+        return "Begin another session: these "
+    what = "Record and vary" if group.missing else "Vary"
+    return f"{what} {listed(group.lacking)}: these "
+
+
+def in_words(candidates: Sequence[Candidate]) -> str:
+    """Effects, each with its sites."""
+    sites: dict[str, list[str]] = {}
+    for candidate in candidates:
+        sites.setdefault(candidate.effect.id, []).append(candidate.site)
+    return listed([f"{effect} ({', '.join(names)})" for effect, names in sites.items()])
+
+
+def _testable(group: _Group, trials: Trials) -> list[Candidate]:
+    """The members that rows measured and possible would together let be tested, one of each effect first."""
+    at = trials.design.situation
+    able = [c for c in group.members if not c.effect.has_setting and not c.effect.untestable(at, c.site)]
+    seen = [sum(o.effect.id == c.effect.id for o in able[:i]) for i, c in enumerate(able)]
+    return [able[i] for i in np.argsort(seen, kind="stable")]
+
+
+def _prediction(trials: Trials, others: Floats, candidate: Candidate, group: _Group) -> Prediction:
+    """What a candidate of its typical size expects beside the causes."""
+    design = trials.design
+    X = design.columns(candidate.effect.basis(design.situation, candidate.site))
+    if group.missing:
+        # What was not recorded may have been anything, and what it did is not known.
+        X[trials.old] = 0.0
+    return Prediction.of(trials, np.hstack([others, X]))

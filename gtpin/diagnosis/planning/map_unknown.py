@@ -1,0 +1,158 @@
+"""Measurements that trace an unknown effect along the coordinates that it goes with, all else unchanged."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.planning.experiment import Experiment, listed
+from gtpin.diagnosis.planning.measurement_conditions import FAST, HOURS, LATER, kind, next_session, payloads, warm
+from gtpin.diagnosis.planning.trials import RESOLUTION, Known
+from gtpin.effects.situation import Column
+
+Floats = npt.NDArray[np.float64]
+
+STATIONS = 5
+"""Poses, far from each other, that are visited again and again."""
+SPEEDS = (-1.0, -0.5, 0.5, 1.0)
+"""Of the highest that is known."""
+FINE = 60
+"""Steps into which a track is divided to find how far one actuator can go alone."""
+
+
+@dataclass(frozen=True)
+class _Visits:
+    """Commands (K, n) in their order, what to set beside them, and what is done, in words."""
+
+    q: Floats
+    words: str
+    covariates: dict[str, Column] = field(default_factory=dict)
+
+
+def trace(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
+    """A dense experiment along the coordinates that an unknown effect goes with.
+
+    Parameters
+    ----------
+    site, coordinates
+        Of the free motion that explains it best, as its :class:`~gtpin.diagnosis.hypotheses.hypothesis.Free` has them.
+    poses
+        About how many visits it may take.
+    """
+    visits = _visits(known, coordinates.split(" ")[0], poses)
+    measure = f"{visits.words}: what is not known at {site} goes with {coordinates}."
+    return Experiment(measure, ("unknown",), visits.q, visits.covariates)
+
+
+def _visits(known: Known, coordinates: str, poses: int) -> _Visits:
+    words = coordinates.split(",")
+    others = [word for word in words if not re.fullmatch(r"q\d+", word)]
+    if not others:
+        return _along(known, [int(word[1:]) - 1 for word in words], poses)
+    names = _covariates(known, others[0])
+    return _again(known, names, poses) if names else _spread(known, poses)
+
+
+def _covariates(known: Known, word: str) -> list[str]:
+    """Names of the covariates that a word stands for; none where it is something of the pose."""
+    if word in ("approach", "speed"):
+        return [f"{word}{i + 1}" for i in range(known.robot.n_actuators)]
+    if word == "load":
+        return ["payload"]
+    return [word] if word in known.observed.covariates or word in ("time", "session", "payload") else []
+
+
+def _along(known: Known, actuators: list[int], poses: int) -> _Visits:
+    """A line there and back, or a net over two actuators."""
+    q = known.observed.measured.q
+    middle = q[np.linalg.norm(q - np.median(q, axis=0), axis=1).argmin()]
+    names = listed([known.robot.sites[j] for j in actuators])
+    if len(actuators) == 1:
+        line = _line(known, middle, actuators[0], poses // 2)
+        back = np.repeat([1.0, -1.0], [len(line), len(line)])
+        name = f"approach{actuators[0] + 1}"
+        first, last = line[[0, -1], actuators[0]]
+        words = f"Move {names} alone, in {len(line)} even steps from {first:.3f} to {last:.3f}"
+        covariates: dict[str, Column] = {name: back} if name in known.observed.covariates else {}
+        return _Visits(np.vstack([line, line[::-1]]), f"{words}, and back", covariates)
+    starts = _line(known, middle, actuators[0], int(np.ceil(np.sqrt(poses))))
+    net = np.vstack([_line(known, start, actuators[1], max(poses // len(starts), 2)) for start in starts])
+    return _Visits(net, f"Move {names} alone, over a net of {len(net)} poses")
+
+
+def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
+    """(count, n) commands that differ in one actuator's, as far to both sides as the measurements went."""
+    measured = known.observed.measured.q[:, actuator]
+    commands = np.tile(start, (FINE, 1))
+    commands[:, actuator] = np.linspace(measured.min(), measured.max(), FINE)
+    poses, before = known.model.kinematics.forward(commands), known.situation.poses.T
+    inside = poses.reached & ((before.min(axis=0) <= poses.T) & (before.max(axis=0) >= poses.T)).all(axis=1)
+    nearest = int(np.abs(commands[:, actuator] - start[actuator]).argmin())
+    barred = np.flatnonzero(~inside)
+    low = max((int(i) + 1 for i in barred if i < nearest), default=0)
+    high = min((int(i) - 1 for i in barred if i > nearest), default=FINE - 1)
+    line = np.tile(start, (count, 1))
+    line[:, actuator] = np.linspace(commands[low, actuator], commands[high, actuator], count)
+    return np.asarray(np.round(line / RESOLUTION) * RESOLUTION)
+
+
+def _spread(known: Known, poses: int) -> _Visits:
+    """Poses as far from each other as can be."""
+    q = _apart(known, min(poses, len(known.observed.measured.q)))
+    return _Visits(q, f"Visit {len(q)} poses all over the workspace, at rest and unchanged in all else")
+
+
+def _again(known: Known, names: list[str], poses: int) -> _Visits:
+    """The same few poses under all that can be set of covariates of one kind."""
+    stations = _apart(known, min(STATIONS, len(known.observed.measured.q)))
+    levels, words = _levels(known, names, max(poses // len(stations), 2))
+    rows = np.repeat(np.arange(len(levels)), len(stations))
+    covariates: dict[str, Column] = dict.fromkeys(names, levels[rows])
+    for name in [
+        n for n in names if kind(n) == "speed" and n.replace("speed", "approach") in known.observed.covariates
+    ]:
+        covariates[name.replace("speed", "approach")] = np.sign(np.asarray(covariates[name], dtype=float))
+    return _Visits(np.tile(stations, (len(levels), 1)), f"Visit the same {len(stations)} poses {words}", covariates)
+
+
+def _levels(known: Known, names: list[str], rounds: int) -> tuple[Column, str]:
+    """What to set of covariates of one kind in each round, and how to say it."""
+    what, recorded = kind(names[0]), known.observed.covariates
+    if what == "session":
+        first = next_session(recorded.get("session", np.full(1, "0", dtype=object)))
+        sessions = [str(int(first) + i) if first.isdecimal() else f"{first} {i + 1}" for i in range(rounds)]
+        return np.array(sessions, dtype=object), f"in {rounds} sessions"
+    numbers = np.concatenate([np.zeros(0), *(np.asarray(recorded[n], dtype=float) for n in names if n in recorded)])
+    numbers = numbers if numbers.size else np.zeros(1)
+    if what == "time":
+        times = numbers.max() + LATER + np.linspace(0.0, HOURS, rounds)
+        return times, f"{rounds} times, every {HOURS / 60.0 / (rounds - 1):.0f} minutes"
+    if what == "temperature":
+        reference = known.references.temperature
+        return np.linspace(reference, warm(numbers, reference), rounds), f"{rounds} times while the machine warms up"
+    if what in ("approach", "speed"):
+        moved = listed([known.robot.sites[int(name.removeprefix(what)) - 1] for name in names])
+        if what == "approach":
+            return np.resize([1.0, -1.0], rounds), f"{rounds} times, {moved} moving up and down by turns"
+        fastest = float(np.abs(numbers).max()) or FAST
+        words = f"{len(SPEEDS)} times, {moved} passing both ways at half and at all of {fastest:.2g} per second"
+        return np.array(SPEEDS) * fastest, words
+    low, high = payloads(numbers) if what == "payload" else (float(numbers.min()), float(numbers.max()))
+    levels = np.linspace(low, high, rounds)
+    named = "a payload" if what == "payload" else names[0]
+    return levels, f"{rounds} times with {named} of {listed([f'{v:.3g}' for v in levels])}"
+
+
+def _apart(known: Known, count: int) -> Floats:
+    """(count, n) measured commands, each as far from those before it as can be, the first in the middle."""
+    q = known.observed.measured.q
+    far = np.linalg.norm(q - np.median(q, axis=0), axis=1)
+    rows = [int(far.argmin())]
+    distance = np.linalg.norm(q - q[rows[0]], axis=1)
+    while len(rows) < count:
+        rows.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(q - q[rows[-1]], axis=1))
+    return q[rows]

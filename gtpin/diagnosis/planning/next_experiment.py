@@ -1,0 +1,68 @@
+"""What to measure next: what parts the members of a class, traces the unknown, and reveals what could not be tested."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.planning.discrimination import Standing, split
+from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.diagnosis.planning.make_testable import reveal
+from gtpin.diagnosis.planning.map_unknown import trace
+from gtpin.diagnosis.planning.trials import Known
+from gtpin.diagnosis.result import Considered
+from gtpin.effects.situation import References
+from gtpin.model.model import Model
+
+POSES = 20
+"""Poses of an experiment: some ten minutes of work."""
+SURE = 0.95
+"""Probability from which a cause that has no rivals needs no further measurements."""
+LARGEST = 2000
+"""Measured poses, beyond which so many of them are taken for all: gains come out a little too small."""
+CLASSES = 3
+"""Classes that are split at most, those of the largest causes."""
+
+__all__ = ["Experiment", "Standing", "plan"]
+
+
+def plan(
+    observed: Observed,
+    model: Model,
+    references: References,
+    *,
+    standings: Sequence[Standing],
+    untestable: Sequence[Considered],
+    unknown: tuple[str, str] | None,
+    rng: np.random.Generator,
+    poses: int = POSES,
+) -> tuple[Experiment, ...]:
+    """Propose experiments: first what splits open classes, then what traces the unknown, then what reveals the untestable.
+
+    Expected gains are of linear Gaussian predictions given all that was measured, geometry and other causes marginalised.
+
+    Parameters
+    ----------
+    observed, model, references
+        What the diagnosis worked on: poses, calibrated geometry without causes, and what covariates were counted from.
+    standings
+        The causes, the largest first, with their classes; those that surely stand alone are taken as they are.
+    untestable
+        What these data can't show.
+    unknown
+        Site and coordinates of the free motion that goes best with what no known effect explains; None where nothing is left.
+    rng
+        Of the rows from which the most telling are taken; same state, same plan.
+    poses
+        Of each experiment.
+    """
+    if len(observed.weight) > LARGEST:
+        observed = observed.take(rng.choice(len(observed.weight), LARGEST, replace=False))
+    known = Known(observed, model, references)
+    open_ = [i for i, s in enumerate(standings) if len(s.members) > 1 or s.members[0][1] < SURE][:CLASSES]
+    found = [split(known, standings, i, poses, rng) for i in open_]
+    if unknown is not None:
+        found.append(trace(known, *unknown, poses))
+    return (*found, *reveal(known, standings, untestable, poses, rng))

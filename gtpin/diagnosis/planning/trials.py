@@ -1,0 +1,155 @@
+"""What could be measured next: commands within reach, each in circumstances of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from gtpin.calibration.problem import Measured
+from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.planning.measurement_conditions import Circumstances, draw
+from gtpin.effects.basis import Basis
+from gtpin.effects.frames import frame_twist
+from gtpin.effects.situation import References, Situation
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+ZERO = 4e-5
+"""By how much the zero of a drive may have moved since the last measurement, m or rad."""
+RESOLUTION = 1e-6
+"""Commands are rounded to this, m or rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What was measured, and the geometry about which all is linear.
+
+    Parameters
+    ----------
+    observed
+        N poses.
+    model
+        The calibrated geometry.
+    references
+        Of the diagnosis.
+    """
+
+    observed: Observed
+    model: Model
+    references: References
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.model.geometry.robot
+
+    @cached_property
+    def situation(self) -> Situation:
+        """The poses measured as the geometry has them."""
+        return self.observed.situation(self.model, self.references)
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """M rows that could be measured, beside the N that were.
+
+    Parameters
+    ----------
+    design
+        Of all of them, those measured first: one linear problem about the known geometry.
+    measured
+        N.
+    q
+        (M, n) commands.
+    circumstances
+        Of all of them.
+    """
+
+    design: Design
+    measured: int
+    q: Floats
+    circumstances: Circumstances
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @property
+    def old(self) -> slice:
+        """Where the numbers measured are."""
+        return slice(self.measured * self.design.components)
+
+    @cached_property
+    def since(self) -> Floats:
+        """((N + M) c, 6 + n) what may have changed since the last measurement: where the instrument stands, drives' zeros."""
+        twist, size = frame_twist(self.design.situation)
+        frame = self.design.columns(Basis(size, twist=twist))
+        zeros = ZERO * self.design.by_command.reshape(len(frame), -1)
+        changed = np.hstack([frame, zeros])
+        changed[self.old] = 0.0
+        return changed
+
+
+def possible(known: Known, words: Collection[str], count: int, rng: np.random.Generator, effort: float = 1.0) -> Trials:
+    """Some rows at random, over the workspace that was measured and over what can be set of some covariates.
+
+    Half of the commands have been measured before, the others are on the way between two of those.
+
+    Parameters
+    ----------
+    words, effort
+        Covariates to vary; see :func:`~gtpin.diagnosis.planning.measurement_conditions.draw`.
+    count
+        How many, less those that can't be reached.
+    """
+    q = known.observed.measured.q
+    again = rng.choice(len(q), min(count // 2, len(q)), replace=False)
+    a, b = rng.integers(0, len(q), (2, count - len(again)))
+    between = q[a] + rng.random((len(a), 1)) * (q[b] - q[a])
+    commands = np.vstack([q[again], np.round(between / RESOLUTION) * RESOLUTION])
+    return trials_at(known, commands, words, rng, effort)
+
+
+def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Generator, effort: float = 1.0) -> Trials:
+    """Rows at those of some commands (M, n) that can be reached, some covariates drawn over what can be set."""
+    observed, model, before = known.observed, known.model, known.situation
+    poses = model.kinematics.forward(q)
+    q, poses = q[poses.reached], poses[poses.reached]
+    ways = _against(known, q, poses)
+    drawn = draw(observed.covariates, len(before), known.references, words, rng, ways=ways, effort=effort)
+    measured, seen = observed.measured, model.seen(poses)
+    # A pose is seen as well as its nearest neighbour.
+    rows = np.concatenate([np.arange(len(before)), cKDTree(measured.T).query(seen.T)[1]])
+    R = None if measured.R is None else np.concatenate([measured.R, seen.R])
+    situation = Situation(
+        before.kinematics,
+        np.vstack([measured.q, q]),
+        Poses(np.vstack([before.poses.T, poses.T]), np.concatenate([before.poses.R, poses.R])),
+        {name: np.concatenate([drawn.known[name], drawn.new[name]]) for name in drawn.new},
+        drawn.references,
+        observed.temperature,
+    )
+    design = Design.of(
+        situation,
+        model,
+        Measured(situation.q, np.vstack([measured.T, seen.T]), R),
+        observed.noise.take(rows),
+        np.concatenate([observed.weight, np.ones(len(q))]),
+        observed.free_frame,
+    )
+    return Trials(design, len(before), q, drawn)
+
+
+def _against(known: Known, q: Floats, poses: Poses) -> Floats:
+    """(M, k, 3) unit vectors along which a push on the tool takes most off the force of each rod."""
+    at = Situation(known.situation.kinematics, q, poses, {})
+    ways = -np.sign(at.force)[:, :, None] * np.swapaxes(at.response[:, :3], 1, 2)
+    return np.asarray(ways / np.linalg.norm(ways, axis=2, keepdims=True))

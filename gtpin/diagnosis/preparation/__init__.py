@@ -1,0 +1,1 @@
+"""Covariates that cannot be right are left out before anything is inferred."""

@@ -1,0 +1,1 @@
+"""A calibrated model, its file and folder, and what it predicts."""

@@ -1,0 +1,78 @@
+"""What ``model.json`` holds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, ValidationError
+
+from gtpin.errors import ModelError
+from gtpin.model.effect_record import EffectRecord, Finite, Positive, Record, Triple
+from gtpin.robot.geometry import Arm
+from gtpin.robot.parameters import Per
+
+SCHEMA: Final = "gtpin-model/1"
+AGAIN = "write the model again"
+
+
+class FrameRecord(Record):
+    """Where the base frame lies in the instrument's: its origin, m, and the rows of its rotation matrix."""
+
+    position: Triple
+    rotation: Annotated[list[Triple], Field(min_length=3, max_length=3)]
+
+
+class TrackRecord(Record):
+    """A measured track; see :class:`~gtpin.robot.tracks.MeasuredTrack`."""
+
+    q: list[Finite]
+    path: list[Triple]
+    turns: list[Triple] | None
+    origin: Triple
+
+
+class ModelFile(Record):
+    """The whole of ``model.json``; docs/model.md tells what each key means."""
+
+    schema_: Literal["gtpin-model/1"] = Field(alias="schema")
+    robot: str
+    nominal_urdf: str
+    tcp: str
+    directions: Per
+    scale: Per | None
+    arm: Arm = "full"
+    tracks: list[TrackRecord | None] = Field(default_factory=list)
+    parameters: dict[str, Finite]
+    tolerance: dict[str, Positive]
+    covariance: list[list[Finite]] | None = None
+    base_in_instrument: FrameRecord | None
+    effects: list[EffectRecord] = Field(default_factory=list)
+
+
+def read_model_file(file: Path) -> ModelFile:
+    """Read a ``model.json``.
+
+    Raises
+    ------
+    ModelError
+        If it can't be read, is no JSON, or says what a model can't; with the key at fault.
+    """
+    try:
+        return ModelFile.model_validate(json.loads(file.read_text(encoding="utf-8-sig")))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f"can't be read ({error})", file=file, hint=AGAIN) from None
+    except json.JSONDecodeError as error:
+        raise ModelError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint=AGAIN) from None
+    except ValidationError as error:
+        raise explained(error, file) from None
+    except (RecursionError, ValueError) as error:  # brackets nested a thousand deep, endless integers
+        raise ModelError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint=AGAIN) from None
+
+
+def explained(error: ValidationError, file: Path) -> ModelError:
+    """The first of pydantic's complaints, with the key as people write it: ``effects.0.coefficients.3``."""
+    first = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in first["loc"])
+    return ModelError(first["msg"], file=file, column=key, hint=AGAIN)

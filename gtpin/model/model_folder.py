@@ -1,0 +1,197 @@
+"""Models on disk: a folder with ``model.json`` and the URDFs, or anything else that names a model."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import ValidationError
+
+from gtpin.effects.active import ActiveEffect
+from gtpin.errors import GtpinError, ModelError
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model.effect_record import active_effect, record
+from gtpin.model.model import Frame, Model
+from gtpin.model.model_file import AGAIN, SCHEMA, FrameRecord, ModelFile, TrackRecord, explained, read_model_file
+from gtpin.output.results import results_folder
+from gtpin.robot.description import Description
+from gtpin.robot.export import placements_to_urdf, to_urdf
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.library import load_robot
+from gtpin.robot.robot import Robot
+from gtpin.robot.tracks import MeasuredTrack
+
+FILES = ("model.json", "robot.urdf", "nominal.urdf")
+"""What ``write_model`` writes."""
+NOT_TURNED = 1e-9
+"""By how much a rotation matrix may differ from one, and a correlation be larger."""
+MOST_UNCERTAIN = 1e3
+"""Standard deviation, m or rad, that no geometric parameter has: tolerances are millimetres."""
+
+
+def calibrated_urdf(model: Model) -> str:
+    """URDF of a model's robot with the model's geometry, as far as a URDF can carry it."""
+    geometry = model.geometry
+    if not geometry.robot.rods:
+        return placements_to_urdf(geometry)
+    rods = RodKinematics(geometry)
+    if not rods.home.reached.all():
+        raise ModelError(f"the loops of {geometry.robot.name} don't close at home", hint="check the geometry's values")
+    return to_urdf(geometry, rods.P, rods.C0, rods.L0, rods.v, (rods.home.T[0], rods.home.R[0]))
+
+
+def write_model(model: Model, folder: str | Path, *, force: bool = False) -> None:
+    """Write ``model.json``, ``robot.urdf`` (the model's geometry) and ``nominal.urdf`` into a folder.
+
+    ``read_model`` gives the same model again, with the same predictions bit by bit. In ``model.json`` stands what a URDF
+    can't carry too. A model that gtpin wrote is replaced; with ``force``, files of these names that it has not written, or
+    that were changed since, are moved aside (``NAME.old-1``).
+
+    Raises
+    ------
+    ModelError
+        If the model could not be read again: effects that are not registered, numbers that are none; the folder can't be
+        written; or, without ``force``, it holds such files.
+    """
+    folder = Path(folder)
+    file = folder / "model.json"
+    try:
+        told = _told(model)
+    except ValidationError as error:
+        raise explained(error, file) from None
+    _effects(told, model.geometry, file)
+    urdf = calibrated_urdf(model)
+    with results_folder(folder, FILES, force=force, kind=ModelError) as new:
+        (new / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
+        (new / "robot.urdf").write_text(urdf, encoding="utf-8")
+        (new / "nominal.urdf").write_text(model.robot.description.xml, encoding="utf-8")
+
+
+def _told(model: Model) -> ModelFile:
+    geometry, frame = model.geometry, model.frame
+    kinds = {p.kind: p.per for p in geometry.parameters}
+    return ModelFile(
+        schema=SCHEMA,
+        robot=geometry.robot.name,
+        nominal_urdf="nominal.urdf",
+        tcp=geometry.robot.tcp_frame,
+        directions="rod" if ("direction", "rod") in {(p.kind, p.per) for p in geometry.parameters} else "actuator",
+        scale=kinds.get("scale"),  # type: ignore[arg-type]
+        arm="reduced" if geometry.reduced else "full",
+        tracks=[None if track is None else _track_record(track) for track in geometry.tracks],
+        parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
+        tolerance={p.name: p.tolerance for p in geometry.parameters},
+        covariance=None if model.covariance is None else model.covariance.tolist(),
+        base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
+        effects=[record(active) for active in model.effects],
+    )
+
+
+def _track_record(track: MeasuredTrack) -> TrackRecord:
+    turns = None if track.turns is None else track.turns.tolist()
+    return TrackRecord(q=track.q.tolist(), path=track.path.tolist(), turns=turns, origin=track.origin.tolist())
+
+
+def read_model(reference: str | Path) -> Model:
+    """Read a model.
+
+    Parameters
+    ----------
+    reference
+        A folder that holds ``model.json``, or whose ``model/`` does; the name of a robot that gtpin ships, or the path of a
+        URDF, both of which give nominal geometry.
+
+    Raises
+    ------
+    GtpinError
+        If there is no such model, or it can't be read.
+    """
+    path = Path(reference)
+    if os.path.isdir(path):
+        for folder in (path, path / "model"):
+            if (folder / "model.json").is_file():
+                return _read_folder(folder)
+        raise ModelError("no model.json here", file=path, hint="give a folder that calibrate or diagnose wrote")
+    if os.path.isfile(path) and path.suffix == ".json":
+        return _read_folder(path.parent)
+    return Model(Geometry.nominal(load_robot(reference)))
+
+
+def _read_folder(folder: Path) -> Model:
+    file = folder / "model.json"
+    told = read_model_file(file)
+    robot = Robot(Description.read(folder / told.nominal_urdf), told.tcp)
+    try:
+        geometry = _geometry(robot, told)
+        frame, covariance = _frame(told), _covariance(geometry, told)
+    except GtpinError as error:
+        raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
+    return Model(geometry, frame, _effects(told, geometry, file), covariance)
+
+
+def _effects(told: ModelFile, geometry: Geometry, file: Path) -> tuple[ActiveEffect, ...]:
+    if not told.effects:
+        return ()
+    if not geometry.robot.rods:
+        raise ModelError(
+            f"{geometry.robot.name} has no rods", file=file, column="effects", hint="effects are for robots with rods"
+        )
+    kinematics, found = RodKinematics(geometry), []
+    for number, one in enumerate(told.effects):
+        try:
+            found.append(active_effect(one, kinematics))
+        except GtpinError as error:
+            key = f"effects.{number}.{error.column}" if error.column else f"effects.{number}"
+            raise ModelError(error.what, file=file, column=key, hint=error.hint or AGAIN) from None
+    return tuple(found)
+
+
+def _geometry(robot: Robot, told: ModelFile) -> Geometry:
+    # Tolerances are told by parameter, so those of the kinds, which the URDF may not know, do not matter here.
+    tracks = tuple(None if t is None else _track(t) for t in told.tracks)
+    if tracks and len(tracks) != len(robot.rods):
+        raise ModelError(f"{len(tracks)} tracks for {len(robot.rods)} rods")
+    full = Geometry.nominal(robot, directions=told.directions, scale=told.scale, arm=told.arm, tracks=tracks)
+    unknown = sorted(set(told.parameters) - set(full.names))
+    if unknown:
+        raise ModelError(f"no parameter is called {unknown[0]!r}")
+    kept = tuple(p for p in full.parameters if p.name in told.parameters)
+    values = np.array([told.parameters[p.name] for p in kept])
+    tolerances = (told.tolerance.get(p.name, p.tolerance) for p in kept)
+    parameters = tuple(p.with_tolerance(tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
+    return Geometry(robot, parameters, values, tracks)
+
+
+def _track(told: TrackRecord) -> MeasuredTrack:
+    if len(told.path) != len(told.q) or (told.turns is not None and len(told.turns) != len(told.q)):
+        raise ModelError("a track's points differ in number")
+    turns = None if told.turns is None else np.array(told.turns)
+    return MeasuredTrack(np.array(told.q), np.array(told.path), turns, np.array(told.origin))
+
+
+def _covariance(geometry: Geometry, told: ModelFile) -> npt.NDArray[np.float64] | None:
+    if told.covariance is None:
+        return None
+    count = len(geometry.parameters)
+    if len(told.covariance) != count or any(len(row) != count for row in told.covariance):
+        raise ModelError(f"the covariance is not {count} x {count}")
+    # In the order of the file's parameters, as it was written.
+    order = [list(told.parameters).index(name) for name in geometry.names]
+    covariance = np.array(told.covariance)[np.ix_(order, order)]
+    sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+    if (covariance.diagonal() < 0.0).any() or (sigma > MOST_UNCERTAIN).any():
+        raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column="covariance")
+    if (np.abs(covariance) > (1.0 + NOT_TURNED) * np.outer(sigma, sigma)).any():
+        raise ModelError("a covariance larger than the variances allow", column="covariance")
+    return covariance
+
+
+def _frame(told: ModelFile) -> Frame:
+    if told.base_in_instrument is None:
+        return Frame()
+    R = np.array(told.base_in_instrument.rotation)
+    if np.abs(R @ R.T - np.eye(3)).max() > NOT_TURNED or np.linalg.det(R) < 0.0:
+        raise ModelError("no rotation matrix", column="base_in_instrument.rotation")
+    return Frame(np.array(told.base_in_instrument.position), R)

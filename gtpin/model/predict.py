@@ -1,0 +1,58 @@
+"""What an instrument would read at a table of commands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from gtpin.data import Commands, check_commands
+from gtpin.errors import ModelError, UnreachableError
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
+
+
+def predict(model: Model, commands: Commands) -> Poses:
+    """Poses at commands, in the instrument's frame, in the order given.
+
+    Raises
+    ------
+    DatasetError
+        If the commands can't be the robot's.
+    ModelError
+        If a command leaves a measured track, or a covariate is missing that an active effect needs; the message names the
+        row or the column.
+    UnreachableError
+        If a pose can't be reached; the message names its row.
+    """
+    robot = model.robot
+    check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    outside = np.flatnonzero(model.geometry.outside_tracks(commands.q))
+    if outside.size:
+        raise ModelError(
+            f"pose {commands.pose[outside[0]]} leaves the range in which the tracks were measured",
+            file=commands.file,
+            row=int(commands.row[outside[0]]),
+            hint="leave it out, or use a model with straight tracks",
+        )
+    try:
+        poses = model.predict(commands.q, commands.covariates)
+    except ModelError as error:
+        raise ModelError(error.what, file=commands.file, column=error.column, hint=error.hint) from None
+    lost = np.flatnonzero(~poses.reached)
+    if lost.size:
+        first = int(lost[0])
+        more = f" (and {lost.size - 1} more)" if lost.size > 1 else ""
+        raise UnreachableError(
+            f"{robot.name} can't reach pose {commands.pose[first]}{more}",
+            file=commands.file,
+            row=int(commands.row[first]),
+            hint="leave it out, or check its commands",
+        )
+    return poses
+
+
+def prediction_table(commands: Commands, poses: Poses) -> pd.DataFrame:
+    """Poses as a table with the columns ``pose x y z qw qx qy qz``: m, and unit quaternions."""
+    columns = {"pose": commands.pose, **dict(zip("xyz", poses.T.T, strict=True))}
+    columns |= dict(zip(("qw", "qx", "qy", "qz"), poses.quaternions.T, strict=True))
+    return pd.DataFrame(columns)
