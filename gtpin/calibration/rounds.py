@@ -12,7 +12,6 @@ from scipy.stats import chi2, f
 from gtpin.calibration import noise as noises
 from gtpin.calibration import weights
 from gtpin.calibration.gauss_newton import Fit, fit
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Problem, in_frame
 from gtpin.calibration.scatter import independent
 from gtpin.data import Instrument
@@ -20,6 +19,7 @@ from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -17,9 +17,9 @@ import numpy.typing as npt
 from scipy.spatial.distance import cdist
 from scipy.stats import norm
 
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Point, Problem
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from gtpin.accuracy import figures, report
 from gtpin.accuracy.changes import drawn_measurements, step_change
 from gtpin.accuracy.planning import plan_poses
 from gtpin.accuracy.report import analyse, write_sensitivity
-from gtpin.calibration.noise import Noise
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
+from gtpin.noise.noise import Noise
 
 COSTS = dict(zip(LINKS, [2.5e-6, 1.7e-6, 1.5e-6, 4.5e-7, 3.1e-7, 5.7e-7], strict=True))
 

@@ -178,3 +178,10 @@ def test_poses_at_the_same_commands_are_refused():
     data = day()
     with pytest.raises(DatasetError, match="all poses have the same commands"):
         check_extremes(replace(data, q=np.tile(data.q[:1], (N, 1))))
+
+
+def test_positions_beyond_any_unit_of_length_are_refused_with_their_column() -> None:
+    data = day()
+    with pytest.raises(GtpinError, match="half of the positions are 1e.* m away"):
+        check_extremes(replace(data, position=data.position * [1.0, 1.0, 1e299]))
+    check_extremes(replace(data, position=1e9 * data.position))  # nanometres are named elsewhere

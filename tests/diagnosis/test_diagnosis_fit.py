@@ -9,7 +9,6 @@ from linear_problems import calibrated
 from numpy.testing import assert_allclose
 from scipy.stats import binom, chi2
 
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis import Candidate
 from gtpin.diagnosis.inference.joint_fit import Observed, fit_together
@@ -18,6 +17,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 from gtpin.robot.geometry import Geometry
 
 POSITION, ORIENTATION = 1.5e-5, 5e-5

@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from gtpin.calibration.checks.shifted_rows import FEWEST, own_session
 from gtpin.calibration.checks.strain import motions
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Point, Problem
 from gtpin.calibration.rounds import ENOUGH
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 

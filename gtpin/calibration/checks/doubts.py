@@ -13,7 +13,6 @@ from gtpin.calibration.checks.declared_noise import settled_or_explained
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Problem
 from gtpin.calibration.rounds import Settled
 from gtpin.data import Dataset, Instrument
@@ -21,6 +20,7 @@ from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 WHOLE = 1e-3
 """Median error, m, of rows that were set aside from which they are another measurement's. A stated assumption: an effect that

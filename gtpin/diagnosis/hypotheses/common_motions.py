@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Free
+from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.hypotheses.smooth_terms import SHIFT
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.situation import Situation
@@ -24,7 +24,7 @@ COMMON = ("field", "scale")
 """Names of these motions; a site has no share of the gap for them, since they are of no one site."""
 
 
-def common_motions(at: Situation, scaled: bool) -> Iterator[tuple[Free, Basis]]:
+def common_motions(at: Situation, scaled: bool) -> Iterator[tuple[SmoothTerm, Basis]]:
     """Along all tracks together: over all commands, and each over its own in proportion.
 
     Parameters
@@ -34,9 +34,9 @@ def common_motions(at: Situation, scaled: bool) -> Iterator[tuple[Free, Basis]]:
     """
     if at.robot.n_actuators < 2:
         return
-    yield Free("frame", ("position",), "field"), _of_all(at, *_field(at))
+    yield SmoothTerm("frame", ("position",), "field"), _of_all(at, *_field(at))
     if not scaled:
-        yield Free("frame", ("position",), "scale"), _of_all(at, np.zeros((len(at), 0)), np.zeros(0))
+        yield SmoothTerm("frame", ("position",), "scale"), _of_all(at, np.zeros((len(at), 0)), np.zeros(0))
 
 
 def _field(at: Situation) -> tuple[Floats, Floats]:

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import CLOCK
-from gtpin.diagnosis.planning.measurement_conditions import WARMER
 from gtpin.effects.situation import Column, Situation
 
 Floats = npt.NDArray[np.float64]

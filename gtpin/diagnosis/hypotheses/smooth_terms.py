@@ -1,4 +1,4 @@
-"""Smooth free motions at every site: what any named cause has to beat, and what tells where an unknown one sits."""
+"""Smooth nonparametric terms at every site: what any named cause is compared with, and what localises an unknown one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Free
+from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.frames import frame_twist
 from gtpin.effects.sessions import session_columns
@@ -20,14 +20,14 @@ Functions = Iterator[tuple[tuple[str, ...], Floats, Floats]]
 """Coordinates, functions (N, m) of them, and the functions' sizes (m,)."""
 
 SHIFT, TURN = 4e-5, 4e-5
-"""Sizes of free motions, m and rad."""
+"""Sizes of smooth terms, m and rad."""
 CONDITIONS = ("time", "temp_frame", "temp_link", "payload")
 BENDS = 0.4
 """Size of a slow change along a track, relative to what changes."""
 
 
-def free_motions(at: Situation) -> Iterator[tuple[Free, Basis]]:
-    """Every free motion that these data can show, and its displacements."""
+def smooth_terms(at: Situation) -> Iterator[tuple[SmoothTerm, Basis]]:
+    """Every smooth term that these data can show, and its displacements."""
     yield from _of_carts(at)
     yield from _of_links(at)
     yield from _of_arm(at)
@@ -35,14 +35,14 @@ def free_motions(at: Situation) -> Iterator[tuple[Free, Basis]]:
     yield from _of_frame(at)
 
 
-def _of_carts(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_carts(at: Situation) -> Iterator[tuple[SmoothTerm, Basis]]:
     for j, site in enumerate(at.robot.sites):
         carried = any(rod.carrier == j for rod in at.robot.rods) and not at.robot.actuators[j].revolute
         for over, waves, size in _along_coordinates(at, j):
-            yield Free(site, over, "along"), along_track(at, site, waves, SHIFT * size)
+            yield SmoothTerm(site, over, "along"), along_track(at, site, waves, SHIFT * size)
         if carried:
             for over, waves, size in _aside_coordinates(at, j):
-                yield Free(site, over, "aside"), _aside(at, site, waves, size)
+                yield SmoothTerm(site, over, "aside"), _aside(at, site, waves, size)
 
 
 def _along_coordinates(at: Situation, j: int) -> Functions:
@@ -131,7 +131,7 @@ def _aside(at: Situation, site: str, waves: Floats, size: Floats) -> Basis:
     return Basis(np.outer(sizes, size).ravel(), seat=seat)
 
 
-def _of_links(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_links(at: Situation) -> Iterator[tuple[SmoothTerm, Basis]]:
     for i, rod in enumerate(at.robot.rods):
 
         def length(columns: Floats, size: Floats, i: int = i) -> Basis:
@@ -139,19 +139,19 @@ def _of_links(at: Situation) -> Iterator[tuple[Free, Basis]]:
 
         load, size = cosines(np.clip(at.load[:, i] / 2.0, -1.5, 1.5), 1, 5, 1.0)
         sign = np.sign(at.force[:, i])[:, None]
-        yield Free(rod.site, ("load",), "length"), length(np.hstack([load, sign]), np.append(size, 1.0))
+        yield SmoothTerm(rod.site, ("load",), "length"), length(np.hstack([load, sign]), np.append(size, 1.0))
         a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
         parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), _plane(a, b, 5)]
         yield (
-            Free(rod.site, ("direction",), "length"),
+            SmoothTerm(rod.site, ("direction",), "length"),
             length(np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])),
         )
         moves = _all_moves(at)
         if moves is not None:
             both = np.hstack([moves, moves * a[:, None], moves * b[:, None], moves * load[:, :1]])
-            yield Free(rod.site, ("approach",), "length"), length(both, np.full(both.shape[1], 0.5))
+            yield SmoothTerm(rod.site, ("approach",), "length"), length(both, np.full(both.shape[1], 0.5))
         for over, waves, size in _conditions(at):
-            yield Free(rod.site, over, "length"), length(waves, size)
+            yield SmoothTerm(rod.site, over, "length"), length(waves, size)
 
 
 def _all_moves(at: Situation) -> Floats | None:
@@ -161,7 +161,7 @@ def _all_moves(at: Situation) -> Floats | None:
     return np.stack(columns, axis=1) if columns else None
 
 
-def _of_arm(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_arm(at: Situation) -> Iterator[tuple[SmoothTerm, Basis]]:
     """All links, each by itself."""
     n = len(at.robot.rods)
     functions = [*_conditions(at), (("position",), *_field(at, 2))]
@@ -170,10 +170,10 @@ def _of_arm(at: Situation) -> Iterator[tuple[Free, Basis]]:
         functions.append((("approach",), moves, np.full(moves.shape[1], 0.5)))
     for over, waves, size in functions:
         columns = np.einsum("nm,ij->nimj", waves, np.eye(n)).reshape(len(at), n, -1)
-        yield Free("arm", over, "length"), of_lengths(at, list(range(n)), columns, SHIFT * np.repeat(size, n))
+        yield SmoothTerm("arm", over, "length"), of_lengths(at, list(range(n)), columns, SHIFT * np.repeat(size, n))
 
 
-def _of_platform(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_platform(at: Situation) -> Iterator[tuple[SmoothTerm, Basis]]:
     """Motions of the target and tool on the plate, TCP frame."""
     functions = [*_conditions(at), (("position",), *_field(at, 2))]
     moves = _all_moves(at)
@@ -184,19 +184,19 @@ def _of_platform(at: Situation) -> Iterator[tuple[Free, Basis]]:
         twist[:, :3, :3] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
         twist[:, 3:, 3:] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
         sigma = np.concatenate([np.full(3, SHIFT), np.full(3, TURN)])[:, None] * size
-        yield Free("platform", over, "twist"), Basis(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
+        yield SmoothTerm("platform", over, "twist"), Basis(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
 
 
-def _of_frame(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_frame(at: Situation) -> Iterator[tuple[SmoothTerm, Basis]]:
     freedoms, size6 = frame_twist(at)
     for over, waves, size in _conditions(at):
         columns = np.concatenate([freedoms * wave[:, None, None] for wave in waves.T], axis=2)
-        yield Free("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
+        yield SmoothTerm("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
     waves, size = _field(at, 3)
     twist = np.zeros((len(at), 6, 3, waves.shape[1]))
     twist[:, :3] = np.eye(3)[None, :, :, None] * waves[:, None, None, :]
     sigma = np.tile(SHIFT * size, 3)
-    yield Free("frame", ("position",), "shift"), Basis(sigma, twist=twist.reshape(len(at), 6, -1))
+    yield SmoothTerm("frame", ("position",), "shift"), Basis(sigma, twist=twist.reshape(len(at), 6, -1))
 
 
 def _field(at: Situation, orders: int) -> tuple[Floats, Floats]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.noise import Noise, line_of_sight
 from gtpin.calibration.problem import Measured, in_frame, measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
@@ -22,6 +21,8 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Frame, Model
+from gtpin.noise.noise import Noise
+from gtpin.noise.sight import line_of_sight
 
 Floats = npt.NDArray[np.float64]
 

@@ -8,12 +8,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from gtpin.calibration.noise import LEAST_CONTRASTS, SHOWN, SMALLEST, Noise, contrasts
-from gtpin.calibration.weights import Tails, gross, robust_scale, square_norms, t_likelihood
 from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
 from gtpin.diagnosis.inference.joint_fit import Observed
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Posterior
+from gtpin.noise.likelihood import SHOWN
+from gtpin.noise.noise import SMALLEST, Noise
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
+from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
 
 Floats = npt.NDArray[np.float64]
 

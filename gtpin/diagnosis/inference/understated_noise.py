@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.calibration.checks.declared_noise import SIGMAS, Sigma
-from gtpin.calibration.noise import LEAST_CONTRASTS, Noise, contrasts, from_repeats
 from gtpin.calibration.result import Calibration
 from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
 from gtpin.diagnosis.inference.decide import rough_guess
 from gtpin.diagnosis.inference.joint_fit import Observed
 from gtpin.diagnosis.inference.noise import asked_again
 from gtpin.diagnosis.linear.design import Design
+from gtpin.noise.noise import Noise
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 
 MISFIT = 1.8
 """Chi-square per degree of freedom of a calibration below which declared noise is not doubted. A stated assumption: it only

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -101,7 +102,7 @@ class Scan:
         moments = displacements.across(self.design.y[:, None]) - half.T @ self._half_y
         return halves, grams, moments.reshape(count, width)
 
-    def best(self, model: Posterior, columns: Floats) -> Found:
+    def best(self, model: Posterior[Any], columns: Floats) -> Found:
         """Best setting beside a model.
 
         Parameters
@@ -140,7 +141,7 @@ class Scan:
         self,
         displacements: _Displacements | None,
         products: Sequence[Floats],
-        model: Posterior,
+        model: Posterior[Any],
         columns: Floats,
         half: Floats,
     ) -> tuple[Floats, Floats]:
