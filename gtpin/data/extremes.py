@@ -30,7 +30,7 @@ def check_extremes(dataset: Dataset) -> None:
     Raises
     ------
     DatasetError
-        For a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond any unit of length, and
+        For a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond any unit, and
         where all commands are the same.
 
     Warns

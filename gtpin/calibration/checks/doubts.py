@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gtpin.calibration import weights
 from gtpin.calibration.checks.bumped import check_bumped
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained
@@ -20,6 +19,7 @@ from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.noise import weights
 from gtpin.noise.noise import Noise
 
 WHOLE = 1e-3

@@ -39,6 +39,11 @@ class Hypothesis:
         """Id of the effect and site: the same for every value of the nonlinear parameter."""
         return self.effect.id, self.site
 
+    @property
+    def template(self) -> Hypothesis:
+        """The hypothesis without a value of its nonlinear parameter."""
+        return Hypothesis(self.effect, self.site)
+
     def __str__(self) -> str:
         """``effect@site``, as messages have it."""
         return f"{self.effect.id}@{self.site}"

@@ -88,6 +88,11 @@ class HypothesisSet:
         """All effects at their sites; those with a nonlinear parameter without a value of it."""
         return (*self.linear, *self.scanned)
 
+    @property
+    def every(self) -> tuple[Term, ...]:
+        """What a model may have."""
+        return (*self.named, *self.smooth)
+
     @cached_property
     def proxies(self) -> tuple[Proxy, ...]:
         """Effects by a proxy of what was not recorded; never in a model, only as alternatives to its causes."""
@@ -154,9 +159,7 @@ class HypothesisSet:
 
     def without_value(self, term: Term) -> Term:
         """A hypothesis of ``named``, whatever the value of its nonlinear parameter; other terms as they are."""
-        if not isinstance(term, Hypothesis) or term.nonlinear is None:
-            return term
-        return Hypothesis(term.effect, term.site)
+        return term.template if isinstance(term, Hypothesis) else term
 
     def _scanned(self, hypothesis: Hypothesis, model: Model) -> Gain:
         if hypothesis not in self._scans:

@@ -21,6 +21,8 @@ PAUSE, MOST_PAUSES = 10.0, 11
 """Times the usual interval between visits from which it is a pause, after which a new session may have begun; and how many."""
 SHORT = 0.95
 """Share of the waits, the shorter ones, that are no pauses."""
+WARMER = 5.0
+"""By how much a machine warms up in use, K."""
 BREAKS, TWO_BREAKS = 23, 7
 """Places in time at which one may have begun where there is no pause: where it is one, and where they are two."""
 CLOCKS = tuple(name for name in CLOCK if name != "session")

@@ -46,7 +46,9 @@ def propose(design: Design, scope: Scope) -> Proposal:
     """Sort the effects of a scope, at all their sites, into those that the data can test and those that they can't."""
     at = design.situation
     marginal = Marginal(design.B)
-    linear, scanned, untested = [], [], []
+    linear: list[Hypothesis] = []
+    scanned: list[Hypothesis] = []
+    untested: list[Untested] = []
     for hypothesis in scope.hypotheses(at.robot):
         effect, site = hypothesis.effect, hypothesis.site
         reason = effect.untestable(at, site)

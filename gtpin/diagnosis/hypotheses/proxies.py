@@ -125,4 +125,5 @@ def _best(design: Design, found: list[Floats]) -> Floats:
     for i, columns in enumerate(found):
         groups.add(i, columns)
     gains = all_gains(groups, NOTHING, range(len(found)))
-    return found[max(gains, key=lambda i: gains[i])]
+    best: int = max(gains, key=lambda i: gains[i])
+    return found[best]

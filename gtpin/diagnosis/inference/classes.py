@@ -26,7 +26,7 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = hypotheses.gains(rest, hypotheses.named)
-    mine = hypotheses.without_value(cause)
+    mine = cause.template
     own = max(gains[mine].value, 0.0)
     heat = temperature(own)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}

@@ -17,10 +17,9 @@ from gtpin.diagnosis.linear.evidence import NOTHING, tuned, without
 
 def decide(hypotheses: HypothesisSet) -> Conclusion:
     """Search with and without smooth terms, and compare what was found."""
-    every = (*hypotheses.named, *hypotheses.smooth)
-    alone = hypotheses.gains(NOTHING, every)
+    alone = hypotheses.gains(NOTHING, hypotheses.every)
     named = search(hypotheses, hypotheses.named, alone)
-    mixed = search(hypotheses, every, alone)
+    mixed = search(hypotheses, hypotheses.every, alone)
     needed = smooth_terms(mixed)
     if needed and _unknown(hypotheses, mixed, named) > 0.5:
         named = hypotheses.only(mixed, _apart(hypotheses, mixed))

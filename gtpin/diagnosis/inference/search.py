@@ -15,8 +15,7 @@ MOST = 5
 
 def rough_guess(hypotheses: HypothesisSet) -> Model:
     """The model of everything that is no noise, as far as one search finds it."""
-    terms = (*hypotheses.named, *hypotheses.smooth)
-    return search(hypotheses, terms, hypotheses.gains(NOTHING, terms), beginnings=1)
+    return search(hypotheses, hypotheses.every, hypotheses.gains(NOTHING, hypotheses.every), beginnings=1)
 
 
 def search(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
 from gtpin.diagnosis.result import Verdict
 
 SURE = 0.95
@@ -78,6 +78,11 @@ class Conclusion:
         if any(members[0].probability < SURE for members in self.classes.values()):
             return "ambiguous"
         return "explained" if self.classes else "none"
+
+    @property
+    def scale(self) -> Mapping[Term, float]:
+        """Of each cause, over its typical size."""
+        return scales(self.model)
 
     def doubted(self, *doubts: Doubt) -> Conclusion:
         """The same with further doubts."""
