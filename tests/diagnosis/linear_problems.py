@@ -13,9 +13,9 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.calibration.problem import measured_poses
-from gtpin.diagnosis.inference.joint_fit import Observed
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import SCALE_SPREAD, Groups, Marginal
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.plant import make_case
 
 Floats = np.ndarray
@@ -37,10 +37,10 @@ class Dense:
         return Dense(y, 3.0 * rng.standard_normal((m, p)), E)
 
     @property
-    def groups(self) -> Groups:
-        groups = Groups(Marginal(self.B), self.y)
+    def groups(self) -> Groups[str]:
+        groups: Groups[str] = Groups(Marginal(self.B), self.y)
         for name, columns in self.E.items():
-            groups.set(name, columns)
+            groups.add(name, columns)
         return groups
 
     def covariance(self, scales: Mapping[str, float]) -> Floats:
