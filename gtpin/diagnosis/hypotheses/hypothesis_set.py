@@ -173,11 +173,6 @@ class HypothesisSet:
             self._add(term)
         return tuned(self.groups, (*model.terms, term), (*model.scale, 1.0))
 
-    def with_values(self, terms: Iterable[Term]) -> list[Term]:
-        """Terms, those with a nonlinear parameter with every value of it that a model had."""
-        wanted = set(terms)
-        return [term for term in self.groups.columns if self.without_value(term) in wanted]
-
     def columns(self, model: Model) -> Floats:
         """(N c, m) whitened displacements of a model's explanations for coefficients of typical size."""
         none = np.zeros((len(self.design.y), 0))

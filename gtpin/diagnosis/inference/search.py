@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
-from gtpin.diagnosis.linear.evidence import NOTHING, all_gains, tuned, without
+from gtpin.diagnosis.linear.evidence import NOTHING, without
 
 BEAM = 3
 """Beginnings that are grown side by side: the best single explanation need not be one of the best pair."""
@@ -63,17 +63,15 @@ def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Mod
 
 def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
     """The model after every exchange of one explanation for another that raises its worth."""
-    groups = hypotheses.groups
     for _ in range(3):
         before = model
         for term in model.terms:
-            rest = without(groups, model, term, sweeps=1)
-            taken = {hypotheses.without_value(t) for t in rest.terms}
-            others = [t for t in hypotheses.with_values(terms) if hypotheses.without_value(t) not in taken]
-            gains = {t: value - hypotheses.cost(t) for t, (value, _) in all_gains(groups, rest, others).items()}
-            other = max(gains, key=lambda t: gains[t])
-            if other != term and gains[other] > gains[term] + 0.5:
-                trial = tuned(groups, (*rest.terms, other), (*rest.scale, 1.0))
+            rest = without(hypotheses.groups, model, term, sweeps=1)
+            found = hypotheses.gains(rest, terms)
+            gains = {t: gain.value - hypotheses.cost(t) for t, gain in found.items()}
+            own, other = hypotheses.without_value(term), max(gains, key=lambda t: gains[t])
+            if other != own and gains[other] > gains[own] + 0.5:
+                trial = hypotheses.extended(rest, found[other].term)
                 if hypotheses.worth(trial) > hypotheses.worth(model):
                     model = trial
                     break
