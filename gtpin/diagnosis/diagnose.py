@@ -21,6 +21,7 @@ from gtpin.diagnosis.inference.where import where
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.next_experiment import plan, standings
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import Effect
@@ -48,6 +49,7 @@ def diagnose(
     effects: Iterable[Effect] | None = None,
     exclude: Collection[str] = (),
     false_alarm: float = FALSE_ALARM,
+    priors: Priors = PRIORS,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -68,6 +70,8 @@ def diagnose(
         ``effect`` or ``effect@site``: what is left out of them.
     false_alarm
         Chance of naming a cause where there is none.
+    priors
+        The numbers that move verdicts, each with its source: docs/priors.md.
     seed
         Of the resampling behind intervals.
 
@@ -77,15 +81,15 @@ def diagnose(
         If the dataset can't be read as one of this robot, or an excluded effect is not known.
     """
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
-    scope = Scope.of(catalogue().values() if effects is None else effects, exclude, false_alarm, nominal)
+    scope = Scope.of(catalogue().values() if effects is None else effects, exclude, false_alarm, nominal, priors)
     _require_memory(dataset)
     rng = np.random.default_rng(seed)
     report = progress or _silent
 
-    prepared = prepare(dataset, nominal, progress)
+    prepared = prepare(dataset, nominal, progress, priors)
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
-        prepared = prepare(prepared.undeclared(small), nominal, progress)
+        prepared = prepare(prepared.undeclared(small), nominal, progress, priors)
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
     rows = readmit_outliers(prepared, scope)
     settled = settle(prepared, rows.admitted, scope, rng)

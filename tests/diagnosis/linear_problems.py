@@ -14,8 +14,9 @@ from scipy.stats import multivariate_normal
 import gtpin
 from gtpin.calibration.problem import measured_poses
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import SCALE_SPREAD, Groups, Marginal
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.plant import make_case
 
 Floats = np.ndarray
@@ -50,7 +51,7 @@ class Dense:
         """Log of the density over that of no group, with the scales' log-normal priors."""
         nothing = np.zeros(len(self.y))
         both = [multivariate_normal(nothing, self.covariance(s)).logpdf(self.y) for s in (scales, {})]
-        return float(both[0] - both[1] - 0.5 * sum((np.log(s) / SCALE_SPREAD) ** 2 for s in scales.values()))
+        return float(both[0] - both[1] - 0.5 * sum((np.log(s) / PRIORS.scale_spread) ** 2 for s in scales.values()))
 
 
 def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Design:

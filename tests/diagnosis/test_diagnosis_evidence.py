@@ -11,10 +11,10 @@ from gtpin.diagnosis.linear.evidence import (
     Groups,
     Marginal,
     all_gains,
-    given,
     best_scales,
     fixed,
     gain,
+    given,
     tuned,
     without,
 )

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from every_effect import every_effect
 from linear_problems import calibrated
 from numpy.testing import assert_allclose
 from scipy.stats import binom
@@ -40,7 +41,7 @@ def measured(
 
 
 def hypotheses_of(observed: Observed) -> HypothesisSet:
-    return HypothesisSet(observed.design(calibrated(poses=120)[1].model), (), (), (), 0.01)
+    return HypothesisSet(observed.design(calibrated(poses=120)[1].model), (), (), (), every_effect())
 
 
 def asked(observed: Observed, declared: tuple[bool, bool]) -> tuple[Observed, bool]:

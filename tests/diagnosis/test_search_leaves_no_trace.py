@@ -47,7 +47,9 @@ def wander(hypotheses: HypothesisSet) -> None:
             hypotheses.extended(strange, replace(other, nonlinear=0.93 * other.nonlinear))
 
 
-@pytest.mark.parametrize(("effect", "site"), [("rack_periodic", "cart2"), ("rack_step", "cart1"), ("backlash", "cart3")])
+@pytest.mark.parametrize(
+    ("effect", "site"), [("rack_periodic", "cart2"), ("rack_step", "cart1"), ("backlash", "cart3")]
+)
 def test_a_rejected_branch_changes_no_answer(effect, site):
     design = design_of(effect, site)
     first = propose(design, every_effect()).hypotheses

@@ -11,18 +11,11 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, modulates, related
 from gtpin.diagnosis.hypotheses.proxies import Proxy, proxies
+from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed, tuned
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
-
-UNNAMED = 5.0
-"""What a smooth term must be worth beyond what an effect must: what is listed is listed because it is common."""
-SAME, RELATED, OTHER = 0.08, 0.05, 0.01
-"""Share of a stronger cause's evidence that a further explanation must be worth, because causes depart from their cores:
-at the same site over the same coordinates, where it could pass for the stronger one's departure, and elsewhere."""
-THIRD = 4.0
-"""What a third cause must be worth beyond that, and each further one: so many at once are rare."""
 
 Term = Hypothesis | SmoothTerm | Proxy
 Model = Posterior[Term]
@@ -54,8 +47,8 @@ class HypothesisSet:
         Hypotheses whose nonlinear parameter must be scanned for, without a value of it.
     smooth
         Smooth terms with their displacements.
-    false_alarm
-        Chance of naming a cause where there is none.
+    scope
+        Its chance of a false alarm, and the priors.
     untestable
         Effects that can't be tested: those that lack a covariate may have a proxy.
     """
@@ -66,12 +59,12 @@ class HypothesisSet:
         linear: Sequence[Hypothesis],
         scanned: Sequence[Hypothesis],
         smooth: Iterable[tuple[SmoothTerm, Basis]],
-        false_alarm: float,
+        scope: Scope,
         untestable: Sequence[Hypothesis] = (),
     ) -> None:
         self.design, self.linear, self.scanned = design, tuple(linear), tuple(scanned)
-        self.untestable = tuple(untestable)
-        self.groups: Groups[Term] = Groups(Marginal(design.B), design.y)
+        self.untestable, self.priors = tuple(untestable), scope.priors
+        self.groups: Groups[Term] = Groups(Marginal(design.B), design.y, scope.priors)
         for hypothesis in self.linear:
             self._add(hypothesis)
         found = []
@@ -79,7 +72,7 @@ class HypothesisSet:
             found.append(term)
             self.groups.add(term, design.columns(basis))
         self.smooth = tuple(found)
-        self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / false_alarm))
+        self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
         self._scans: dict[Hypothesis, Scan] = {}
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
 
@@ -96,7 +89,7 @@ class HypothesisSet:
     @cached_property
     def proxies(self) -> tuple[Proxy, ...]:
         """Effects by a proxy of what was not recorded; never in a model, only as alternatives to its causes."""
-        found = tuple(proxies(self.design, self.untestable, self.linear))
+        found = tuple(proxies(self.design, self.untestable, self.linear, self.priors))
         for proxy in found:
             self.groups.add(proxy, proxy.columns)
         return found
@@ -107,14 +100,14 @@ class HypothesisSet:
 
     def cost(self, term: Term) -> float:
         """Log prior odds against an explanation, given nothing else: the gain in log evidence that it must bring."""
-        return self.threshold + (UNNAMED if isinstance(term, SmoothTerm) else 0.0)
+        return self.threshold + (self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0)
 
     def share(self, term: Term, stronger: Term) -> float:
         """Share of a stronger explanation's evidence that another must be worth in addition."""
         robot, a, b = self.design.situation.robot, explained_by(term), explained_by(stronger)
         if a.site == b.site and a.drivers(robot) & b.drivers(robot):
-            return SAME
-        return RELATED if related(robot, a, b) else OTHER
+            return self.priors.same
+        return self.priors.related if related(robot, a, b) else self.priors.other
 
     def costs(self, terms: Sequence[Term]) -> dict[Term, float]:
         """What each explanation of a model must be worth in it."""
@@ -122,7 +115,9 @@ class HypothesisSet:
         found = {}
         for term in terms:
             stronger = [self.share(term, t) * alone[t] for t in terms if alone[t] > alone[term]]
-            found[term] = self.cost(term) + max(stronger, default=0.0) + (THIRD if len(stronger) > 1 else 0.0)
+            found[term] = (
+                self.cost(term) + max(stronger, default=0.0) + (self.priors.third if len(stronger) > 1 else 0.0)
+            )
         return found
 
     def alone(self, term: Term) -> float:
@@ -163,7 +158,9 @@ class HypothesisSet:
 
     def _scanned(self, hypothesis: Hypothesis, model: Model) -> Gain:
         if hypothesis not in self._scans:
-            self._scans[hypothesis] = Scan(self.design, self.groups.marginal, hypothesis.effect, hypothesis.site)
+            self._scans[hypothesis] = Scan(
+                self.design, self.groups.marginal, hypothesis.effect, hypothesis.site, self.priors
+            )
         best = self._scans[hypothesis].best(model, self.columns(model))
         return Gain(best.gain, Hypothesis(hypothesis.effect, hypothesis.site, best.setting, best.sigma))
 

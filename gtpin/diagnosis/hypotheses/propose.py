@@ -14,11 +14,7 @@ from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
-
-LARGE = 10.0
-"""Times its usual size, at which an effect that geometry absorbs nearly whole can't be shown."""
-SHOWS = 15.8
-"""Whitened energy past geometry that a matched filter needs for 95 % at 1 % false alarms."""
+from gtpin.diagnosis.priors import Priors
 
 
 @dataclass(frozen=True)
@@ -54,18 +50,18 @@ def propose(design: Design, scope: Scope) -> Proposal:
         reason = effect.untestable(at, site)
         many = not reason and len(effect.settings(at, site)) > 0
         if not reason and not many:
-            reason = _absorbed(design, marginal, hypothesis)
+            reason = _absorbed(design, marginal, hypothesis, scope.priors)
         if reason:
             untested.append(Untested(hypothesis, reason))
         else:
             (scanned if many else linear).append(hypothesis)
     scaled = any(h.place == ("tracker_scale", "frame") for h in linear)
-    smooth = (*smooth_terms(at), *common_motions(at, scaled=scaled))
+    smooth = (*smooth_terms(at, scope.priors), *common_motions(at, scope.priors, scaled=scaled))
     others: Sequence[Hypothesis] = [u.hypothesis for u in untested]
-    return Proposal(HypothesisSet(design, linear, scanned, smooth, scope.false_alarm, others), tuple(untested))
+    return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others), tuple(untested))
 
 
-def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis) -> str:
+def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> str:
     """Whether geometry takes nearly all of an effect far beyond its usual size."""
-    X = design.columns(hypothesis.basis(design.situation)) * LARGE
-    return "" if float(np.trace(marginal.product(X, X))) > SHOWS else "geometric calibration absorbs it"
+    X = design.columns(hypothesis.basis(design.situation)) * priors.large
+    return "" if float(np.trace(marginal.product(X, X))) > priors.shows else "geometric calibration absorbs it"

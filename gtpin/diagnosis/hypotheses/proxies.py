@@ -13,15 +13,13 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.missing_covariates import guesses, loaded, pauses, with_column
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, all_gains
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
 from gtpin.errors import warn
 
 Floats = npt.NDArray[np.float64]
 
-USUAL, CONSTANT = 0.2, 0.05
-"""Prior odds of an effect whose covariate nobody recorded, over those of one that can be tested; the second
-for sessions where nothing tells of a pause, and for payloads: a column that does not vary is often left out."""
 UNLOADED = "the payload may have varied without being recorded"
 """Why an effect that depends on forces could be what it does not look like by gravity of the robot alone."""
 
@@ -46,19 +44,21 @@ class Proxy:
     reason: str = ""
 
 
-def proxies(design: Design, untestable: Iterable[Hypothesis], testable: Iterable[Hypothesis]) -> Iterator[Proxy]:
+def proxies(
+    design: Design, untestable: Iterable[Hypothesis], testable: Iterable[Hypothesis], priors: Priors = PRIORS
+) -> Iterator[Proxy]:
     """Effects that lack a covariate, and effects of forces where the payload was not recorded, as far as there is a proxy."""
     at, failed = design.situation, dict[str, str]()
     for hypothesis in untestable:
-        columns = _tried(hypothesis, partial(proxy_columns, design, hypothesis), failed)
+        columns = _tried(hypothesis, partial(proxy_columns, design, hypothesis, priors), failed)
         if columns is not None:
-            yield Proxy(hypothesis, columns, odds(at, hypothesis))
-    spells = loaded(at)
+            yield Proxy(hypothesis, columns, odds(at, hypothesis, priors))
+    spells = loaded(at, priors)
     for hypothesis in testable if spells else ():
         if "payload" in hypothesis.coordinates(at.robot) and not hypothesis.effect.has_setting:
             columns = _tried(hypothesis, partial(_under, design, hypothesis, spells), failed)
             if columns is not None:
-                yield Proxy(hypothesis, columns, CONSTANT, UNLOADED)
+                yield Proxy(hypothesis, columns, priors.not_varied, UNLOADED)
     for effect, why in failed.items():
         text = f"{effect} can't be tried with a guess of what was not recorded ({why}): it stands in no class"
         warn(text)
@@ -85,7 +85,7 @@ def _under(design: Design, hypothesis: Hypothesis, spells: list[Situation]) -> F
     return np.hstack([plain, *more])
 
 
-def odds(at: Situation, hypothesis: Hypothesis) -> float:
+def odds(at: Situation, hypothesis: Hypothesis, priors: Priors = PRIORS) -> float:
     """Prior odds of an effect without its covariate, over one that can be tested.
 
     What was recorded and can't be used was there to vary, so nothing speaks against it.
@@ -93,11 +93,11 @@ def odds(at: Situation, hypothesis: Hypothesis) -> float:
     missing = _missing(at, hypothesis)
     if at.unusable.issuperset(missing):
         return 1.0
-    once = missing == ["session"] and not len(pauses(at))
-    return CONSTANT if once else USUAL
+    once = missing == ["session"] and not len(pauses(at, priors))
+    return priors.not_varied if once else priors.not_recorded
 
 
-def proxy_columns(design: Design, hypothesis: Hypothesis) -> Floats | None:
+def proxy_columns(design: Design, hypothesis: Hypothesis, priors: Priors = PRIORS) -> Floats | None:
     """(N c, m) whitened displacements of an effect whose covariate is missing, by the proxy of that covariate that fits best.
 
     None where nothing recorded is one, or something else than one missing covariate keeps it from being tested.
@@ -108,7 +108,7 @@ def proxy_columns(design: Design, hypothesis: Hypothesis) -> Floats | None:
         return None
     found = [
         np.hstack([design.columns(effect.basis(with_column(at, missing[0], values), site)) for values in together])
-        for together in guesses(at, missing[0])
+        for together in guesses(at, missing[0], priors)
     ]
     return _best(design, found) if found else None
 

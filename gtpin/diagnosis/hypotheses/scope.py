@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.effect import Effect
 from gtpin.errors import ModelError
 from gtpin.robot.robot import Robot
@@ -23,14 +24,19 @@ class Scope:
         ``effect`` or ``effect@site``: what is left out.
     false_alarm
         Chance of naming a cause where there is none.
+    priors
+        What is believed before the data are seen.
     """
 
     effects: tuple[Effect, ...]
     exclude: frozenset[str]
     false_alarm: float
+    priors: Priors = PRIORS
 
     @staticmethod
-    def of(effects: Iterable[Effect], exclude: Collection[str], false_alarm: float, robot: Robot) -> Scope:
+    def of(
+        effects: Iterable[Effect], exclude: Collection[str], false_alarm: float, robot: Robot, priors: Priors = PRIORS
+    ) -> Scope:
         """Check what a user gives.
 
         Raises
@@ -50,7 +56,7 @@ class Scope:
             if place and place not in by_id[named].sites(robot):
                 sites = ", ".join(by_id[named].sites(robot))
                 raise ModelError(f"no effect is called {word!r}", hint=f"sites of {named} are {sites}")
-        return Scope(known, frozenset(exclude), false_alarm)
+        return Scope(known, frozenset(exclude), false_alarm, priors)
 
     def hypotheses(self, robot: Robot) -> Iterator[Hypothesis]:
         """Every effect at each of its sites, but what is excluded."""

@@ -5,18 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import UNNAMED, HypothesisSet, Model, Term
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, Term
 from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.diagnosis.linear.evidence import without
-
-CLASS_SHARE = 0.05
-"""Share of the leader's probability from which an effect belongs to its class."""
-TEMPERATURE, WARMING, WARMEST = 2.0, 0.004, 6.0
-"""Gains in log evidence are divided by this, and by a share of the evidence at stake, before they become probabilities: cores
-are never exactly the machine's, and that shows the more the better it is seen."""
-DEPARTURE, BENDING = 0.025, 0.06
-"""Share of what smooth terms explain, by which they must be ahead of named causes, which depart from their cores by as much;
-the second where the terms are a named cause's own modulation."""
+from gtpin.diagnosis.priors import CLASS_SHARE, Priors
 
 
 def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tuple[Contender, ...]:
@@ -28,7 +20,8 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     gains = hypotheses.gains(rest, hypotheses.named)
     mine = cause.template
     own = max(gains[mine].value, 0.0)
-    heat = temperature(own)
+    priors = hypotheses.priors
+    heat = temperature(own, priors)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
     found[mine] = cause
     log = {h: gain.value / heat for h, gain in gains.items()}
@@ -38,7 +31,7 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
         if value > log.get(proxy.hypothesis, -np.inf):
             log[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
-    dear = UNNAMED + DEPARTURE * own
+    dear = priors.unnamed + priors.departure * own
     smooth = [(gain.value - dear) / heat for gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).values()]
     whole = np.logaddexp.reduce([*log.values(), max(smooth, default=-np.inf)])
     probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
@@ -49,9 +42,9 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 
 
-def temperature(evidence: float) -> float:
+def temperature(evidence: float, priors: Priors) -> float:
     """What gains in log evidence are divided by, where so much evidence is at stake."""
-    return min(TEMPERATURE + WARMING * evidence, WARMEST)
+    return min(priors.temperature + priors.warming * evidence, priors.warmest)
 
 
 def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:

@@ -8,7 +8,7 @@ from scipy.special import expit
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, smooth_terms
-from gtpin.diagnosis.inference.classes import BENDING, DEPARTURE, contenders, temperature, unnamed
+from gtpin.diagnosis.inference.classes import contenders, temperature, unnamed
 from gtpin.diagnosis.inference.redundant_causes import without_redundant
 from gtpin.diagnosis.inference.search import search
 from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
@@ -42,11 +42,12 @@ def with_restless(hypotheses: HypothesisSet, found: Conclusion, site: str) -> Co
 
 def _unknown(hypotheses: HypothesisSet, mixed: Model, named: Model) -> float:
     """Probability of a model with smooth terms over one without."""
+    priors = hypotheses.priors
     known = hypotheses.only(mixed, causes(mixed))
     modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_terms(mixed))
-    doubt = (BENDING if modulation else DEPARTURE) * (mixed.log_evidence - known.log_evidence)
+    doubt = (priors.modulation if modulation else priors.departure) * (mixed.log_evidence - known.log_evidence)
     ahead = hypotheses.worth(mixed) - hypotheses.worth(named) - doubt
-    return float(expit(ahead / temperature(max(named.log_evidence, 0.0))))
+    return float(expit(ahead / temperature(max(named.log_evidence, 0.0), priors)))
 
 
 def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...]:

@@ -19,9 +19,6 @@ DIGITS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5)
 """Steps that commands may have been rounded to, m or rad, the coarsest first."""
 VARIOUS = 0.5
 """Share of different commands from which they are no grid that somebody chose."""
-FEW_STEPS = 3.0
-"""Position error over the step of the commands, up to which the step may be its reason: rounding of three drives makes less.
-A stated assumption."""
 
 
 def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
@@ -42,7 +39,7 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
         return found
     left = left_over(hypotheses, NOTHING)[0]
     errors = np.linalg.solve(hypotheses.design.whitening, left[..., None])[:, :3, 0]
-    if np.sqrt((errors**2).sum(axis=1).mean()) > FEW_STEPS * step:
+    if np.sqrt((errors**2).sum(axis=1).mean()) > hypotheses.priors.few_steps * step:
         return found
     warn(
         f"commands have steps of {1e3 * step:g} mm or mrad, and what is left is of that size: they look rounded or cut off; "

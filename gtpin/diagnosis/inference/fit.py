@@ -63,7 +63,7 @@ def fit(prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.
     hypotheses, searched = settled.hypotheses, settled.searched
     found = with_full_digits(without_idle(hypotheses, found, _blocks(searched)), hypotheses, searched)
     model, causes = _fitted(prepared, settled, found)
-    asked = questions(found, causes)
+    asked = questions(found, causes, hypotheses.priors)
     if asked.impossible:
         found = without_impossible(hypotheses, found, asked.impossible)
         model, causes = _fitted(prepared, settled, found)
@@ -72,7 +72,8 @@ def fit(prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.
     takes = {place: (whole.shrinkage or 0.0) - (share.shrinkage or 0.0) for place, share in shares.items()}
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, whole, searched)
-    hidden = hidden_in_scatter(found, prepared.baseline.noise, hypotheses.untestable, hypotheses.design.situation)
+    at, noise = hypotheses.design.situation, prepared.baseline.noise
+    hidden = hidden_in_scatter(found, noise, hypotheses.untestable, at, hypotheses.priors)
     found = with_scatter(found, hidden)
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     could_be = tuple(dict.fromkeys((*(h.place for h in hidden), *remaining.could_be)))

@@ -13,16 +13,10 @@ from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.errors import warn
 
-SILENT, NAMED = 1.25, 2.0
-"""Held-out position error with the causes in over the noise floor, from which the verdict is ``unknown``, where no cause and
-where some are named. A stated assumption, well above what right verdicts leave (docs/diagnosis.md, measured by
-examples/diagnosis/noise_floor.py); causes that depart from their forms leave more as they get stronger."""
 USUAL = (1.5e-5, 5e-5)
 """Noise of a laser tracker, m and rad, by which positions are weighed against orientations where none is declared."""
 SHOWN = 8
 """Lines of rows that a message lists."""
-CHANCE = 1e-6
-"""Chance of so large a chi-square from noise alone that must be undercut as well."""
 
 
 def held_out(found: Conclusion, hypotheses: HypothesisSet, whole: Gap, dataset: Dataset) -> Conclusion:
@@ -40,10 +34,10 @@ def held_out(found: Conclusion, hypotheses: HypothesisSet, whole: Gap, dataset: 
     GtpinWarning
         Of two groups of rows, with their lines.
     """
-    most = SILENT if found.verdict == "none" else NAMED
+    most = hypotheses.priors.silent if found.verdict == "none" else hypotheses.priors.named
     if found.verdict == "unknown":
         return found
-    if whole.after > most * whole.floor and marginal_chance(hypotheses, found.model) <= CHANCE:
+    if whole.after > most * whole.floor and marginal_chance(hypotheses, found.model) <= hypotheses.priors.chance:
         return found.doubted(Doubt("held_out"))
     return _of_one_measurement(found, hypotheses, dataset)
 
@@ -52,7 +46,7 @@ def _of_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: D
     """The conclusion; doubted where what passes for noise are two groups of rows, with a warning that names them."""
     instrument = dataset.instrument
     sigma = (instrument.position_sigma or USUAL[0], instrument.orientation_sigma or USUAL[1])
-    groups = two_groups(hypotheses.design, left_over(hypotheses, found.model)[0], sigma)
+    groups = two_groups(hypotheses.design, left_over(hypotheses, found.model)[0], sigma, hypotheses.priors)
     if groups is None:
         return found
     lines = np.sort(dataset.row[groups.smaller])

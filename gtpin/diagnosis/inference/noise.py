@@ -10,6 +10,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, scales
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.priors import Priors
 from gtpin.noise.likelihood import likeliest
 from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
@@ -19,14 +20,6 @@ Floats = npt.NDArray[np.float64]
 
 MATTERS = 0.03
 """Change of the noise's variance, or mean change of a weight, from which on the search is worth another round."""
-DISBELIEVED = 10.8
-"""Twice the loss in log likelihood from which on a repeatability is not believed (chance of 1 in 1,000)."""
-RESTLESS = 6.0
-"""Standard deviations by which an actuator must err more than the noise before that is called a motion."""
-LEFT = 0.15
-"""Share of what is explained that forms leave at most."""
-ABSURD = 15.0
-"""Standard deviations of the bulk, beyond which a pose is set aside whatever the tails."""
 
 
 def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
@@ -44,7 +37,7 @@ def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
 def gross_errors(hypotheses: HypothesisSet, model: Model) -> npt.NDArray[np.bool_]:
     """(N,) poses that neither a model nor any noise of the size and tails of the others explains."""
     left, _ = left_over(hypotheses, model)
-    absurd = square_norms(left) > (ABSURD * robust_scale(left)) ** 2
+    absurd = square_norms(left) > (hypotheses.priors.absurd * robust_scale(left)) ** 2
     return gross(left, ~absurd) | absurd
 
 
@@ -80,7 +73,7 @@ def reestimate_noise(
     declared
         Whether the position's and the orientation's sigma are known.
     """
-    design = hypotheses.design
+    design, priors = hypotheses.design, hypotheses.priors
     left, taken = left_over(hypotheses, model)
     visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
     colour = np.linalg.inv(design.whitening)
@@ -98,10 +91,10 @@ def reestimate_noise(
         found = _estimated(observed.noise, errors, weight * tails.scale**2, design, declared)
     restless = None
     if len(scatter) >= LEAST_CONTRASTS:
-        most = _most_repeatability(found.take(rows), scatter, J[rows])
+        most = _most_repeatability(found.take(rows), scatter, J[rows], priors)
         if found.repeatability > most:
             found = replace(found, repeatability=most)
-            restless = _most_restless(found, errors, design, model.log_evidence) if all(declared) else None
+            restless = _most_restless(found, errors, design, model.log_evidence, priors) if all(declared) else None
             if restless is not None:
                 weight = even  # what is no noise has no tails either
     before, after = (np.trace(n.covariance(J, c)[:, :3, :3], axis1=1, axis2=2).mean() for n in (observed.noise, found))
@@ -131,7 +124,7 @@ def _of_tails(noise: Noise, whitened: Floats, tails: Tails, design: Design) -> f
     return t_likelihood(square_norms(whitened), tails.freedom, whitened.shape[1])[0] + _log_volume(noise, design)
 
 
-def _most_repeatability(noise: Noise, scatter: Floats, J: Floats) -> float:
+def _most_repeatability(noise: Noise, scatter: Floats, J: Floats, priors: Priors) -> float:
     """The largest repeatability that the scatter (k, c) between visits allows."""
     grid = noise.repeatability * np.linspace(0.0, 1.0, 41)
     costs = []
@@ -139,11 +132,11 @@ def _most_repeatability(noise: Noise, scatter: Floats, J: Floats) -> float:
         covariance = replace(noise, repeatability=float(value)).covariance(J, scatter.shape[1])
         solved = np.linalg.solve(covariance, scatter[..., None])[..., 0]
         costs.append(float(np.linalg.slogdet(covariance)[1].sum() + (scatter * solved).sum()))
-    allowed = np.array(costs) <= min(costs) + DISBELIEVED
+    allowed = np.array(costs) <= min(costs) + priors.disbelieved
     return float(grid[allowed].max())
 
 
-def _most_restless(noise: Noise, errors: Floats, design: Design, explained: float) -> str | None:
+def _most_restless(noise: Noise, errors: Floats, design: Design, explained: float, priors: Priors) -> str | None:
     """The actuator whose motion the errors (N, c), m and rad, have more of than the noise, by a score test.
 
     Parameters
@@ -159,7 +152,9 @@ def _most_restless(noise: Noise, errors: Floats, design: Design, explained: floa
     excess = (score - size).sum(axis=0)
     z = excess / np.sqrt(2.0 * (size**2).sum(axis=0))
     best = int(np.argmax(z))
-    shown = z[best] > RESTLESS and excess[best] / size[:, best].mean() > LEFT * 2.0 * max(explained, 0.0)
+    shown = z[best] > priors.restless and excess[best] / size[:, best].mean() > priors.core_leaves * 2.0 * max(
+        explained, 0.0
+    )
     return design.situation.robot.sites[best] if shown else None
 
 

@@ -13,12 +13,6 @@ from gtpin.diagnosis.linear.evidence import without
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-PREDICTED = 0.2
-"""Gain in log density of left-out poses over that in log evidence, below which a cause predicts nothing. The two are nearly
-the same for what a machine has (1.1 to 1.3 on eight machines of the plant with weak causes), and the first is less than one
-nat for a target offset that stands for a moved base (0.4 of 9.5, 0.7 of 62, -0.5 of 325).
-"""
-
 
 def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
     """Leave out causes that make left-out poses hardly likelier.
@@ -39,7 +33,7 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
         gain = _log_density(design, [*others, columns[cause]], blocks) - _log_density(design, others, blocks)
         model = hypotheses.only(found.model, kept)
         evidence = model.log_evidence - without(groups, model, cause).log_evidence
-        if gain <= PREDICTED * max(evidence, 0.0):
+        if gain <= hypotheses.priors.predicted * max(evidence, 0.0):
             kept = [c for c in kept if c != cause]
     return found if len(kept) == len(found.classes) else found.only(hypotheses, kept)
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
+from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.result import Cause, Question
 from gtpin.effects.effect import Range
-
-DOUBT = 3.0
-"""Standard deviations by which a parameter must lie outside a range: a chance of 1.3 in 1,000."""
 
 
 @dataclass(frozen=True)
@@ -22,16 +20,16 @@ class Questioned:
     unusual: tuple[Question, ...]
 
 
-def questions(found: Conclusion, causes: Iterable[Cause]) -> Questioned:
+def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> Questioned:
     """Compare parameters of causes with what their effects call plausible and usual."""
     effects = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}
     impossible, unusual = [], []
     for cause in causes:
         effect = effects[cause.effect, cause.site]
-        wrong = [q for name, own in effect.plausible.items() if (q := _outside(cause, name, own, False))]
+        wrong = [q for name, own in effect.plausible.items() if (q := _outside(cause, name, own, False, priors))]
         impossible += wrong
         if not wrong:
-            unusual += [q for name, own in effect.usual.items() if (q := _outside(cause, name, own, True))]
+            unusual += [q for name, own in effect.usual.items() if (q := _outside(cause, name, own, True, priors))]
     return Questioned(tuple(impossible), tuple(unusual))
 
 
@@ -44,10 +42,10 @@ def without_impossible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequ
     return kept.doubted(Doubt("impossible", wrong.site, over))
 
 
-def _outside(cause: Cause, name: str, own: Range, believed: bool) -> Question | None:
+def _outside(cause: Cause, name: str, own: Range, believed: bool, priors: Priors) -> Question | None:
     if name not in cause.parameters:
         return None
     value, sigma, unit = cause.parameters[name]
-    if own.low <= value + DOUBT * sigma and value - DOUBT * sigma <= own.high:
+    if own.low <= value + priors.implausible * sigma and value - priors.implausible * sigma <= own.high:
         return None
     return Question(cause.effect, cause.site, name, value, sigma, unit, own.low, own.high, own.why, believed)

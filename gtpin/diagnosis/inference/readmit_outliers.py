@@ -19,12 +19,6 @@ Mask = npt.NDArray[np.bool_]
 
 MOST_POSES = 3000
 """Poses that a search is made on; more make it slower, and hardly surer. The causes are then fitted to all."""
-FEWEST = 3
-"""Poses, set aside, that something must explain before they are readmitted: one or two can be explained by chance."""
-LEAST_SHARE = 0.5
-"""Share of the poses set aside that something must explain before any is."""
-LEFT = 0.25
-"""Share of a squared error that may be left of what is explained."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +41,10 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
     gross errors given geometry alone. Given the cause it does not.
     """
     dataset, baseline = prepared.dataset, prepared.baseline
-    sure = baseline.used(dataset)
+    priors, sure = scope.priors, baseline.used(dataset)
     suspects = np.flatnonzero(~sure)
     suspects = suspects[baseline.model.kinematics.forward(dataset.q[suspects]).reached]
-    if len(suspects) < FEWEST:
+    if len(suspects) < priors.readmitted:
         return Rows(sure, sure)
     explained = np.zeros(len(dataset), dtype=bool)
     # Of many poses, an even part of those that were kept, and all that were set aside, some at a time.
@@ -65,7 +59,7 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
         if causes(guess):
             explained[rows] |= _predicted(hypotheses, guess)
         explained &= ~sure
-        if explained[some].sum() < max(FEWEST, LEAST_SHARE * len(some)):
+        if explained[some].sum() < max(priors.readmitted, priors.readmitted_share * len(some)):
             return Rows(sure, sure)
     return Rows(sure | explained, sure)
 
@@ -87,4 +81,4 @@ def _predicted(hypotheses: HypothesisSet, model: Model) -> Mask:
     each = list(np.eye(poses, dtype=bool))
     columns = np.hstack([hypotheses.groups.columns[term] * s for term, s in scales(model).items()])
     alone, whole = (leave_out(design, some, each).errors for some in (columns[:, :0], columns))
-    return np.asarray((whole**2).sum(axis=1) < LEFT * (alone**2).sum(axis=1))
+    return np.asarray((whole**2).sum(axis=1) < hypotheses.priors.readmitted_left * (alone**2).sum(axis=1))

@@ -7,23 +7,22 @@ from collections.abc import Iterable
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
+from gtpin.diagnosis.priors import Priors
 from gtpin.effects.situation import Situation
 from gtpin.noise.noise import Noise
 
-SCATTERS = 0.5
-"""Repeatability over the instrument's sigma from which an effect may well hide in it: a stated assumption."""
 _MOVES = re.compile(r"(approach|speed)[0-9]+")
 
 
 def hidden_in_scatter(
-    found: Conclusion, noise: Noise, untestable: Iterable[Hypothesis], at: Situation
+    found: Conclusion, noise: Noise, untestable: Iterable[Hypothesis], at: Situation, priors: Priors
 ) -> tuple[Hypothesis, ...]:
     """Effects that differ between visits, and lack columns that were recorded but contradict the others.
 
     Where nothing was found and visits scatter by more than the instrument, that scatter is as likely theirs as the drives':
     ``none`` would say that they were tested.
     """
-    if found.verdict != "none" or noise.repeatability <= SCATTERS * noise.position_sigma:
+    if found.verdict != "none" or noise.repeatability <= priors.scatters * noise.position_sigma:
         return ()
     return tuple(
         hypothesis

@@ -19,14 +19,6 @@ from gtpin.errors import warn
 from gtpin.noise.noise import Noise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 
-MISFIT = 1.8
-"""Chi-square per degree of freedom of a calibration below which declared noise is not doubted. A stated assumption: it only
-saves a second look."""
-LARGER = 1.5
-"""Noise that the data show over the declared one from which the declared value is not used. A stated assumption: less makes
-at most a third of the noise look like structure."""
-UNREPEATED = 2.0
-"""The same where there are too few repeated visits to say what noise is."""
 LOOKS = 2
 """Searches, each with the noise that the last one left: with too little noise, some of it is explained away."""
 
@@ -49,7 +41,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         key: getattr(baseline.instrument, key) for key, kind in SIGMAS if kind.start < baseline.residual.shape[1]
     }
     declared = {key: value for key, value in declared.items() if value is not None}
-    if not declared or baseline.chi2_per_dof < MISFIT:
+    if not declared or baseline.chi2_per_dof < scope.priors.misfit:
         return {}
     sure = prepared.dataset.take(baseline.used(prepared.dataset))
     observed = Observed.of(sure, baseline).take(np.arange(len(sure))[:: 1 + len(sure) // MOST_POSES])
@@ -62,7 +54,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
     found = {}
     for key, value in declared.items():
         seen = [getattr(n, key) for n in (noise, repeats) if n is not None]
-        if min(seen) > (UNREPEATED if repeats is None else LARGER) * value:
+        if min(seen) > (scope.priors.understated_once if repeats is None else scope.priors.understated) * value:
             found[key] = (value, float(min(seen)))
     return found
 

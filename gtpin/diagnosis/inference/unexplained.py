@@ -12,13 +12,6 @@ from gtpin.diagnosis.result import Unexplained
 
 CORRELATES = 5
 """Free motions that are reported at most."""
-SEEN = 1e-3
-"""P-value below which one is."""
-ACCOUNTS = 0.8
-"""Share of the evidence of the best smooth term from which an effect that can't be tested could be what is unknown."""
-
-SURELY = 10.0
-"""Gain in log evidence that it must bring at least."""
 
 
 def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexplained:
@@ -48,7 +41,7 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
         correlates.append((smooth.site, smooth.words, float(chi2.sf(statistic, int(kept.sum())))))
     correlates.sort(key=lambda row: row[2])
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
-    kept_rows = tuple(row for row in correlates[:CORRELATES] if row[2] < SEEN)
+    kept_rows = tuple(row for row in correlates[:CORRELATES] if row[2] < hypotheses.priors.seen)
     return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, _could_be(hypotheses, model) if unknown else ())
 
 
@@ -68,8 +61,13 @@ def _power(hypotheses: HypothesisSet, model: Model) -> float:
 
 def _could_be(hypotheses: HypothesisSet, model: Model) -> tuple[tuple[str, str], ...]:
     """What nobody could test, but accounts for the unknown nearly as well as the best smooth term, the best first."""
+    priors = hypotheses.priors
     best = max((gain.value for gain in hypotheses.gains(model, hypotheses.smooth).values()), default=0.0)
     gains = hypotheses.gains(model, hypotheses.proxies)
-    enough = [p for p in sorted(gains, key=lambda p: -gains[p].value) if gains[p].value >= max(ACCOUNTS * best, SURELY)]
+    enough = [
+        p
+        for p in sorted(gains, key=lambda p: -gains[p].value)
+        if gains[p].value >= max(priors.accounts * best, priors.surely)
+    ]
     taken = {term.place for term in model.terms if isinstance(term, Hypothesis)}
     return tuple(p.hypothesis.place for p in enough if p.hypothesis.place not in taken)

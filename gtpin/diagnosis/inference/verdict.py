@@ -8,10 +8,8 @@ from typing import Literal
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
+from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Verdict
-
-SURE = 0.95
-"""Probability from which a cause stands alone."""
 
 Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_groups", "scatter"]
 """Why something unknown is believed:

@@ -15,17 +15,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from gtpin.diagnosis.priors import PRIORS, Priors
+
 Floats = npt.NDArray[np.float64]
 K = TypeVar("K", bound=Hashable)
 """What a group is known by."""
 
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Scales that are tried, over the typical size."""
-SCALE_SPREAD = 1.3
-"""Spread of the scales' logarithm about zero: the prior on how far an effect is from its typical size."""
-
-LEAST_FORM = 0.5
-"""Root mean square of the form's coefficients over the scale, below which a scale does not suit a group."""
 
 
 class Marginal:
@@ -59,9 +56,9 @@ class Groups(Generic[K]):
     A group's displacements never change: a `Posterior` of some groups stays what it was, whatever is added later.
     """
 
-    def __init__(self, marginal: Marginal, y: Floats) -> None:
+    def __init__(self, marginal: Marginal, y: Floats, priors: Priors = PRIORS) -> None:
         """Start without a group, for a whitened residual y (m,)."""
-        self.marginal, self.y = marginal, y
+        self.marginal, self.y, self.priors = marginal, y, priors
         self.columns: dict[K, Floats] = {}
         self.form: dict[K, tuple[int, ...]] = {}
         self._half: dict[K, Floats] = {}
@@ -139,7 +136,7 @@ def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Post
     u = np.concatenate([groups.moment(n) for n in terms]) * sizes
     factor = cho_factor(np.eye(len(u)) + M, lower=True)
     w = cho_solve(factor, u)
-    prior = -0.5 * sum((np.log(s) / SCALE_SPREAD) ** 2 for s in scale)
+    prior = -0.5 * sum((np.log(s) / groups.priors.scale_spread) ** 2 for s in scale)
     log_evidence = 0.5 * float(u @ w) - float(np.log(np.diag(factor[0])).sum()) + prior
     covariance = cho_solve(factor, np.eye(len(u))) * np.outer(sizes, sizes)
     return Posterior(tuple(terms), tuple(scale), log_evidence, w * sizes, covariance)
@@ -170,12 +167,14 @@ def all_gains(groups: Groups[K], model: Posterior[K], terms: Iterable[K]) -> dic
         for i, term in enumerate(members):
             gram, moment = given(groups, model, term)
             grams[i, : len(moment), : len(moment)], moments[i, : len(moment)] = gram, moment
-        best = zip(*best_scales(grams, moments, form), strict=True)
+        best = zip(*best_scales(grams, moments, form, groups.priors), strict=True)
         found |= {term: (float(g), float(s)) for term, (g, s) in zip(members, best, strict=True)}
     return found
 
 
-def best_scales(grams: Floats, moments: Floats, form: Sequence[int] = ()) -> tuple[Floats, Floats]:
+def best_scales(
+    grams: Floats, moments: Floats, form: Sequence[int] = (), priors: Priors = PRIORS
+) -> tuple[Floats, Floats]:
     """(S,) largest log evidence over the scales, and the scales, of S groups of c columns.
 
     A scale must suit the group's form: where the coefficients of its form are far smaller than the scale, the scale only
@@ -194,13 +193,13 @@ def best_scales(grams: Floats, moments: Floats, form: Sequence[int] = ()) -> tup
     s2 = (SCALES**2)[:, None, None]
     shrunk = s2 / (1.0 + s2 * values)
     gain = 0.5 * (shrunk * along**2 - np.log1p(s2 * values)).sum(axis=2)
-    gain -= 0.5 * (np.log(SCALES)[:, None] / SCALE_SPREAD) ** 2
+    gain -= 0.5 * (np.log(SCALES)[:, None] / priors.scale_spread) ** 2
     own = [i for i in form if i < values.shape[1]]
     if own:
         part = vectors[:, own]
         mean = np.einsum("sfj,ksj->ksf", part, shrunk * along, optimize=True)
         variance = np.einsum("sfj,ksj->ksf", part**2, shrunk, optimize=True)
-        unsuited = ((mean**2 + variance) / s2).mean(axis=2) < LEAST_FORM**2
+        unsuited = ((mean**2 + variance) / s2).mean(axis=2) < priors.least_core**2
         unsuited[0] = False
         gain = np.where(unsuited, -np.inf, gain)
     best = np.argmax(gain, axis=0)

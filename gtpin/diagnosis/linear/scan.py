@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal, Posterior, best_scales
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.effect import Effect
 
 Floats = npt.NDArray[np.float64]
@@ -64,9 +65,9 @@ class _Displacements:
 class Scan:
     """An effect at a site with every setting that is worth a try, prepared once for all scans beside other models."""
 
-    def __init__(self, design: Design, marginal: Marginal, effect: Effect, site: str) -> None:
+    def __init__(self, design: Design, marginal: Marginal, effect: Effect, site: str, priors: Priors = PRIORS) -> None:
         """Prepare the inner products with the geometry marginalised."""
-        self.design, self.marginal = design, marginal
+        self.design, self.marginal, self.priors = design, marginal, priors
         self.effect, self.site = effect, site
         self.settings = np.array(effect.settings(design.situation, site))
         self._half_y = marginal.half(design.y[:, None])
@@ -153,4 +154,4 @@ class Scan:
             moments = moments - (across @ model.mean).reshape(count, width)
             by_setting = across.reshape(count, width, -1)
             grams = grams - by_setting @ model.covariance @ by_setting.transpose(0, 2, 1)
-        return best_scales(grams, moments, self.effect.form)
+        return best_scales(grams, moments, self.effect.form, self.priors)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.missing_covariates import WARMER
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.situation import Column, References
 
 Floats = npt.NDArray[np.float64]
@@ -199,7 +199,7 @@ def payloads(known: Floats, effort: float = 1.0) -> Floats:
 def warm(known: Floats, reference: float) -> float:
     """degC of a machine at work, from temperatures known (N,) and the one at which the geometry holds."""
     farthest = float(known[np.abs(known - reference).argmax()])
-    return farthest if abs(farthest - reference) >= LEAST_WARMER else reference + WARMER
+    return farthest if abs(farthest - reference) >= LEAST_WARMER else reference + PRIORS.warmer
 
 
 def _pushes(known: Mapping[str, Column], ways: Floats, effort: float, rng: np.random.Generator) -> Floats:

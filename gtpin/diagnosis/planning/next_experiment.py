@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.propose import Untested
-from gtpin.diagnosis.inference.verdict import SURE, Conclusion
+from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.discrimination import Standing, split
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.make_testable import reveal
 from gtpin.diagnosis.planning.map_unknown import trace
 from gtpin.diagnosis.planning.trials import Known
+from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Cause
 from gtpin.effects.situation import References
 from gtpin.model.model import Model

@@ -13,6 +13,7 @@ from gtpin.data import Dataset
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.preparation.contradictions import without_contradictions
 from gtpin.diagnosis.preparation.filled_in import without_filled_in
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
@@ -44,7 +45,7 @@ class Prepared:
         return replace(self.recorded, instrument=instrument)
 
 
-def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None) -> Prepared:
+def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
     """Check a dataset against the nominal robot, leave out what can't be right, and calibrate the rest.
 
     Raises
@@ -53,7 +54,7 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None) 
         If the dataset can't be read as one of this robot, or the robot has no rods.
     """
     recorded = prepared(dataset, Model(Geometry.nominal(nominal)))
-    usable = without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))))
+    usable = without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors)
     baseline = calibrate(usable, nominal, progress=progress)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
