@@ -8,6 +8,7 @@ import numpy as np
 
 from gtpin.calibration import weights
 from gtpin.calibration.checks.bumped import check_bumped
+from gtpin.calibration.checks.coarse_commands import coarse_commands
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained
 from gtpin.calibration.checks.recognise import either
@@ -145,7 +146,9 @@ def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
         )
     size = weights.robust_scale(settled.fit.residual)
     if size > MISFIT:
-        warn(f"residuals are {size:.0f} times the noise: the geometry does not explain these data")
+        coarse = coarse_commands(model, measured, point.poses)
+        why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
+        warn(f"residuals are {size:.0f} times the noise: {why}")
     x = point.x[: problem.n_geometry]
     # How a measured track is rolled about itself is guessed from where targets sat on carts: no tolerance of the machine's.
     rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])
