@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.calibration.checks.coarse_commands import explained
 from gtpin.calibration.checks.declared_noise import used_noise
 from gtpin.calibration.checks.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
+from gtpin.calibration.checks.failed_fit import explained
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
 from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, reach_of

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
-
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.moved_sessions import FAILED, check_sessions
 from gtpin.calibration.problem import Measured
-from gtpin.data import Dataset
 from gtpin.data.rounding import STEPS, coarsest_step
-from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.model import Model
 
@@ -50,23 +44,3 @@ def coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | Non
     return (
         f"all commands are multiples of {step:g} {unit}, and poses are off by {size:.2g} mm, as such a step makes them"
     )
-
-
-@contextlib.contextmanager
-def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses) -> Iterator[None]:
-    """Say of a fit that fails whether sessions with frames of their own, or coarse commands, are the reason.
-
-    Errors that name rows are left as they are.
-    """
-    try:
-        yield
-    except (ConvergenceError, DatasetError) as error:
-        if error.row is not None:
-            raise
-        check_sessions(dataset, start, measured, poses, FAILED)
-        coarse = coarse_commands(start, measured, poses)
-        if coarse is None:
-            raise
-        hint = f"give commands with more digits; if they are exact: {error.what}"
-        columns = f"q1 .. q{measured.q.shape[1]}"
-        raise DatasetError(coarse, file=dataset.file, column=columns, hint=hint) from None

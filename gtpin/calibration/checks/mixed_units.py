@@ -22,6 +22,8 @@ FEWEST, SHARE = 6, 0.1
 """Rows, and share of all rows, below which a part in one unit is left to the search for gross errors. A stated assumption."""
 REST = 0.75
 """Share of the other rows that must fit in metres. A stated assumption."""
+ENOUGH = 300
+"""Rows, evenly over the file, that are enough to guess a free frame."""
 TRIPLES = 400
 """Sets of three rows that a free frame is guessed from: of two units in equal parts, every eighth is in metres alone."""
 
@@ -80,6 +82,8 @@ def _off(T: Floats, seen: Floats) -> Floats:
 
 def _seen(T: Floats, poses: Poses, near: float) -> Floats:
     """(N, 3) where a free instrument should see the poses, by the frame in which most rows fit in some unit."""
+    some = np.linspace(0, len(T) - 1, min(len(T), ENOUGH)).astype(int)
+    everywhere, T, poses = poses, T[some], poses[some]
     rng = np.random.default_rng(0)
     rows = np.argsort(rng.random((TRIPLES, len(T))), axis=1)[:, :3]
     a, b = poses.T[rows], T[rows]
@@ -95,8 +99,8 @@ def _seen(T: Floats, poses: Poses, near: float) -> Floats:
         range(TRIPLES), key=lambda k: (int((off[k].min(axis=0) <= near).sum()), -float(np.median(off[k].min(axis=0))))
     )
     good = off[best][0] <= near
-    if good.sum() < FEWEST:
-        return tried[best]
+    if good.sum() < FEWEST:  # no frame
+        return np.full_like(everywhere.T, np.inf)
     # Three rows tell a frame roughly; all that fit in it tell it well.
     frame = rough_frame(poses[good], Measured(np.zeros((int(good.sum()), 0)), T[good], None))
-    return poses.moved(frame.T, frame.R).T
+    return np.asarray(everywhere.moved(frame.T, frame.R).T)
