@@ -18,6 +18,7 @@ from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.inference.questions import questions, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
+from gtpin.diagnosis.inference.two_valued import with_two_valued
 from gtpin.diagnosis.inference.unexplained import unexplained
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import Gap, gap
@@ -62,6 +63,7 @@ def fit(prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.
     """Fit geometry and causes together, and hold the conclusion against plausible parameters and left-out poses."""
     hypotheses, searched = settled.hypotheses, settled.searched
     found = with_full_digits(without_idle(hypotheses, found, _blocks(searched)), hypotheses, searched)
+    found = with_two_valued(hypotheses, found, settled.observed.noise)
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
     if asked.impossible:

@@ -11,7 +11,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model
 from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Verdict
 
-Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_groups", "scatter"]
+Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_groups", "two_valued", "scatter"]
 """Why something unknown is believed:
 
 ``smooth_term``
@@ -24,6 +24,8 @@ Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_group
     Left-out poses are much farther off than noise (``held_out.py``).
 ``two_groups``
     What passes for noise are two groups of rows (``two_groups.py``).
+``two_valued``
+    What passes for scatter of a drive takes two values (``two_valued.py``).
 ``scatter``
     Visits scatter, and the columns that would tell why contradict each other (``scatter.py``).
 """
