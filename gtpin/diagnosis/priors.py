@@ -121,8 +121,8 @@ class Priors:
     """Power that one frame leaves over that left by two, from which rows are of two measurements. Derived for the worst noise:
     1 / (1 - 2/pi) = 2.75; assumed beyond that."""
     two_valued: float = 0.05
-    """Gain in log likelihood for each pose, by two values of a drive's errors over one, from which they are no scatter; 10 nats at
-    least. Derived: two values three standard deviations apart give 0.08, a uniform distribution 0.1. Assumed beyond that."""
+    """Gain in log likelihood for each pose, by two values of a drive's errors over one, from which they are no scatter; 10 nats
+    at least. Derived: two values three standard deviations apart give 0.08, a uniform distribution 0.1. Assumed beyond that."""
     least_group: float = 0.1
     """Share of the rows that the smaller group has at least. Assumed."""
     implausible: float = 3.0
