@@ -1,0 +1,115 @@
+"""How the answers to sealed cases move when a number of ``gtpin.diagnosis.priors`` is halved and doubled.
+
+Cases are drawn as ``gtpin blind`` draws them, from a seed of their own. Data, calibration, outliers and noise are settled once for
+each; hypotheses are then proposed and inferred with each number at its value, at half and at twice of it.
+``python examples/pages/refresh.py --measure priors`` measures the table of docs/priors.md again.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+import gtpin
+from gtpin.blind.draw import drafts, made
+from gtpin.diagnosis.hypotheses.propose import propose
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.inference.infer import infer
+from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
+from gtpin.diagnosis.inference.settle import Settled, settle
+from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.preparation.prepare import prepare
+from gtpin.diagnosis.priors import PRIORS
+from gtpin.errors import GtpinError
+from gtpin.robot.library import load_robot
+
+SEED = 5_100
+"""Nothing else draws its cases from it."""
+VISIBLE = 63.0
+"""Energy from which an effect is to be found, as docs/blind.md has it."""
+VARIED = (
+    "scale_spread",
+    "least_core",
+    "unnamed",
+    "third",
+    "same",
+    "related",
+    "other",
+    "departure",
+    "modulation",
+    "temperature",
+    "warming",
+    "warmest",
+)
+"""Numbers that matter while hypotheses are compared."""
+FACTORS = (0.5, 2.0)
+FIGURES = ("found", "alone", "silent", "unknown", "false")
+
+
+def jobs(machines: int) -> list[dict[str, object]]:
+    """Which cases are inferred."""
+    return [{"case": number} for number in range(machines)]
+
+
+def measured(case: int) -> list[dict[str, object]]:
+    """What is said of a case with every number as it is, halved and doubled; nothing where it is refused."""
+    draft = list(drafts(case + 1, SEED))[case]
+    drawn = made(draft)
+    robot = load_robot(drawn.dataset.robot_reference)
+    scope = Scope.of(gtpin.catalogue(), (), 0.01, robot)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)
+        try:
+            prepared = prepare(drawn.dataset, robot)
+            rows = readmit_outliers(prepared, scope).admitted
+            settled = settle(prepared, rows, scope, np.random.default_rng(0))
+        except GtpinError:
+            return []
+        truth = {(t.effect, t.site): t.energy for t in drawn.effects}
+        found = [{"prior": "", "factor": 1.0, **_said(_inferred(settled, scope), truth, draft.kind)}]
+        for name in VARIED:
+            for factor in FACTORS:
+                priors = replace(PRIORS, **{name: factor * getattr(PRIORS, name)})
+                said = _inferred(settled, replace(scope, priors=priors))
+                found.append({"prior": name, "factor": factor, **_said(said, truth, draft.kind)})
+    return found
+
+
+def _inferred(settled: Settled, scope: Scope) -> Conclusion:
+    return infer(replace(settled, proposal=propose(settled.hypotheses.design, scope)))
+
+
+def _said(found: Conclusion, truth: dict[tuple[str, str], float], kind: str) -> dict[str, object]:
+    """Right or wrong by five measures; empty where one does not apply."""
+    classes = [{m.hypothesis.place for m in members} for members in found.classes.values()]
+    sure = {cause.place for cause in found.sure()}
+    clear = [place for place, energy in truth.items() if energy > VISIBLE]
+    single = kind in ("one", "power") and len(clear) == 1
+    return {
+        "found": int(any(clear[0] in members for members in classes)) if single else "",
+        "alone": int(sure == set(clear)) if single else "",
+        "silent": int(found.verdict == "none") if kind == "none" else "",
+        "unknown": int(found.verdict == "unknown") if kind == "unlisted" and clear else "",
+        "false": int(bool(sure - set(truth))),
+    }
+
+
+def table(records: pd.DataFrame) -> str:
+    """Share of the cases in which each measure holds, by number and factor."""
+    heads = ("effect in a class", "effect alone", "silent on none", "unlisted called unknown", "a false cause sure")
+    lines = ["| number | value | " + " | ".join(heads) + " |", "|---|---|" + "---|" * len(heads)]
+    for name in ("", *VARIED):
+        for factor in (1.0,) if not name else FACTORS:
+            rows = records[(records["prior"] == name) & (records["factor"].astype(float) == factor)]
+            value = "" if not name else f"{factor * getattr(PRIORS, name):g}"
+            label = "as they are" if not name else f"`{name}`"
+            lines.append(f"| {label} | {value} | " + " | ".join(_share(rows[figure]) for figure in FIGURES) + " |")
+    return "\n".join(lines)
+
+
+def _share(values: pd.Series) -> str:
+    known = pd.to_numeric(values, errors="coerce").dropna()
+    return f"{int(known.sum())} of {len(known)}"
