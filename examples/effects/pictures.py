@@ -14,7 +14,7 @@ import numpy as np
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Column, Situation
 from gtpin.robot.parameters import rotation_axes
 
@@ -133,7 +133,7 @@ def seen(basis: Basis, c: Floats) -> Floats:
 
 
 def draw(name: str, folder: Path) -> Path:
-    effect = catalogue()[name]
+    effect = effects_by_id()[name]
     sites = effect.sites(ROBOT)
     site = next((s for s in ("cart2", "link2a") if s in sites), sites[0])
     setting = SETTINGS.get(name)
@@ -175,7 +175,7 @@ def draw(name: str, folder: Path) -> Path:
 def main(folder: Path, names: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "gtpin", "font.family": "sans-serif"})
-    for name in names or catalogue():
+    for name in names or effects_by_id():
         path = draw(name, folder)
         print(f"{path.name:24s} {path.stat().st_size / 1024.0:.0f} kB")
 

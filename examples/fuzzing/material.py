@@ -11,7 +11,7 @@ import pandas as pd
 import gtpin
 from gtpin.data import CartMeasurements, Dataset, Instrument
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 from gtpin.model.model_folder import write_model
 from gtpin.plant import simulate
@@ -152,7 +152,7 @@ def _effects(model: gtpin.Model, dataset: Dataset) -> tuple[ActiveEffect, ...]:
         ("link_compliance", "arm", None),
         ("tracker_drift", "frame", None),
     ):
-        effect = catalogue()[name]
+        effect = effects_by_id()[name]
         size = 0.3 * effect.basis(at, site, setting).sigma
         found.append(ActiveEffect(effect, site, setting, size, np.diag(0.01 * size**2), at.references))
     return tuple(found)

@@ -17,7 +17,7 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from gtpin.data import Dataset
 from gtpin.effects.basis import Basis
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -96,7 +96,7 @@ class Yardstick:
         d = self.whitened(displacement[:, :, None])[:, 0]
         past = self._past(d)
         found = {}
-        for effect in catalogue().values():
+        for effect in effects_by_id().values():
             for site in effect.sites(at.robot):
                 if not effect.untestable(at, site):
                     taken, scale, setting = self._by(effect, site, past)

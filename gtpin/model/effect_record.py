@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import GROUP, catalogue
+from gtpin.effects.catalogue import GROUP, effects_by_id
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -81,7 +81,7 @@ def record(active: ActiveEffect) -> EffectRecord:
     ModelError
         If it is not in the catalogue, so that it could not be read again.
     """
-    if not isinstance(active.effect, type(catalogue().get(active.effect.id))):
+    if not isinstance(active.effect, type(effects_by_id().get(active.effect.id))):
         raise ModelError(
             f"the effect {active.effect.id} is not registered, so it could not be read again",
             hint=f"register its class under the entry points {GROUP}",
@@ -118,9 +118,9 @@ def active_effect(told: EffectRecord, kinematics: RodKinematics) -> ActiveEffect
         If it can't be this robot's; ``column`` is the key at fault.
     """
     robot = kinematics.geometry.robot
-    effect = catalogue().get(told.effect)
+    effect = effects_by_id().get(told.effect)
     if effect is None:
-        hint = f"install the package that registers it under {GROUP}, or use one of {', '.join(catalogue())}"
+        hint = f"install the package that registers it under {GROUP}, or use one of {', '.join(effects_by_id())}"
         raise ModelError(f"no effect is called {told.effect!r}", column="effect", hint=hint)
     sites = effect.sites(robot)
     if told.site not in sites:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Member
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.report.meaning import meaning
 from gtpin.report.page import Table
 from gtpin.report.phrases import phrase, sentence
@@ -101,7 +101,7 @@ def _named(key: str, c: Cause, reach: str, told: bool) -> NamedCause:
 
 def _setting(c: Cause) -> str:
     """What is not linear in a cause, its period or place, in words; its parameters begin with it."""
-    known = catalogue().get(c.effect)
+    known = effects_by_id().get(c.effect)
     if known is None or not known.has_setting:
         return ""
     name, (value, _, unit) = next(iter(c.parameters.items()))

@@ -7,7 +7,7 @@ import re
 
 from markupsafe import Markup, escape
 
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 
 OWN_PAGES = "docs/effects"
 """Where the documentation has a page for each effect of gtpin."""
@@ -18,7 +18,7 @@ def meaning(effect: str) -> tuple[Markup, ...]:
 
     What its class's description says of typical sizes is left out: the data have told the size.
     """
-    known = catalogue().get(effect)
+    known = effects_by_id().get(effect)
     text = inspect.cleandoc(type(known).__dict__.get("__doc__") or "") if known else ""
     paragraphs = [" ".join(part.split()) for part in text.split("\n\n")]
     return tuple(_marked(part) for part in paragraphs if part and not part.startswith("Typical size"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.report.words import site_words
 
 
@@ -68,7 +68,7 @@ def phrase(effect: str, site: str) -> Phrase:
     if effect in CLAUSES:
         words = [PLURALS.get((site, word), word) for word in CLAUSES[effect].split(" ")]
         return Phrase(" ".join(words).format(site=site_words(site)), ACTIONS[effect])
-    known = catalogue().get(effect)
+    known = effects_by_id().get(effect)
     title = known.title if known else effect.replace("_", " ")
     return Phrase(f"{title} at {site_words(site)}", "Use the corrected model, or take the effect away at its source.")
 

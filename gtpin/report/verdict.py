@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Question
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.report.phrases import phrase, sentence
 from gtpin.report.quality import scatters
 from gtpin.report.words import chance, coordinate_words, counted, joined, length, percent, quantity, site_words
@@ -70,7 +70,7 @@ def may_hide(d: Diagnosis) -> list[str]:
         return []
     lacking = [c for c in d.candidates if c.effect in BETWEEN_VISITS and c.reason.endswith("is missing")]
     effects = list(dict.fromkeys(c.effect for c in lacking))
-    robot, known = d.model.robot, catalogue()
+    robot, known = d.model.robot, effects_by_id()
     columns = list(dict.fromkeys(name for c in lacking for name in known[c.effect].covariates(robot, c.site)))
     if not effects:
         return []

@@ -15,16 +15,16 @@ from gtpin.diagnosis.hypotheses.hypothesis import Candidate
 from gtpin.diagnosis.inference.joint_fit import Observed, fit_together
 from gtpin.diagnosis.linear.evidence import Groups, Marginal, fixed
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
 POSITION, ORIENTATION = 1.5e-5, 5e-5
 CAUSES = (
-    Candidate(catalogue()["servo_lag"], "cart1"),
-    Candidate(catalogue()["rack_periodic"], "cart2", 0.06),
-    Candidate(catalogue()["link_compliance"], "link2a"),
+    Candidate(effects_by_id()["servo_lag"], "cart1"),
+    Candidate(effects_by_id()["rack_periodic"], "cart2", 0.06),
+    Candidate(effects_by_id()["link_compliance"], "link2a"),
 )
 SCALES = (2.0, 1.5, 1.0)
 

@@ -20,7 +20,7 @@ from gtpin.diagnosis.planning.map_unknown import trace
 from gtpin.diagnosis.planning.next_experiment import Experiment, Standing, plan
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.diagnosis.result import Considered
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
 from gtpin.plant import Case, make_case, measure_at
 
@@ -35,7 +35,7 @@ SCALES = np.geomspace(0.1, 20.0, 16)
 
 def candidate(name: str) -> Candidate:
     effect, _, site = name.partition("@")
-    return Candidate(catalogue()[effect], site)
+    return Candidate(effects_by_id()[effect], site)
 
 
 @cache

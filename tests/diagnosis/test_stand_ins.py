@@ -9,7 +9,7 @@ from diagnosed import LARGE, POSES
 
 import gtpin
 from gtpin.effects.basis import along_track
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect, carts
 from gtpin.plant import Case, make_case
 from gtpin.plant.conditions import Conditions
@@ -171,9 +171,9 @@ class WithPeriod(OfOthers):
 
 
 def diagnosed_beside(kind: type[Effect], monkeypatch) -> gtpin.Diagnosis:
-    known = {**catalogue(), "of_others": kind()}
-    for module in ("diagnosis.testable", "diagnosis.revealing"):
-        monkeypatch.setattr(f"gtpin.{module}.catalogue", lambda: known)
+    known = {**effects_by_id(), "of_others": kind()}
+    for module in ("diagnosis.hypotheses.propose", "diagnosis.planning.make_testable"):
+        monkeypatch.setattr(f"gtpin.{module}.effects_by_id", lambda: known)
     return gtpin.diagnose(machine(1, "rack_periodic", "cart2", ("payload", "session", "fx", "fy", "fz")).dataset)
 
 

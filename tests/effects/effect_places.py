@@ -9,13 +9,13 @@ import numpy as np
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 Floats = np.ndarray
-EFFECTS = catalogue()
+EFFECTS = effects_by_id()
 SETTINGS = {"rack_periodic": 0.0314, "rack_step": 0.051}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import gtpin
 from gtpin.data.table import Column
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 
 
@@ -25,7 +25,7 @@ def active(
 
     Its references are those of a fit at commands q (N, n) with the covariates.
     """
-    kind = catalogue()[effect]
+    kind = effects_by_id()[effect]
     at = Situation(model.kinematics, q, model.kinematics.forward(q), covariates or {})  # type: ignore[arg-type]
     size = len(kind.basis(at, site, setting))
     coefficients = np.zeros(size)

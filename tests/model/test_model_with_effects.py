@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import gtpin
 from gtpin.effects import catalogue as catalogue_module
 from gtpin.effects.basis import along_track
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect, carts, unit
 from gtpin.effects.frames import frame_twist
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
@@ -32,7 +32,7 @@ def same(one: gtpin.Poses, other: gtpin.Poses) -> bool:
 # -------------------------------------------------------------------------------------------------- there and back
 
 
-@pytest.mark.parametrize("name", catalogue())
+@pytest.mark.parametrize("name", effects_by_id())
 @given(data=st.data())
 @settings(ODD, max_examples=2)
 def test_a_model_with_any_effect_predicts_the_same_bits_when_it_is_read_again(tmp_path, name, data):
@@ -202,7 +202,7 @@ class Creep(Effect):
 
 def registered(monkeypatch, *points: EntryPoint) -> None:
     monkeypatch.setattr(catalogue_module, "entry_points", lambda group: points)
-    catalogue.cache_clear()
+    effects_by_id.cache_clear()
 
 
 @pytest.fixture
@@ -211,7 +211,7 @@ def stranger(monkeypatch):
     registered(monkeypatch, EntryPoint("creep", f"{__name__}:Creep", "gtpin.effects"))
     yield
     monkeypatch.undo()
-    catalogue.cache_clear()
+    effects_by_id.cache_clear()
 
 
 def test_an_effect_of_another_package_is_written_and_read(stranger, tmp_path):
@@ -235,7 +235,7 @@ def test_an_effect_that_is_not_installed_is_an_error_that_says_so(stranger, tmp_
 def test_an_entry_point_that_is_no_effect_is_an_error_that_names_it(stranger, monkeypatch, point):
     registered(monkeypatch, EntryPoint("bad", point, "gtpin.effects"))
     with pytest.raises(ModelError, match=r"bad of gtpin\.effects"):
-        catalogue()
+        effects_by_id()
 
 
 class Unmade(Effect):

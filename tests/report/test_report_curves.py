@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.rack_periodic import SHORTEST
 from gtpin.report.curve_plots import curve_notes, reach
 from gtpin.report.effect_curves import WIDE, curves
@@ -28,7 +28,7 @@ def active(
     residuals: Residuals, effect: str, site: str, setting: float | None = None, first: float = 1.0
 ) -> ActiveEffect:
     """An effect whose first coefficient alone is known, and not zero."""
-    known = catalogue()[effect]
+    known = effects_by_id()[effect]
     at = residuals.at(residuals.dataset.q, residuals.dataset.covariates)
     size = len(known.basis(at, site, setting))
     coefficients, covariance = np.zeros(size), np.zeros((size, size))
@@ -84,9 +84,9 @@ def test_a_curve_within_its_band_is_not_said_to_be_seen(residuals):
     assert any("not seen" in note for note in curve_notes(found))
 
 
-@pytest.mark.parametrize("effect", sorted(catalogue()))
+@pytest.mark.parametrize("effect", sorted(effects_by_id()))
 def test_every_effect_that_can_be_tested_has_curves_of_finite_numbers(residuals, effect):
-    known = catalogue()[effect]
+    known = effects_by_id()[effect]
     at = residuals.at(residuals.dataset.q, residuals.dataset.covariates)
     site = next((s for s in known.sites(residuals.model.robot) if not known.untestable(at, s)), None)
     if site is None:

@@ -2,11 +2,11 @@
 
 import pytest
 
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.report.meaning import meaning
 
 
-@pytest.mark.parametrize("effect", sorted(catalogue()))
+@pytest.mark.parametrize("effect", sorted(effects_by_id()))
 def test_every_effect_of_the_catalogue_says_its_equation_and_its_parameters(effect):
     told = meaning(effect)
     assert "=" in told[0]

@@ -7,7 +7,7 @@ import hashlib
 import pytest
 
 from gtpin import load_robot
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.report.phrases import phrase, sentence
 from gtpin.report.provenance import provenance
 from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, site_words, typeset
@@ -85,7 +85,7 @@ def test_coordinates_are_told_in_words():
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
 def test_every_effect_of_the_catalogue_has_a_clause_and_an_action_at_each_of_its_sites(robot):
     machine = load_robot(robot)
-    for effect in catalogue().values():
+    for effect in effects_by_id().values():
         for site in effect.sites(machine):
             said = phrase(effect.id, site)
             assert "{" not in said.clause

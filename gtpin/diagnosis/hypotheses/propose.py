@@ -13,7 +13,7 @@ from gtpin.diagnosis.hypotheses.smooth_terms import free_motions
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
 from gtpin.diagnosis.result import Considered
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.errors import ModelError
 from gtpin.robot.robot import Robot
@@ -32,7 +32,7 @@ def check_excluded(exclude: Collection[str], robot: Robot) -> Collection[str]:
     ModelError
         If there is no such effect, or it has no such site.
     """
-    known = catalogue()
+    known = effects_by_id()
     for word in exclude:
         named, at, place = word.partition("@")
         if named not in known or (at and not place):
@@ -48,7 +48,7 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
     at = design.situation
     marginal = Marginal(design.B)
     plain, scanned, untestable, others = {}, [], [], []
-    for effect in catalogue().values():
+    for effect in effects_by_id().values():
         for site in effect.sites(at.robot):
             if effect.id in exclude or f"{effect.id}@{site}" in exclude:
                 continue

@@ -16,7 +16,7 @@ from gtpin.diagnosis.inference.two_groups import two_groups
 from gtpin.diagnosis.inference.unexplained import marginal_chance
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.result import Considered
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 from gtpin.errors import warn
 
@@ -68,7 +68,7 @@ def scatter_may_hide(
     """
     if found.verdict != "none" or repeatability <= SCATTERS * sigma:
         return ()
-    effects = catalogue()
+    effects = effects_by_id()
     return tuple(
         (row.effect, row.site)
         for row in untestable

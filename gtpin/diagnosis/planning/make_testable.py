@@ -15,7 +15,7 @@ from gtpin.diagnosis.planning.experiment import Experiment, listed, settings
 from gtpin.diagnosis.planning.measurement_conditions import FORCES, kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.diagnosis.result import Considered
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 
 Floats = npt.NDArray[np.float64]
@@ -69,7 +69,7 @@ def reveal(
 
 
 def _groups(at: Situation, untestable: Sequence[Considered]) -> list[_Group]:
-    effects = catalogue()
+    effects = effects_by_id()
     groups: dict[tuple[object, bool], list[tuple[Candidate, list[str], str]]] = {}
     for row in untestable:
         effect = effects[row.effect]
