@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -11,6 +11,8 @@ from gtpin.calibration.result import Calibration
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.effect import Effect
 from gtpin.model.model import Model
 
 Verdict = Literal["none", "explained", "ambiguous", "unknown"]
@@ -130,6 +132,8 @@ class Diagnosis:
         What to measure to tell more.
     questions
         Parameters that are outside what physics allows or machines have.
+    effects
+        Those that were tried.
     """
 
     verdict: Verdict
@@ -144,6 +148,11 @@ class Diagnosis:
     set_aside_rows: tuple[int, ...]
     next_experiment: tuple[Experiment, ...] = ()
     questions: tuple[Question, ...] = ()
+    effects: tuple[Effect, ...] = field(default_factory=catalogue)
+
+    def effect(self, name: str) -> Effect:
+        """The effect that has an id, of those that were tried."""
+        return next(effect for effect in self.effects if effect.id == name)
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""

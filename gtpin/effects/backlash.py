@@ -29,7 +29,10 @@ class Backlash(Effect):
 
     id = "backlash"
     title = "deviation that follows the direction of approach"
+    clause = "{site} has backlash"
+    remedy = "Check the preload of pinion and gear; approach from one side, or set the drive's backlash compensation."
     coefficient = ("half_width", "m")
+    between_visits = True
     form = (0,)
     usual: ClassVar[Mapping[str, Range]] = {
         "half_width": Range(-np.inf, 0.0, "a drive that overshoots is rare: the sign of approach may be wrong")

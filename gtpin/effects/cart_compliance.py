@@ -43,7 +43,10 @@ class CartCompliance(Effect):
 
     id = "cart_compliance"
     title = "the cart gives way and tips under the forces of its links"
+    clause = "{site} gives way under the forces of its links"
+    remedy = "Check carriage preload and pinion stiffness; use the corrected model with the payload given."
     coefficient = ("along", "m/N")
+    exported_as = "cart_springs"
     form = (0, 1, 2)
     plausible: ClassVar[Mapping[str, Range]] = {"along": Range(0.0, np.inf, "no cart moves against its links' pull")}
 

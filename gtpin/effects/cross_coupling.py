@@ -36,6 +36,8 @@ class CrossCoupling(Effect):
 
     id = "cross_coupling"
     title = "deviation along the track that goes with where the other carts are"
+    clause = "{site} shifts along its track with where the other carts are"
+    remedy = "Look at what loads or twists the track when the carts move apart: mounting, rack, cart stiffness."
     coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

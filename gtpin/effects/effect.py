@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,16 @@ class Effect(ABC):
     """As in reports: ``rack_periodic``."""
     title: ClassVar[str]
     """What it is, in a few words."""
+    clause: ClassVar[str] = ""
+    """What it does, as a clause, with ``{site}`` for where: ``{site} has backlash``. Left out, it is made from ``title``."""
+    plural_clause: ClassVar[str] = ""
+    """The same where the site is ``arm``, all links together."""
+    remedy: ClassVar[str] = "Use the corrected model, or take the effect away at its source."
+    """What an engineer can do about it, as a sentence."""
+    between_visits: ClassVar[bool] = False
+    """Whether it differs between visits of one pose, and so looks like a lack of repeatability."""
+    exported_as: ClassVar[Literal["", "link_spring", "cart_springs", "drive_scale"]] = ""
+    """What it becomes in an exported mechanism: a spring along the link, springs under the cart, a scale of the drive."""
     coefficient: ClassVar[tuple[str, str]]
     """Name and unit of what the first coefficient means."""
     form: ClassVar[tuple[int, ...]] = ()
@@ -70,6 +80,10 @@ class Effect(ABC):
 
     def settings(self, at: Situation, site: str) -> Sequence[float]:
         """Values to try of what is not linear in it; none where everything is."""
+        return ()
+
+    def jumps(self, setting: float | None) -> tuple[float, ...]:
+        """Commands, m or rad, at which its displacement along a track jumps; tables of corrections have points there."""
         return ()
 
     def untestable(self, at: Situation, site: str) -> str:

@@ -24,7 +24,10 @@ class EncoderScale(Effect):
 
     id = "encoder_scale"
     title = "travel per count is off by a constant factor"
+    clause = "travel per count of {site} is off by a constant factor"
+    remedy = "Set the drive's scale factor to the value below, and check gear ratio or rack pitch."
     coefficient = ("scale", "m/m")
+    exported_as = "drive_scale"
     form = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "scale": Range(-0.01, 0.01, "no drive's scale is off by a hundredth: its unit or gear ratio is wrong")

@@ -27,6 +27,8 @@ class FrameShift(Effect):
 
     id = "frame_shift"
     title = "the measurement frame sits elsewhere in each session"
+    clause = "{site} sits elsewhere in each session"
+    remedy = "A fault of the measurement: tie the sessions together by reference nests."
     coefficient = ("shift_x[1]", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

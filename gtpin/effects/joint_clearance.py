@@ -30,6 +30,8 @@ class JointClearance(Effect):
 
     id = "joint_clearance"
     title = "play in a spherical joint, taken up by the sign of the force"
+    clause = "a joint of {site} has play"
+    remedy = "Replace or preload the joint."
     coefficient = ("half_play", "m")
     form = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {

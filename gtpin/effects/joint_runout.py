@@ -28,6 +28,8 @@ class JointRunout(Effect):
 
     id = "joint_runout"
     title = "an out-of-round ball: the length varies with the link's direction"
+    clause = "a ball of {site} is out of round"
+    remedy = "Have the ball and its socket measured, or replaced."
     coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

@@ -25,6 +25,8 @@ class Linearity(Effect):
 
     id = "linearity"
     title = "smooth deviation along the track (EXX)"
+    clause = "{site} departs smoothly from where it should be along its track"
+    remedy = "Load the curve below as an axis compensation table, or have the rack aligned."
     coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

@@ -37,7 +37,11 @@ class LinkCompliance(Effect):
 
     id = "link_compliance"
     title = "links stretch under load"
+    clause = "{site} stretches under load"
+    plural_clause = "{site} stretch under load"
+    remedy = "Check links and their joints for stiffness; use the corrected model with the payload given."
     coefficient = ("compliance", "m/N")
+    exported_as = "link_spring"
     form = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "compliance": Range(0.0, np.inf, "no link gets shorter when it is pulled")

@@ -27,6 +27,8 @@ class RackStep(Effect):
 
     id = "rack_step"
     title = "step where two rack segments meet"
+    clause = "{site} steps where two rack segments meet"
+    remedy = "Check the joint of the rack's segments at the place below, and its gap gauge."
     coefficient = ("step", "m")
     form = (0,)
 
@@ -41,6 +43,10 @@ class RackStep(Effect):
         edge = max(FEWEST - 1, len(between) // 100)
         inner = between[edge:-edge]
         return [float(place) for place in inner[:: max(1, len(inner) // 100)]]
+
+    def jumps(self, setting: float | None) -> tuple[float, ...]:
+        """The place of the step."""
+        return () if setting is None else (setting,)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """The step, and a slope beyond it."""

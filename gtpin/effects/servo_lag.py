@@ -28,7 +28,10 @@ class ServoLag(Effect):
 
     id = "servo_lag"
     title = "deviation that grows with speed"
+    clause = "{site} lags behind in proportion to its speed"
+    remedy = "Measure at rest or slower; check position gain and velocity feed-forward."
     coefficient = ("lag", "s")
+    between_visits = True
     form = (0,)
     usual: ClassVar[Mapping[str, Range]] = {
         "lag": Range(

@@ -30,6 +30,8 @@ class Straightness(Effect):
 
     id = "straightness"
     title = "smooth deviation across the track (EYX, EZX)"
+    clause = "the track of {site} is not straight"
+    remedy = "Realign the guideway by the curve below, or use the corrected model."
     coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

@@ -22,6 +22,8 @@ class TargetOffset(Effect):
 
     id = "target_offset"
     title = "the target is not where the TCP is believed to be"
+    clause = "the target is not where the TCP is believed to be"
+    remedy = "Measure the target's place on the platform."
     coefficient = ("offset_x", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

@@ -28,6 +28,9 @@ class ThermalLinks(Effect):
 
     id = "thermal_links"
     title = "links grow with their temperature"
+    clause = "{site} grows with its temperature"
+    plural_clause = "{site} grow with their temperature"
+    remedy = "Let the machine warm up, or use the corrected model with the links' temperature measured."
     coefficient = ("expansion", "1/K")
     form = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {

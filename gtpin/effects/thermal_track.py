@@ -27,6 +27,8 @@ class ThermalTrack(Effect):
 
     id = "thermal_track"
     title = "the guideway grows with the frame's temperature"
+    clause = "the guideway of {site} grows with the frame's temperature"
+    remedy = "Let the machine warm up, or use the corrected model with the frame's temperature measured."
     coefficient = ("expansion", "1/K")
     form = (0, 1)
     plausible: ClassVar[Mapping[str, Range]] = {

@@ -27,6 +27,8 @@ class TrackerScale(Effect):
 
     id = "tracker_scale"
     title = "the instrument's length scale is off"
+    clause = "the instrument's length scale is off"
+    remedy = "A fault of the measurement: check the tracker's weather station and its scale on a calibrated bar."
     coefficient = ("scale", "m/m")
     form = (0,)
 

@@ -25,6 +25,8 @@ class ZeroShift(Effect):
 
     id = "zero_shift"
     title = "zero of the drive moved between sessions"
+    clause = "the zero of {site} moved between sessions"
+    remedy = "Check homing and reference switch; home again before each session."
     coefficient = ("shift", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

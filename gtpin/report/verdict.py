@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Question
-from gtpin.effects.catalogue import effects_by_id
-from gtpin.report.phrases import phrase, sentence
+from gtpin.report.phrases import clause, sentence
 from gtpin.report.quality import scatters
 from gtpin.report.words import chance, coordinate_words, counted, joined, length, percent, quantity, site_words
 
@@ -15,8 +14,6 @@ SURE = 0.95
 """Probability from which a cause stands alone."""
 LISTED = 3
 """Effects that could be the unknown, of which the best are listed."""
-BETWEEN_VISITS = ("backlash", "servo_lag")
-"""Effects that differ between visits of one pose, and so look like a lack of repeatability."""
 BADGES = {
     "none": ("no cause", "good"),
     "explained": ("cause found", "accent"),
@@ -68,10 +65,11 @@ def may_hide(d: Diagnosis) -> list[str]:
     """What comes and goes between visits, and could not be tested for lack of a covariate, where visits scatter."""
     if d.verdict != "none" or not scatters(d.baseline):
         return []
-    lacking = [c for c in d.candidates if c.effect in BETWEEN_VISITS and c.reason.endswith("is missing")]
+    lacking = [c for c in d.candidates if d.effect(c.effect).between_visits and c.reason.endswith("is missing")]
     effects = list(dict.fromkeys(c.effect for c in lacking))
-    robot, known = d.model.robot, effects_by_id()
-    columns = list(dict.fromkeys(name for c in lacking for name in known[c.effect].covariates(robot, c.site)))
+    columns = list(
+        dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
+    )
     if not effects:
         return []
     return [
@@ -80,21 +78,21 @@ def may_hide(d: Diagnosis) -> list[str]:
 
 
 def _explained(d: Diagnosis) -> tuple[str, list[str]]:
-    clauses = [phrase(c.effect, c.site).clause for c in d.causes]
+    clauses = _clauses(d, d.causes)
     several = f"{_number(len(clauses))} causes: " if len(clauses) > 1 else ""
-    return sentence(several + joined(clauses)), [*_actions(d.causes), _shrinks(d)]
+    return sentence(several + joined(clauses)), [*_remedies(d, d.causes), _shrinks(d)]
 
 
 def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
     sure, doubtful = _by_doubt(d.causes)
-    headline = " ".join(sentence(_either(cause)) for cause in doubtful)
+    headline = " ".join(sentence(_either(d, cause)) for cause in doubtful)
     if sure:
-        headline += f" Sure beside it: {joined([phrase(c.effect, c.site).clause for c in sure])}."
+        headline += f" Sure beside it: {joined(_clauses(d, sure))}."
     advice = [_shrinks(d), *not_recorded(d)]
     if len(advice) == 1:
         advice.append("Which of them it is makes no difference to what the model predicts near these poses.")
     members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
-    return headline, [*_actions(sure), *advice, *_next(d, members)]
+    return headline, [*_remedies(d, sure), *advice, *_next(d, members)]
 
 
 def not_recorded(d: Diagnosis) -> list[str]:
@@ -153,8 +151,8 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
         look = "It goes with no single coordinate that was recorded; the maps below show where it is."
     advice = [look, *could_be(d)]
     if d.causes:
-        sure = joined([phrase(c.effect, c.site).clause for c in d.causes])
-        advice += [f"Sure beside it: {sure}.", *_actions(d.causes), _shrinks(d)]
+        sure = joined(_clauses(d, d.causes))
+        advice += [f"Sure beside it: {sure}.", *_remedies(d, d.causes), _shrinks(d)]
     else:
         advice.append(
             "The corrected model is the calibrated geometry alone: no known effect is sure enough to be in it."
@@ -181,9 +179,9 @@ def _by_doubt(causes: tuple[Cause, ...]) -> tuple[list[Cause], list[Cause]]:
     return sure, [c for c in causes if c.probability < SURE]
 
 
-def _either(cause: Cause) -> str:
+def _either(d: Diagnosis, cause: Cause) -> str:
     """What a doubtful cause may be."""
-    named = [f"{phrase(m.effect, m.site).clause} ({chance(m.probability)})" for m in cause.members]
+    named = [f"{clause(d.effect(m.effect), m.site)} ({chance(m.probability)})" for m in cause.members]
     if len(named) == 1:
         return f"probably {named[0]}, but these data don't settle it"
     others = f"one of {len(named) - 3} others" if len(named) > 4 else "another"
@@ -191,15 +189,19 @@ def _either(cause: Cause) -> str:
     return f"{joined(named[:3], 'or')}{more}: these data can't tell"
 
 
-def _actions(causes: tuple[Cause, ...] | list[Cause]) -> list[str]:
+def _clauses(d: Diagnosis, causes: Iterable[Cause]) -> list[str]:
+    return [clause(d.effect(c.effect), c.site) for c in causes]
+
+
+def _remedies(d: Diagnosis, causes: tuple[Cause, ...] | list[Cause]) -> list[str]:
     if len(causes) == 1:
-        return [phrase(causes[0].effect, causes[0].site).action]
-    return [sentence(f"{site_words(c.site)}: {_lower(phrase(c.effect, c.site).action)}") for c in causes]
+        return [d.effect(causes[0].effect).remedy]
+    return [sentence(f"{site_words(c.site)}: {_lower(d.effect(c.effect).remedy)}") for c in causes]
 
 
-def _lower(action: str) -> str:
-    """An action as the rest of a sentence."""
-    return action[:1].lower() + action[1:].rstrip(".")
+def _lower(remedy: str) -> str:
+    """A remedy as the rest of a sentence."""
+    return remedy[:1].lower() + remedy[1:].rstrip(".")
 
 
 def _shrinks(d: Diagnosis) -> str:
