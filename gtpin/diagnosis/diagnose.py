@@ -29,7 +29,7 @@ from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES, believed
 from gtpin.diagnosis.inference.understated_noise import understated
 from gtpin.diagnosis.inference.unexplained import unexplained
 from gtpin.diagnosis.inference.where import where
-from gtpin.diagnosis.linear.cross_validation import Gap, gap
+from gtpin.diagnosis.linear.cross_validation import TOGETHER, Gap, gap
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.planning.discrimination import Standing
 from gtpin.diagnosis.planning.next_experiment import plan
@@ -54,8 +54,6 @@ SEARCHED, SEARCHED_A_COVARIATE = 130e3, 45e3
 """Bytes of memory for each pose that a search is made on, and for each of its covariates in addition: displacements by every
 candidate. Measured: docs/speed.md.
 """
-TOGETHER = 4
-"""Neighbouring poses that are left out together."""
 ROUNDS = 2
 """Times that the noise is asked again: a first guess beside too little noise explains some of it away."""
 
@@ -323,7 +321,7 @@ def _considered(
     asked = lifted | {f"{effect}@{site}" for effect, site in could_be}
     reason = {h.candidate.name: h.reason for h in pool.hidden.values() if h.candidate.name in asked}
     rows = [
-        Considered(*split(name), found.gains[name], probability.get(name, 0.0), True, reason.get(name, ""))
+        Considered(*split(name), found.gains[name], probability.get(name, 0.0), True, reason.get(name))
         for name in pool.named
         if name in found.gains
     ]

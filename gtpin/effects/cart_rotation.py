@@ -8,6 +8,7 @@ from gtpin.effects.basis import Basis, rods_of
 from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
+from gtpin.effects.untestable import Untestable
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
@@ -37,9 +38,9 @@ class CartRotation(Effect):
         """Every actuator that slides a carrier along a track."""
         return sliding_carts(robot)
 
-    def untestable(self, at: Situation, site: str) -> str:
+    def untestable(self, at: Situation, site: str) -> Untestable | None:
         """A single joint does not move when its cart turns about it."""
-        return "" if len(rods_of(at, site)) > 1 else "the cart carries a single joint, about which it turns unseen"
+        return None if len(rods_of(at, site)) > 1 else Untestable("single_joint")
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
         """Cosines along the track about three axes: the track, a and b."""

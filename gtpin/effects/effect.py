@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
@@ -86,16 +87,16 @@ class Effect(ABC):
         """Commands, m or rad, at which its displacement along a track jumps; tables of corrections have points there."""
         return ()
 
-    def untestable(self, at: Situation, site: str) -> str:
-        """Why these data can't show it, before it is tried; empty where they may."""
+    def untestable(self, at: Situation, site: str) -> Untestable | str | None:
+        """Why these data can't show it, before it is tried; None where they may. Words of one's own are a reason too."""
         for name in self.covariates(at.robot, site):
             if not at.has(name):
-                return f"the covariate {name} is missing"
+                return Untestable("missing", name)
             if not at.varies(name):
-                return f"the covariate {name} does not vary"
+                return Untestable("constant", name)
         if self.has_setting and not len(self.settings(at, site)):
-            return f"the commands of {site} are too few, or too close together"
-        return ""
+            return Untestable("too_few_commands", f"q{number(at.robot, site)}" if site in at.robot.sites else "")
+        return None
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """What it goes with, in the words of covariates and commands: its covariates, and a cart's own command."""

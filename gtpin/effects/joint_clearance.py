@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.effect import Effect, Floats, Range, links, unit
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 
 FEWEST = 2
@@ -42,10 +43,10 @@ class JointClearance(Effect):
         """Each link."""
         return links(robot)
 
-    def untestable(self, at: Situation, site: str) -> str:
+    def untestable(self, at: Situation, site: str) -> Untestable | None:
         """Play shows only where the force changes its sign."""
         pulled = int((at.force[:, rods_of(at, site)[0]] > 0.0).sum())
-        return "" if min(pulled, len(at) - pulled) >= FEWEST else "the link's force does not change its sign"
+        return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """What it goes with."""

@@ -12,6 +12,7 @@ from gtpin.effects.effect import Effect
 from gtpin.report.meaning import meaning
 from gtpin.report.page import Table
 from gtpin.report.phrases import clause, sentence
+from gtpin.report.reasons import reason_words
 from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
 
 SHOWN = 12
@@ -115,7 +116,7 @@ def untestable(candidates: Sequence[Considered]) -> Table:
     reasons: dict[tuple[str, str], list[str]] = {}
     for c in candidates:
         if not c.testable:
-            reasons.setdefault((c.effect, c.reason), []).append(site_words(c.site))
+            reasons.setdefault((c.effect, reason_words(c.reason, c.site)), []).append(site_words(c.site))
     return Table(
         ("effect", "at", "why not"), [[effect, joined(sites), reason] for (effect, reason), sites in reasons.items()]
     )

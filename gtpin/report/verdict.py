@@ -5,10 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gtpin.diagnosis.result import Cause, Diagnosis, Question
+from gtpin.diagnosis.planning.measurement_conditions import kind
+from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Question
 from gtpin.report.phrases import clause, sentence
 from gtpin.report.quality import scatters
-from gtpin.report.words import chance, coordinate_words, counted, joined, length, percent, quantity, site_words
+from gtpin.report.reasons import reason_words
+from gtpin.report.words import (
+    chance,
+    coordinate_words,
+    counted,
+    joined,
+    length,
+    number_word,
+    percent,
+    quantity,
+    site_words,
+)
 
 SURE = 0.95
 """Probability from which a cause stands alone."""
@@ -65,7 +77,7 @@ def may_hide(d: Diagnosis) -> list[str]:
     """What comes and goes between visits, and could not be tested for lack of a covariate, where visits scatter."""
     if d.verdict != "none" or not scatters(d.baseline):
         return []
-    lacking = [c for c in d.candidates if d.effect(c.effect).between_visits and c.reason.endswith("is missing")]
+    lacking = [c for c in d.candidates if d.effect(c.effect).between_visits and _is_missing(c)]
     effects = list(dict.fromkeys(c.effect for c in lacking))
     columns = list(
         dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
@@ -77,9 +89,13 @@ def may_hide(d: Diagnosis) -> list[str]:
     ]
 
 
+def _is_missing(c: Considered) -> bool:
+    return c.reason is not None and c.reason.kind == "missing"
+
+
 def _explained(d: Diagnosis) -> tuple[str, list[str]]:
     clauses = _clauses(d, d.causes)
-    several = f"{_number(len(clauses))} causes: " if len(clauses) > 1 else ""
+    several = f"{number_word(len(clauses))} causes: " if len(clauses) > 1 else ""
     return sentence(several + joined(clauses)), [*_remedies(d, d.causes), _shrinks(d)]
 
 
@@ -99,9 +115,9 @@ def not_recorded(d: Diagnosis) -> list[str]:
     """What members of a class can't be ruled out for lack of a covariate, and how to mend that."""
     lacking = dict.fromkeys((m.effect, m.site) for c in _by_doubt(d.causes)[1] for m in c.members if not m.recorded)
     return [
-        f"{joined(names, 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
-        f"{_at_rest(reason)}, and diagnose again."
-        for reason, names in _by_reason(d, lacking).items()
+        f"{joined(_names(rows), 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
+        f"{_at_rest(rows)}, and diagnose again."
+        for reason, rows in _by_reason(d, lacking).items()
     ]
 
 
@@ -121,18 +137,23 @@ def _question(q: Question) -> str:
     )
 
 
-def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    """Effects at their sites in words, by why these data can't tell."""
-    reasons = {(c.effect, c.site): c.reason for c in d.candidates if c.reason}
-    found: dict[str, list[str]] = {}
-    for effect, site in effects:
-        if (effect, site) in reasons:
-            found.setdefault(reasons[effect, site], []).append(f"{effect} at {site_words(site)}")
+def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[Considered]]:
+    """Effects at their sites, by why these data can't tell, in words."""
+    rows = {(c.effect, c.site): c for c in d.candidates if c.reason}
+    found: dict[str, list[Considered]] = {}
+    for effect in effects:
+        if effect in rows:
+            found.setdefault(reason_words(rows[effect].reason, rows[effect].site), []).append(rows[effect])
     return found
 
 
-def _at_rest(reason: str) -> str:
-    return " (0 where the machine stood still)" if " speed" in reason else ""
+def _names(rows: Iterable[Considered]) -> list[str]:
+    return [f"{c.effect} at {site_words(c.site)}" for c in rows]
+
+
+def _at_rest(rows: Iterable[Considered]) -> str:
+    speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
+    return " (0 where the machine stood still)" if speeds else ""
 
 
 def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
@@ -163,15 +184,15 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
 def could_be(d: Diagnosis) -> list[str]:
     """What these data can't tell, for lack of a covariate, but would account for the unknown."""
     return [
-        f"It could be {joined(names, 'or')}, which these data can't tell: {reason}."
-        for reason, names in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
+        f"It could be {joined(_names(rows), 'or')}, which these data can't tell: {reason}."
+        for reason, rows in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
     ]
 
 
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:
     """The first measurement that would tell some things apart."""
-    steps = (step for step in d.to_json()["next_experiment"] if separates & set(step["separates"]))
-    return [str(step["measure"]) for step in steps][:1]
+    steps = (e for e in d.next_experiment if separates.intersection(e.separates))
+    return [e.measure for e in steps][:1]
 
 
 def _by_doubt(causes: tuple[Cause, ...]) -> tuple[list[Cause], list[Cause]]:
@@ -223,7 +244,3 @@ def _shrinks(d: Diagnosis) -> str:
 
 def _range(interval: tuple[float, float]) -> str:
     return f"{percent(interval[0])} to {percent(interval[1])}"
-
-
-def _number(count: int) -> str:
-    return {2: "two", 3: "three", 4: "four"}.get(count, str(count))

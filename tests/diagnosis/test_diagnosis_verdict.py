@@ -125,7 +125,7 @@ def test_every_effect_at_every_site_is_considered_once(seed, effect):
     expected = sorted((e.id, site) for e in effects_by_id().values() for site in e.sites(robot))
     assert sorted((c.effect, c.site) for c in found.candidates) == expected
     for row in found.candidates:
-        assert row.testable == (row.reason == "")
+        assert row.testable == (row.reason is None)
         assert 0.0 <= row.probability <= 1.0
         assert np.isfinite(row.log_evidence)
         if not row.testable:

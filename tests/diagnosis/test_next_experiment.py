@@ -22,6 +22,7 @@ from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.diagnosis.result import Considered
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
+from gtpin.effects.untestable import Untestable
 from gtpin.plant import Case, make_case, measure_at
 
 PAIRS = [
@@ -66,7 +67,7 @@ def class_of(*names: str) -> Standing:
 def proposed(
     known: Known, *standings: Standing, untestable: tuple[str, ...] = (), seed: int = 0
 ) -> tuple[Experiment, ...]:
-    rows = [Considered(*name.split("@"), 0.0, 0.0, False, "it can't be seen") for name in untestable]
+    rows = [Considered(*name.split("@"), 0.0, 0.0, False, Untestable("absorbed")) for name in untestable]
     rng = np.random.default_rng(seed)
     return plan(
         known.observed,

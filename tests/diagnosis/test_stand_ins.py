@@ -11,6 +11,7 @@ import gtpin
 from gtpin.effects.basis import along_track
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect, carts
+from gtpin.effects.untestable import Untestable
 from gtpin.plant import Case, make_case
 from gtpin.plant.conditions import Conditions
 
@@ -60,7 +61,7 @@ def test_no_other_cause_is_sure_where_the_payload_was_not_recorded(seed):
     rows = {(c.effect, c.site): c for c in found.candidates}
     if truth in held(found):
         assert rows[truth].testable
-        assert "payload" in rows[truth].reason
+        assert rows[truth].reason == Untestable("unrecorded_payload", "payload")
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from effect_places import EFFECTS, FIT, PLACES, ROBOT, SEEN, SETTINGS, active, b
 
 from gtpin.effects.cart_compliance import TIPS
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 
 CARTS = ("cart1", "cart2", "cart3")
 LINKS = ("link1", "link2a", "link2b", "link3a", "link3b", "link3c")
@@ -60,14 +61,14 @@ def test_the_twenty_effects_of_the_table_are_there_with_their_sites() -> None:
 def test_an_effect_needs_the_covariate_that_it_goes_with_and_is_untestable_without(name: str) -> None:
     effect, site = EFFECTS[name], second(name)
     assert effect.covariates(ROBOT, site) == ((NEEDED[name],) if name in NEEDED else ())
-    assert effect.untestable(FIT, site) == ""
+    assert effect.untestable(FIT, site) is None
     if name in NEEDED:
         rest = {n: values for n, values in FIT.covariates.items() if n != NEEDED[name]}
         missing = Situation(FIT.kinematics, FIT.q, FIT.poses, rest)
-        assert effect.untestable(missing, site) == f"the covariate {NEEDED[name]} is missing"
+        assert effect.untestable(missing, site) == Untestable("missing", NEEDED[name])
         constant = {**FIT.covariates, NEEDED[name]: FIT.covariates[NEEDED[name]][[0] * len(FIT)]}
         still = Situation(FIT.kinematics, FIT.q, FIT.poses, constant)
-        assert effect.untestable(still, site) == f"the covariate {NEEDED[name]} does not vary"
+        assert effect.untestable(still, site) == Untestable("constant", NEEDED[name])
 
 
 @pytest.mark.parametrize(("name", "site"), SEEN)

@@ -134,7 +134,7 @@ def test_play_is_testable_where_two_poses_have_the_rarer_sign_of_force(pulled: i
     )
     at = Situation(KINEMATICS, q, poses, {**still.covariates, "fz": wanted / per_newton})
     np.testing.assert_allclose(at.force[:, 0], 100.0 * sign, rtol=1e-9)
-    assert (EFFECTS["joint_clearance"].untestable(at, "link1") == "") == (2 <= pulled <= 58)
+    assert (EFFECTS["joint_clearance"].untestable(at, "link1") is None) == (2 <= pulled <= 58)
 
 
 def test_a_warm_link_is_longer_by_alpha_times_its_length_for_every_kelvin() -> None:

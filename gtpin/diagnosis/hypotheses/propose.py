@@ -15,6 +15,7 @@ from gtpin.diagnosis.linear.evidence import Marginal
 from gtpin.diagnosis.result import Considered
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
+from gtpin.effects.untestable import Untestable, as_untestable
 from gtpin.errors import ModelError
 from gtpin.robot.robot import Robot
 
@@ -52,8 +53,10 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
         for site in effect.sites(at.robot):
             if effect.id in exclude or f"{effect.id}@{site}" in exclude:
                 continue
-            many = len(effect.settings(at, site)) if not effect.untestable(at, site) else 0
-            reason = effect.untestable(at, site) or ("" if many else _absorbed(design, marginal, effect, site))
+            reason = as_untestable(effect.untestable(at, site))
+            many = 0 if reason else len(effect.settings(at, site))
+            if reason is None and not many and _absorbed(design, marginal, effect, site):
+                reason = Untestable("absorbed")
             if reason:
                 untestable.append(Considered(effect.id, site, 0.0, 0.0, False, reason))
                 others.append(Candidate(effect, site))
@@ -65,7 +68,7 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
     return Pool(design, plain, tuple(scanned), frees, false_alarm, tuple(others)), tuple(untestable)
 
 
-def _absorbed(design: Design, marginal: Marginal, effect: Effect, site: str) -> str:
+def _absorbed(design: Design, marginal: Marginal, effect: Effect, site: str) -> bool:
     """Whether geometry takes nearly all of an effect far beyond its usual size."""
     X = design.columns(effect.basis(design.situation, site)) * LARGE
-    return "" if float(np.trace(marginal.product(X, X))) > SHOWS else "geometric calibration absorbs it"
+    return float(np.trace(marginal.product(X, X))) <= SHOWS

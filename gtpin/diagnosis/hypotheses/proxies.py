@@ -15,6 +15,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, gain
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 from gtpin.errors import warn
 
 Floats = npt.NDArray[np.float64]
@@ -22,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 USUAL, CONSTANT = 0.2, 0.05
 """Odds that an effect is there although nobody recorded what it goes with, over those of one that can be tested; the second
 for sessions where nothing tells of a pause, and for payloads: a column that does not vary is often left out."""
-UNLOADED = "the payload may have varied without being recorded"
+UNLOADED = Untestable("unrecorded_payload", "payload")
 """Why an effect that goes with forces could be what it does not look like by gravity of the robot alone."""
 
 
@@ -37,13 +38,13 @@ class Hidden:
     odds
         How likely that is, over an effect of what was recorded.
     reason
-        Why it could be the cause, although it can be tested by what was recorded; empty where it can't.
+        Why it could be the cause, although it can be tested by what was recorded; None where it can't.
     """
 
     candidate: Candidate
     columns: Floats
     odds: float
-    reason: str = ""
+    reason: Untestable | None = None
 
     @property
     def name(self) -> str:

@@ -9,14 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Candidate
-from gtpin.diagnosis.planning.discrimination import LEAST, Standing, beside, best_rows, chosen, concerns, watch
+from gtpin.diagnosis.planning.discrimination import LEAST, Standing, beside, best_rows, chosen, concerns
 from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain
-from gtpin.diagnosis.planning.experiment import Experiment, listed, settings
+from gtpin.diagnosis.planning.experiment import Experiment, Lacking
 from gtpin.diagnosis.planning.measurement_conditions import FORCES, kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.diagnosis.result import Considered
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable, as_untestable
 
 Floats = npt.NDArray[np.float64]
 
@@ -32,24 +33,10 @@ EFFORTS = (1.0, 4.0, 12.0)
 
 @dataclass(frozen=True)
 class _Group:
-    """Effects that the same remedy would reveal.
-
-    Parameters
-    ----------
-    members
-        The effects.
-    lacking
-        Covariates that are missing or do not vary; none where something else is the matter.
-    missing
-        Whether they are missing.
-    reason
-        Why the first of them can't be tested.
-    """
+    """Effects that the same remedy would make testable, and what they lack."""
 
     members: tuple[Candidate, ...]
-    lacking: tuple[str, ...]
-    missing: bool
-    reason: str
+    lacking: Lacking
 
 
 def reveal(
@@ -70,19 +57,17 @@ def reveal(
 
 def _groups(at: Situation, untestable: Sequence[Considered]) -> list[_Group]:
     effects = effects_by_id()
-    groups: dict[tuple[object, bool], list[tuple[Candidate, list[str], str]]] = {}
+    groups: dict[tuple[object, bool], list[tuple[Candidate, list[str], Untestable | None]]] = {}
     for row in untestable:
         effect = effects[row.effect]
         lacking = [name for name in effect.covariates(at.robot, row.site) if not at.varies(name)]
         missing = [name for name in lacking if name not in at.covariates]
-        remedy = tuple(sorted({kind(name) for name in lacking})) or effect.untestable(at, row.site)
+        remedy = tuple(sorted({kind(name) for name in lacking})) or as_untestable(effect.untestable(at, row.site))
         groups.setdefault((remedy, bool(missing)), []).append((Candidate(effect, row.site), lacking, row.reason))
     return [
         _Group(
             tuple(candidate for candidate, _, _ in members),
-            tuple(sorted({name for _, lacking, _ in members for name in lacking})),
-            key[1],
-            members[0][2],
+            Lacking(tuple(sorted({name for _, names, _ in members for name in names})), key[1], members[0][2]),
         )
         for key, members in groups.items()
     ]
@@ -96,7 +81,7 @@ def _experiments(
     rng: np.random.Generator,
 ) -> list[Experiment]:
     robot = known.robot
-    words = set(group.lacking) or {word for member in group.members for word in concerns(member, robot)}
+    words = set(group.lacking.covariates) or {word for member in group.members for word in concerns(member, robot)}
     if "load" in words:
         words |= set(FORCES)
     tried = [possible(known, words, POOL, rng, effort) for effort in (EFFORTS if "load" in words else (1.0,))]
@@ -112,41 +97,32 @@ def _experiments(
             continue
         rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
         set_too = chosen(trials, rows, words)
-        told = settings(set_too, robot.sites, known.observed.temperature)
-        measure = f"{_remedy(group)}{len(rows)} poses reveal {in_words(shown)}{told}."
-        revealed = Experiment(measure, tuple(c.name for c in shown), trials.q[rows], set_too, gain, random)
-        return [revealed, *_hidden(group, [c for c in group.members if c not in shown], known)]
+        shown_by = Experiment(
+            "make_testable",
+            robot,
+            _named(shown),
+            trials.q[rows],
+            set_too,
+            gain,
+            random,
+            known.observed.temperature,
+            lacking=group.lacking,
+        )
+        return [shown_by, *_hidden(group, [c for c in group.members if c not in shown], known)]
     return _hidden(group, group.members, known)
 
 
 def _hidden(group: _Group, candidates: Sequence[Candidate], known: Known) -> list[Experiment]:
-    """What to do about effects that no poses reveal."""
+    """What to do about effects that no poses make testable."""
     if not candidates:
         return []
-    robot = known.robot
-    instead = watch([candidate.site for candidate in candidates], robot)
-    measure = f"No poses within reach reveal {in_words(candidates)}, because {group.reason}: {instead}."
-    return [Experiment(measure, tuple(c.name for c in candidates), np.zeros((0, robot.n_actuators)))]
+    none, effects = np.zeros((0, known.robot.n_actuators)), _named(candidates)
+    sites = tuple(site for _, site in effects)
+    return [Experiment("make_testable", known.robot, effects, none, watch=sites, lacking=group.lacking)]
 
 
-def _remedy(group: _Group) -> str:
-    """What is to be done differently from the measurements so far, as the beginning of a sentence."""
-    if not group.lacking:
-        return "These "
-    if group.lacking == ("session",):
-        if group.missing:
-            return "Add a column session, with one name for all measurements so far and another for these: these "
-        return "Begin another session: these "
-    what = "Record and vary" if group.missing else "Vary"
-    return f"{what} {listed(group.lacking)}: these "
-
-
-def in_words(candidates: Sequence[Candidate]) -> str:
-    """Effects, each with its sites."""
-    sites: dict[str, list[str]] = {}
-    for candidate in candidates:
-        sites.setdefault(candidate.effect.id, []).append(candidate.site)
-    return listed([f"{effect} ({', '.join(names)})" for effect, names in sites.items()])
+def _named(candidates: Sequence[Candidate]) -> tuple[tuple[str, str], ...]:
+    return tuple((candidate.effect.id, candidate.site) for candidate in candidates)
 
 
 def _testable(group: _Group, trials: Trials) -> list[Candidate]:
@@ -161,7 +137,7 @@ def _prediction(trials: Trials, others: Floats, candidate: Candidate, group: _Gr
     """What a candidate of its typical size expects beside the causes."""
     design = trials.design
     X = design.columns(candidate.effect.basis(design.situation, candidate.site))
-    if group.missing:
+    if group.lacking.missing:
         # What was not recorded may have been anything, and what it did is not known.
         X[trials.old] = 0.0
     return Prediction.of(trials, np.hstack([others, X]))
