@@ -3,10 +3,8 @@
 import numpy as np
 
 import gtpin
+from gtpin.effects import Effect, Situation, along_track, carts
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.basis import along_track
-from gtpin.effects.effect import Effect, carts
-from gtpin.effects.situation import Situation
 
 
 class CableChain(Effect):
@@ -14,6 +12,7 @@ class CableChain(Effect):
 
     id = "cable_chain"
     title = "a cable chain pulls the cart back"
+    clause = "a cable chain pulls {site} back"
     coefficient = ("rate", "m/m")
 
     def sites(self, robot):
@@ -28,7 +27,8 @@ class CableChain(Effect):
         return along_track(at, site, columns, np.array([5e-5, 2e-5]))  # and their typical sizes
 
 
-# To have `gtpin diagnose` try it like the others, a package of yours names it in its pyproject.toml:
+# A diagnosis tries it with gtpin.diagnose(dataset, effects=[*gtpin.catalogue(), CableChain()]).
+# To have the command `gtpin diagnose` try it too, a package of yours names it in its pyproject.toml:
 #     [project.entry-points."gtpin.effects"]
 #     cable_chain = "my_machine.effects:CableChain"
 

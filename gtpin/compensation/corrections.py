@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.data.ids import normal_ids
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.effect import number
+from gtpin.effects.sites import number
 from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics

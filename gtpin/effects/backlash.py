@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, carts, number, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot

@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, sliding_carts, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
 from gtpin.effects.hysteresis import FRICTION, approach
+from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
 from gtpin.effects.untestable import Untestable

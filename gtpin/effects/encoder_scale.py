@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, Range, carts, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, links, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import links
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot

@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, links, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import links
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 

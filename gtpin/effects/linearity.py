@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
 from gtpin.robot.robot import Robot

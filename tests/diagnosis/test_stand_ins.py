@@ -10,7 +10,8 @@ from diagnosed import LARGE, POSES
 import gtpin
 from gtpin.effects.basis import along_track
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.effect import Effect, carts
+from gtpin.effects.effect import Effect
+from gtpin.effects.sites import carts
 from gtpin.effects.untestable import Untestable
 from gtpin.plant import Case, make_case
 from gtpin.plant.conditions import Conditions
