@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
+from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -79,13 +81,11 @@ def record(active: ActiveEffect) -> EffectRecord:
     Raises
     ------
     ModelError
-        If it is not in the catalogue, so that it could not be read again.
+        If its id is that of another effect of the catalogue, as which it would be read again.
     """
-    if not isinstance(active.effect, type(effects_by_id().get(active.effect.id))):
-        raise ModelError(
-            f"the effect {active.effect.id} is not registered, so it could not be read again",
-            hint=f"register its class under the entry points {GROUP}",
-        )
+    own = active.effect
+    if not isinstance(own, type(effects_by_id().get(own.id, own))):
+        raise ModelError(f"the catalogue has another effect {own.id}", hint="give one of them another id")
     known = active.references
     return EffectRecord(
         effect=active.effect.id,
@@ -104,11 +104,13 @@ def record(active: ActiveEffect) -> EffectRecord:
     )
 
 
-def active_effect(told: EffectRecord, kinematics: RodKinematics) -> ActiveEffect:
+def active_effect(told: EffectRecord, kinematics: RodKinematics, known: Mapping[str, Effect]) -> ActiveEffect:
     """An active effect from a file.
 
     Parameters
     ----------
+    known
+        The effects that it may be, by id.
     kinematics
         Of the geometry that it acts on.
 
@@ -118,9 +120,9 @@ def active_effect(told: EffectRecord, kinematics: RodKinematics) -> ActiveEffect
         If it can't be this robot's; ``column`` is the key at fault.
     """
     robot = kinematics.geometry.robot
-    effect = effects_by_id().get(told.effect)
+    effect = known.get(told.effect)
     if effect is None:
-        hint = f"install the package that registers it under {GROUP}, or use one of {', '.join(effects_by_id())}"
+        hint = f"install the package that registers it under {GROUP}, or give it: read_model(..., effects=[MyEffect()])"
         raise ModelError(f"no effect is called {told.effect!r}", column="effect", hint=hint)
     sites = effect.sites(robot)
     if told.site not in sites:

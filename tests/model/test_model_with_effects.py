@@ -225,9 +225,25 @@ def test_an_effect_that_is_not_installed_is_an_error_that_says_so(stranger, tmp_
     model = with_effect("belt_creep", "cart3")
     gtpin.write_model(model, tmp_path)
     registered(monkeypatch)
-    with pytest.raises(ModelError, match=r"effects\.0\.effect.*'belt_creep'; install the package"):
+    with pytest.raises(ModelError, match=r"effects\.0\.effect.*'belt_creep'.*install the package"):
         gtpin.read_model(tmp_path)
-    with pytest.raises(ModelError, match="not registered"):
+
+
+def test_an_effect_that_is_not_installed_is_written_and_read_where_it_is_given(stranger, tmp_path, monkeypatch):
+    model = with_effect("belt_creep", "cart3")
+    registered(monkeypatch)
+    gtpin.write_model(model, tmp_path)
+    assert same(gtpin.read_model(tmp_path, effects=[Creep()]).predict(Q, COLUMNS), model.predict(Q, COLUMNS))
+
+
+class FalseBacklash(Creep):
+    id = "backlash"
+
+
+def test_an_effect_with_the_id_of_another_is_not_written(stranger, tmp_path):
+    (active,) = with_effect("belt_creep", "cart3").effects
+    model = gtpin.Model(GEOMETRY, effects=(replace(active, effect=FalseBacklash()),))
+    with pytest.raises(ModelError, match="another effect backlash"):
         gtpin.write_model(model, tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
