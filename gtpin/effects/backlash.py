@@ -48,7 +48,7 @@ class Backlash(Effect):
         return (f"approach{number(robot, site)}",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """The direction of approach, and its bends with travel and load."""
+        """The direction of approach, and its modulation by travel and load."""
         j = at.robot.sites.index(site)
         load = at.load[:, rods_of(at, site)].mean(axis=1)
         approach = at.covariate(f"approach{number(at.robot, site)}")

@@ -56,11 +56,11 @@ class CartCompliance(Effect):
         return sliding_carts(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("load", "payload")
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Compliances along and across, their stiffening and their bends along the track, and compliances in turning."""
+        """Compliances along and across, their stiffening and their modulation along the track, and compliances in turning."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
         axes = np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)
@@ -68,7 +68,7 @@ class CartCompliance(Effect):
         force = pull.sum(axis=1)
         lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
         moment = np.cross(lever, pull).sum(axis=1)
-        # Against the fit's own load, so that a pose does not depend on which others it is asked with.
+        # Against the fit's own load, so that a pose does not depend on which others are predicted with it.
         mean, spread = at.references.force
         usual = max(float(np.sqrt((mean[rods] ** 2 + spread[rods] ** 2).sum())), 1e-9)
         harder = np.linalg.norm(force, axis=1) / usual - 1.0
@@ -79,7 +79,7 @@ class CartCompliance(Effect):
         columns, sizes = [], []
         for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (came, FRICTION), *softer]:
             for axis, size in zip(axes, GIVE, strict=True):
-                # Friction goes with how hard the cart is pulled, whichever way.
+                # Friction depends on the magnitude of the pull.
                 along = np.abs(force @ axis) if factor is came else force @ axis
                 given = (factor * along)[:, None] * axis
                 columns.append(np.broadcast_to(given[:, None, :], lever.shape))

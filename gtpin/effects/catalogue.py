@@ -87,7 +87,7 @@ def effects_by_id() -> dict[str, Effect]:
         try:
             kind = point.load()
             made = kind()
-        except Exception as error:  # a stranger's module may fail in any way
+        except Exception as error:  # a module of others may fail in any way
             raise ModelError(
                 f"the effect {point.name} of {GROUP} can't be loaded ({type(error).__name__}: {error})",
                 hint=f"mend or remove {point.value}",

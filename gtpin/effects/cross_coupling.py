@@ -1,4 +1,4 @@
-"""Deviation along a track that goes with where the other carts are."""
+"""Deviation along a track that depends on where the other carts are."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class CrossCoupling(Effect):
     """
 
     id = "cross_coupling"
-    title = "deviation along the track that goes with where the other carts are"
+    title = "deviation along the track that depends on where the other carts are"
     clause = "{site} shifts along its track with where the other carts are"
     remedy = "Look at what loads or twists the track when the carts move apart: mounting, rack, cart stiffness."
     coefficient = ("first_wave", "m")
@@ -46,7 +46,7 @@ class CrossCoupling(Effect):
         return carts(robot) if robot.n_actuators > 1 else ()
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:

@@ -39,7 +39,7 @@ class EncoderScale(Effect):
         return carts(robot)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Travel in proportion to the command, bending a little along the track."""
+        """Travel in proportion to the command, modulated a little along the track."""
         j = at.robot.sites.index(site)
         columns, size = bent(at.q[:, j], [at.travel[:, j]], 0.1)
         return along_track(at, site, columns, unit(size, 1e-4))

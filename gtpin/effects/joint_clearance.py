@@ -50,7 +50,7 @@ class JointClearance(Effect):
         return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("load",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:

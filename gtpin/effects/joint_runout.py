@@ -38,7 +38,7 @@ class JointRunout(Effect):
         return links(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("direction",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:

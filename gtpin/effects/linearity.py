@@ -35,7 +35,7 @@ class Linearity(Effect):
         return carts(robot)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Cosines along the track, the slower the larger; the first stands for the slope that geometry leaves."""
+        """Cosines along the track, the slower the larger; the first is nearly the slope that geometry leaves."""
         j = at.robot.sites.index(site)
         columns, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
         return along_track(at, site, columns, unit(size, 5e-5))

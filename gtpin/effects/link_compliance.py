@@ -53,7 +53,7 @@ class LinkCompliance(Effect):
         return arm_and_links(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("load", "payload")
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
@@ -76,7 +76,7 @@ class LinkCompliance(Effect):
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
     def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
-        """Compliance, how it goes with the load, and how links differ."""
+        """Compliance, how it depends on the load, and how links differ."""
         whole, stiffening, pulled, held = (float(c) for c in coefficients[:4])
         own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]
         drawn = coefficients[4 + len(own) :]

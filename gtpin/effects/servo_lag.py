@@ -15,7 +15,7 @@ from gtpin.effects.smooth import bent
 from gtpin.robot.robot import Robot
 
 FAST = 0.3
-"""Speed, m/s, over which the lag may bend."""
+"""Speed, m/s, over which the lag may vary."""
 
 
 class ServoLag(Effect):
@@ -49,7 +49,7 @@ class ServoLag(Effect):
         return (f"speed{number(robot, site)}",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Minus the speed, and its bends with the speed itself and along the track."""
+        """Minus the speed, and its modulation by the speed itself and along the track."""
         j = at.robot.sites.index(site)
         speed = at.covariate(f"speed{number(at.robot, site)}")
         columns, size = bent(-speed, [at.travel[:, j], speed / FAST], 0.2)

@@ -39,7 +39,7 @@ def span(coefficients: Floats) -> float:
 
 
 def bent(column: Floats, coordinates: list[Floats], share: float, orders: int = 2) -> tuple[Floats, Floats]:
-    """A displacement (N,) and its bends: itself times slow functions of coordinates (N,) about -1 to 1.
+    """A displacement (N,) and its modulation: itself times slow functions of coordinates (N,) about -1 to 1.
 
     Returns
     -------

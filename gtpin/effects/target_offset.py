@@ -1,4 +1,4 @@
-"""The target is not where the TCP is believed to be."""
+"""The target is not where the TCP is assumed to be."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class TargetOffset(Effect):
     """
 
     id = "target_offset"
-    title = "the target is not where the TCP is believed to be"
-    clause = "the target is not where the TCP is believed to be"
+    title = "the target is not where the TCP is assumed to be"
+    clause = "the target is not where the TCP is assumed to be"
     remedy = "Measure the target's place on the platform."
     coefficient = ("offset_x", "m")
 
@@ -31,7 +31,7 @@ class TargetOffset(Effect):
         return ("platform",)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("position",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:

@@ -52,7 +52,7 @@ class ThermalLinks(Effect):
         return ("temp_link",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """One expansion, how it goes with the warming, what each link differs by, and a lag that grows with time."""
+        """One expansion, how it depends on the warming, what each link differs by, and a lag that grows with time."""
         rods = rods_of(at, site)
         warm = at.covariate("temp_link") - at.references.temperature
         growth = warm[:, None] * at.length[:, rods]

@@ -48,7 +48,7 @@ class ThermalTrack(Effect):
         return ("temp_frame",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Growth along the track, growth at its zero, and bends."""
+        """Growth along the track, growth at its zero, and their modulation."""
         j = at.robot.sites.index(site)
         warm = at.covariate("temp_frame") - at.references.temperature
         q = at.q[:, j]

@@ -16,12 +16,12 @@ SCALE, WANDER = 3e-5, 1.5e-6
 class TrackerScale(Effect):
     """dT = s (T - T_home): lengths are read too long where s > 0. About what point they grow is a shift, which geometry takes.
 
-    Where the scale wanders with the time or goes with the air's temperature, everything that is seen comes and goes along
-    the line of sight; as the instrument's place need not be known, that is a shift in any direction.
+    Where the scale varies with the time or the air's temperature, all measured positions shift along the line of sight. The
+    place of the instrument need not be known, so the shift may have any direction.
 
     Parameters: ``scale`` s, m/m.
 
-    Typical size 3e-5. Air that is 1 K warmer than believed makes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
+    Typical size 3e-5. Air that is 1 K warmer than assumed makes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
     1996); a wrong scale bar, unit, or temperature of the part more.
     """
 
@@ -37,7 +37,7 @@ class TrackerScale(Effect):
         return ("frame",)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("position",)
 
     def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
