@@ -107,6 +107,8 @@ class Effect(ABC):
     """By parameter, what machines have: a cause with a parameter outside is named, and the user is asked to check it."""
     between_visits: ClassVar[bool] = False
     """Whether it differs between visits of one pose, and so looks like a lack of repeatability."""
+    stretches_frame: ClassVar[bool] = False
+    """Whether it scales all measured positions in proportion; then no smooth nonparametric term does so as well."""
     exported_as: ClassVar[Literal["", "link_spring", "cart_springs", "drive_scale"]] = ""
     """What it becomes in an exported mechanism: a spring along the link, springs under the cart, a scale of the drive."""
 

@@ -30,6 +30,7 @@ class TrackerScale(Effect):
     clause = "the instrument's length scale is off"
     remedy = "A fault of the measurement: check the tracker's weather station and its scale on a calibrated bar."
     coefficient = ("scale", "m/m")
+    stretches_frame = True
     form = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

@@ -64,7 +64,8 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
                 scanned.append(Candidate(effect, site))
             else:
                 plain[f"{effect.id}@{site}"] = Candidate(effect, site)
-    frees = (*free_motions(at), *common_motions(at, scaled="tracker_scale@frame" in plain))
+    scaled = any(candidate.effect.stretches_frame for candidate in plain.values())
+    frees = (*free_motions(at), *common_motions(at, scaled))
     return Pool(design, plain, tuple(scanned), frees, false_alarm, tuple(others)), tuple(untestable)
 
 
