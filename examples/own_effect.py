@@ -21,7 +21,7 @@ class CableChain(Effect):
     def covariates(self, robot, site):
         return ("payload",)  # its hoses are full when it carries something
 
-    def basis(self, at, site, setting=None):
+    def basis(self, at, site, nonlinear=None):
         q, full = at.q[:, at.robot.sites.index(site)], at.covariate("payload") / 20.0
         columns = np.stack([-q * full, -full], axis=1)  # m of travel for coefficients of one
         return along_track(at, site, columns, np.array([5e-5, 2e-5]))  # and their typical sizes

@@ -33,9 +33,9 @@ def past_geometry(at: Situation, geometry: gtpin.Geometry):
     return lambda X, Z: X.T @ Z - (X.T @ B) @ cho_solve(factor, B.T @ Z)
 
 
-def columns(at: Situation, name: str, site: str, setting: float | None) -> np.ndarray:
+def columns(at: Situation, name: str, site: str, nonlinear: float | None) -> np.ndarray:
     """Whitened displacements for coefficients of typical size."""
-    basis = effects_by_id()[name].basis(at, site, setting)
+    basis = effects_by_id()[name].basis(at, site, nonlinear)
     return (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(len(at) * 6, -1)
 
 
@@ -73,7 +73,7 @@ def measured(robot: str) -> list[dict[str, object]]:
             if energy < 1.0:
                 continue  # geometry takes it
             d *= np.sqrt(ENERGY / energy)
-            own = gain(product(X, X), product(X, d[:, None]), effects_by_id()[name].form)
+            own = gain(product(X, X), product(X, d[:, None]), effects_by_id()[name].core)
             for other, others in places.items():
                 if other == (name, site):
                     continue

@@ -142,10 +142,10 @@ def make(folder: Path) -> None:
 
 
 def _effects(model: gtpin.Model, dataset: Dataset) -> tuple[ActiveEffect, ...]:
-    """Some effects of a third of their typical size, with and without covariates and a setting."""
+    """Some effects of a third of their typical size, with and without covariates and a nonlinear parameter."""
     at = Situation(model.kinematics, dataset.q, model.kinematics.forward(dataset.q), dataset.covariates)
     found = []
-    for name, site, setting in (
+    for name, site, nonlinear in (
         ("backlash", "cart2", None),
         ("rack_periodic", "cart1", 0.03),
         ("thermal_links", "arm", None),
@@ -153,8 +153,8 @@ def _effects(model: gtpin.Model, dataset: Dataset) -> tuple[ActiveEffect, ...]:
         ("tracker_drift", "frame", None),
     ):
         effect = effects_by_id()[name]
-        size = 0.3 * effect.basis(at, site, setting).sigma
-        found.append(ActiveEffect(effect, site, setting, size, np.diag(0.01 * size**2), at.references))
+        size = 0.3 * effect.basis(at, site, nonlinear).sigma
+        found.append(ActiveEffect(effect, site, nonlinear, size, np.diag(0.01 * size**2), at.references))
     return tuple(found)
 
 

@@ -112,7 +112,7 @@ def _table(
     robot = model.robot
     lower, upper = float(robot.lower[index]), float(robot.upper[index])
     margin = BEYOND * (upper - lower)
-    steps = [place for active in effects for place in active.effect.jumps(active.setting)]
+    steps = [place for active in effects for place in active.effect.jumps(active.nonlinear)]
     q = np.union1d(
         np.linspace(lower - margin, upper + margin, DENSE), [s + beside for s in steps for beside in (0.0, BESIDE)]
     )

@@ -48,7 +48,7 @@ class CartCompliance(Effect):
     remedy = "Check carriage preload and pinion stiffness; use the corrected model with the payload given."
     coefficient = ("along", "m/N")
     exported_as = "cart_springs"
-    form = (0, 1, 2)
+    core = (0, 1, 2)
     plausible: ClassVar[Mapping[str, Range]] = {"along": Range(0.0, np.inf, "no cart moves against its links' pull")}
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -59,14 +59,14 @@ class CartCompliance(Effect):
         """What it depends on."""
         return ("load", "payload")
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Compliances along and across, their stiffening and their modulation along the track, and compliances in turning."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
         axes = np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)
         pull = at.force[:, rods, None] * at.along[:, rods]
         force = pull.sum(axis=1)
-        lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
+        lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
         moment = np.cross(lever, pull).sum(axis=1)
         # Against the fit's own load, so that a pose does not depend on which others are predicted with it.
         mean, spread = at.references.force
@@ -90,11 +90,11 @@ class CartCompliance(Effect):
                 for axis in axes:
                     columns.append(np.cross(axis, lever) * (factor * (moment @ axis))[:, None, None])
                     sizes.append(share * TIP)
-        seat = np.zeros((len(at), len(at.robot.rods), 3, len(columns)))
-        seat[:, rods] = np.stack(columns, axis=3)
-        return Basis(unit(sizes, 1.0), seat=seat)
+        carrier_joints = np.zeros((len(at), len(at.robot.rods), 3, len(columns)))
+        carrier_joints[:, rods] = np.stack(columns, axis=3)
+        return Basis(unit(sizes, 1.0), carrier_joints=carrier_joints)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Compliances along, across and in turning."""
         names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}

@@ -43,20 +43,20 @@ class CartRotation(Effect):
         """A single joint does not move when its cart turns about it."""
         return None if len(rods_of(at, site)) > 1 else Untestable("single_joint")
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Cosines along the track about three axes: the track, a and b."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
         waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
-        lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
+        lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
         m = waves.shape[1]
-        seat = np.zeros((len(at), len(at.robot.rods), 3, 3 * m))
+        carrier_joints = np.zeros((len(at), len(at.robot.rods), 3, 3 * m))
         for a, axis in enumerate(np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)):
             arm = np.cross(axis, lever)
-            seat[:, rods, :, a * m : (a + 1) * m] = arm[..., None] * waves[:, None, None, :]
-        return Basis(unit(np.tile(size, 3), 1e-4), seat=seat)
+            carrier_joints[:, rods, :, a * m : (a + 1) * m] = arm[..., None] * waves[:, None, None, :]
+        return Basis(unit(np.tile(size, 3), 1e-4), carrier_joints=carrier_joints)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How far the cart turns about each axis."""
         found: dict[str, tuple[float, str]] = {}
         for axis, part in zip(("roll", "a", "b"), np.split(coefficients, 3), strict=True):

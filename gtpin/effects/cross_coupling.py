@@ -49,7 +49,7 @@ class CrossCoupling(Effect):
         """What it depends on."""
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Waves over each of the others first, then products of them, then changes along the actuator's own track."""
         j = at.robot.sites.index(site)
         others = np.delete(at.travel, j, axis=1)
@@ -63,7 +63,7 @@ class CrossCoupling(Effect):
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
         return along_track(at, site, whole, unit(1.5 * size / np.linalg.norm(size), 5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How far each of the others takes the actuator from end to end of its range."""
         others = next(n for n in range(1, len(coefficients) + 1) if _count(n) >= len(coefficients))
         single = coefficients[: others * _most(others)].reshape(others, -1)

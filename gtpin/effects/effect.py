@@ -97,8 +97,8 @@ class Effect(ABC):
     """The same where the site is ``arm``, all links together."""
     remedy: ClassVar[str] = "Use the corrected model, or take the effect away at its source."
     """What an engineer can do about it, as a sentence."""
-    form: ClassVar[tuple[int, ...]] = ()
-    """Indices of the columns of B that are its core, the textbook form; the others modulate it (a backlash that varies along
+    core: ClassVar[tuple[int, ...]] = ()
+    """Indices of the columns of B that are its core; the others modulate it (a backlash that varies along
     the track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation without
     a core is something else. Left out, all columns are the core."""
     plausible: ClassVar[Mapping[str, Range]] = {}
@@ -117,7 +117,7 @@ class Effect(ABC):
         """Where it can act: names of actuators or rods, ``arm`` for all rods together, ``platform`` or ``frame``."""
 
     @abstractmethod
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Displacements B of N poses for coefficients of one, and the typical sizes sigma of the coefficients.
 
         A row of B may depend on the row's own pose and covariates and on ``at.references`` alone, so that a pose is predicted
@@ -129,24 +129,24 @@ class Effect(ABC):
             The N poses: commands, covariates, rods' directions and forces.
         site
             One of :meth:`sites`.
-        setting
+        nonlinear
             The value of its nonlinear parameter (a period, a place), for effects that have one.
         """
 
     @property
-    def has_setting(self) -> bool:
+    def has_nonlinear(self) -> bool:
         """Whether it has a parameter that it is not linear in: a period, a place."""
-        return type(self).settings is not Effect.settings
+        return type(self).nonlinear_values is not Effect.nonlinear_values
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """Covariates without which it can't be tested or applied at a site."""
         return ()
 
-    def settings(self, at: Situation, site: str) -> Sequence[float]:
+    def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
         """Values of its nonlinear parameter to try; none where it has no such parameter."""
         return ()
 
-    def jumps(self, setting: float | None) -> tuple[float, ...]:
+    def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
         """Commands, m or rad, at which its displacement along a track jumps; tables of corrections have points there."""
         return ()
 
@@ -161,7 +161,7 @@ class Effect(ABC):
                 return Untestable("missing", name)
             if not at.varies(name):
                 return Untestable("constant", name)
-        if self.has_setting and not len(self.settings(at, site)):
+        if self.has_nonlinear and not len(self.nonlinear_values(at, site)):
             return Untestable("too_few_commands", f"q{number(at.robot, site)}" if site in at.robot.sites else "")
         return None
 
@@ -174,7 +174,7 @@ class Effect(ABC):
         own = (f"q{number(robot, site)}",) if site in robot.sites else ()
         return (*self.covariates(robot, site), *own)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Physical parameters that the coefficients amount to, by name: value and unit.
 
         Left out: the first coefficient, as ``coefficient`` names it. Those that are nonlinear come first.

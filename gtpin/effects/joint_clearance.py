@@ -35,7 +35,7 @@ class JointClearance(Effect):
     clause = "a joint of {site} has play"
     remedy = "Replace or preload the joint."
     coefficient = ("half_play", "m")
-    form = (0,)
+    core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "half_play": Range(0.0, np.inf, "play makes a link longer in tension, not shorter")
     }
@@ -53,7 +53,7 @@ class JointClearance(Effect):
         """What it depends on."""
         return ("load",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The sign of the force, floating where it is small, and yielding."""
         i = rods_of(at, site)[0]
         sign = np.sign(at.force[:, i])
@@ -62,7 +62,7 @@ class JointClearance(Effect):
         columns = np.stack([sign, soft - sign, at.force[:, i] / spread], axis=1)
         return of_lengths(at, [i], columns[:, None, :], unit([1.0, 0.3, 0.15], 1.5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Half the play, the whole, and what goes on with the force."""
         half, yielding = float(coefficients[0]), float(coefficients[2])
         return {"half_play": (half, "m"), "play": (2.0 * half, "m"), "yielding": (yielding, "m")}

@@ -41,7 +41,7 @@ class JointRunout(Effect):
         """What it depends on."""
         return ("direction",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Waves over the two angles of the link about their mean; slopes are geometry's own."""
         i = rods_of(at, site)[0]
         a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
@@ -50,7 +50,7 @@ class JointRunout(Effect):
         size *= 2.0 / np.linalg.norm(size)
         return of_lengths(at, [i], np.stack(waves, axis=1)[:, None, :], unit(size, 1.5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How far the joint is from round."""
         # A cosine's mean square is a half, a product's of two a quarter.
         square = np.array([0.25 if m and n else 0.5 for m, n in ORDERS])

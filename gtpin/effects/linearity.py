@@ -34,13 +34,13 @@ class Linearity(Effect):
         """Every actuator."""
         return carts(robot)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Cosines along the track, the slower the larger; the first is nearly the slope that geometry leaves."""
         j = at.robot.sites.index(site)
         columns, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
         return along_track(at, site, columns, unit(size, 5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How large the deviation is, about its straight line, and from end to end."""
         rms, span = extent(coefficients)
         ends = -2.0 * float(coefficients[::2].sum())

@@ -43,7 +43,7 @@ class LinkCompliance(Effect):
     remedy = "Check links and their joints for stiffness; use the corrected model with the payload given."
     coefficient = ("compliance", "m/N")
     exported_as = "link_spring"
-    form = (0,)
+    core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "compliance": Range(0.0, np.inf, "no link gets shorter when it is pulled")
     }
@@ -56,7 +56,7 @@ class LinkCompliance(Effect):
         """What it depends on."""
         return ("load", "payload")
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """One compliance, stiffening with the load, what compression differs by, and what each link differs by."""
         rods = rods_of(at, site)
         force = at.force[:, rods]
@@ -75,7 +75,7 @@ class LinkCompliance(Effect):
             sizes.append(0.5)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Compliance, how it depends on the load, and how links differ."""
         whole, stiffening, pulled, held = (float(c) for c in coefficients[:4])
         own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]

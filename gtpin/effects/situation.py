@@ -135,7 +135,7 @@ class Situation:
         return self.kinematics.command_jacobian(self.q, self.poses)
 
     @cached_property
-    def seats(self) -> Floats:
+    def carrier_joints(self) -> Floats:
         """(N, k, 3) the rods' joints on their carriers, base frame, m."""
         return self.kinematics.ends(self.q).C
 

@@ -34,12 +34,12 @@ class TargetOffset(Effect):
         """What it depends on."""
         return ("position",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Offsets along the TCP frame's axes."""
         twist = np.zeros((len(at), 6, 3))
         twist[:, :3] = at.poses.R
         return Basis(unit(np.ones(3), 1e-3), twist=twist)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """The offset's components."""
         return {f"offset_{axis}": (float(c), "m") for axis, c in zip("xyz", coefficients, strict=True)}

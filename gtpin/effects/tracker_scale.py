@@ -31,7 +31,7 @@ class TrackerScale(Effect):
     remedy = "A fault of the measurement: check the tracker's weather station and its scale on a calibrated bar."
     coefficient = ("scale", "m/m")
     stretches_frame = True
-    form = (0,)
+    core = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """The measurement frame."""
@@ -41,7 +41,7 @@ class TrackerScale(Effect):
         """What it depends on."""
         return ("position",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Growth of the measured positions about home, and shifts as the scale wanders."""
         waves = []
         if at.has("time"):

@@ -38,12 +38,12 @@ class ZeroShift(Effect):
         """The session."""
         return ("session",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """One shift for each session."""
         columns = session_columns(at)
         return along_track(at, site, columns, unit(np.ones(columns.shape[1]), 4e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Shift of each session, and the largest difference between two."""
         shifts = coefficients - coefficients.mean()
         found = {f"shift[{k + 1}]": (float(shift), "m") for k, shift in enumerate(shifts)}

@@ -66,7 +66,7 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
     for active in model.effects:
         if active.effect.exported_as != "cart_springs":
             continue
-        told = active.effect.parameters(active.coefficients, active.setting)
+        told = active.effect.parameters(active.coefficients, active.nonlinear)
         values = [told[n][0] if n in told else 0.0 for n in ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")]
         actuator = robot.sites.index(active.site)
         ends = [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]
@@ -99,7 +99,7 @@ def with_scales(mechanism: Mechanism, model: Model) -> tuple[Mechanism, set[str]
     carried = set()
     for active in model.effects:
         if active.effect.exported_as == "drive_scale":
-            scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.setting)["scale"][0]
+            scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.nonlinear)["scale"][0]
             carried.add(active.name)
     drives = tuple(replace(drive, scale=scales[drive.site]) for drive in mechanism.drives)
     by_joint = {drive.joint: drive.scale for drive in drives}

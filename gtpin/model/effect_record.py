@@ -90,7 +90,7 @@ def record(active: ActiveEffect) -> EffectRecord:
     return EffectRecord(
         effect=active.effect.id,
         site=active.site,
-        setting=None if active.setting is None else float(active.setting),
+        setting=None if active.nonlinear is None else float(active.nonlinear),
         coefficients=active.coefficients.tolist(),
         covariance=active.covariance.tolist(),
         references=ReferencesRecord(
@@ -129,8 +129,8 @@ def active_effect(told: EffectRecord, kinematics: RodKinematics, known: Mapping[
         raise ModelError(
             f"{effect.id} of {robot.name} can't be at {told.site!r}", column="site", hint=f"use {', '.join(sites)}"
         )
-    if effect.has_setting != (told.setting is not None):
-        raise ModelError(f"{effect.id} {'needs' if effect.has_setting else 'has no'} setting", column="setting")
+    if effect.has_nonlinear != (told.setting is not None):
+        raise ModelError(f"{effect.id} {'needs' if effect.has_nonlinear else 'has no'} setting", column="setting")
     active = ActiveEffect(
         effect,
         told.site,

@@ -96,16 +96,16 @@ def _named(key: str, c: Cause, effect: Effect, reach: str, told: bool) -> NamedC
         site_words(c.site),
         chance(c.probability),
         shrinkage,
-        "; ".join(word for word in (_setting(c, effect), reach) if word),
+        "; ".join(word for word in (_nonlinear(c, effect), reach) if word),
         Table(("parameter", "value"), rows),
         meaning(effect),
         members,
     )
 
 
-def _setting(c: Cause, effect: Effect) -> str:
+def _nonlinear(c: Cause, effect: Effect) -> str:
     """What is not linear in a cause, its period or place, in words; its parameters begin with it."""
-    if not effect.has_setting:
+    if not effect.has_nonlinear:
         return ""
     name, (value, _, unit) = next(iter(c.parameters.items()))
     return f"{name.replace('_', ' ')} {quantity(value, unit)}"

@@ -63,12 +63,12 @@ def test_what_an_effect_leaves_is_by_the_definition(
 
 def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(yardstick: Yardstick) -> None:
     at = yardstick.situation
-    for effect, site, setting in (("backlash", "cart1", None), ("rack_periodic", "cart3", 0.08)):
-        form = effects_by_id()[effect].basis(at, site, setting)
+    for effect, site, nonlinear in (("backlash", "cart1", None), ("rack_periodic", "cart3", 0.08)):
+        form = effects_by_id()[effect].basis(at, site, nonlinear)
         displacement = 5.0 * (form.displacement(at) * form.sigma)[:, :, 0]
         found = yardstick.left(displacement)[f"{effect}@{site}"]
         assert found.left < 0.01 * yardstick.energy(displacement)
-        assert setting is None or found.setting == pytest.approx(setting, rel=0.05)
+        assert nonlinear is None or found.nonlinear == pytest.approx(nonlinear, rel=0.05)
 
 
 def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration], yardstick: Yardstick) -> None:

@@ -150,7 +150,7 @@ class OfOthers(Effect):
     def covariates(self, robot, site):
         return ("session",)
 
-    def basis(self, at, site, setting=None):
+    def basis(self, at, site, nonlinear=None):
         shift = {"morning": 0.0, "evening": 1.0}
         return along_track(at, site, np.array([[shift[s]] for s in at.covariates["session"]]), np.array([3e-5]))
 
@@ -164,12 +164,12 @@ class WithPeriod(OfOthers):
     def coordinates(self, robot, site):
         return ("payload",)
 
-    def settings(self, at, site):
+    def nonlinear_values(self, at, site):
         return (0.05, 0.1, 0.2)
 
-    def basis(self, at, site, setting=None):
+    def basis(self, at, site, nonlinear=None):
         q = at.q[:, at.robot.sites.index(site), None]
-        return along_track(at, site, np.sin(2.0 * np.pi * q / setting), np.array([3e-5]))
+        return along_track(at, site, np.sin(2.0 * np.pi * q / nonlinear), np.array([3e-5]))
 
 
 def diagnosed_beside(kind: type[Effect], monkeypatch) -> gtpin.Diagnosis:

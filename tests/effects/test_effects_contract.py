@@ -98,8 +98,8 @@ def test_what_the_coefficients_say_has_a_name_a_unit_and_a_line_in_the_documenta
 
 @pytest.mark.parametrize(("name", "site"), PLACES)
 def test_parameters_of_twice_the_coefficients_are_twice_as_large(name: str, site: str) -> None:
-    c, setting = some(name, site, FIT), SETTINGS.get(name)
-    once, twice = EFFECTS[name].parameters(c, setting), EFFECTS[name].parameters(2.0 * c, setting)
+    c, nonlinear = some(name, site, FIT), SETTINGS.get(name)
+    once, twice = EFFECTS[name].parameters(c, nonlinear), EFFECTS[name].parameters(2.0 * c, nonlinear)
     for parameter, (value, _) in once.items():
         # Places, periods and phases are where, not how much.
         factor = 1.0 if parameter in ("period", "phase", "place", "fixed_point") else 2.0
@@ -125,23 +125,23 @@ def test_columns_do_not_depend_on_the_order_of_the_rows_of_the_fit(name: str, si
 
 
 @pytest.mark.parametrize(
-    "name", [name for name, effect in EFFECTS.items() if effect.form and name != "cart_compliance"]
+    "name", [name for name, effect in EFFECTS.items() if effect.core and name != "cart_compliance"]
 )
-def test_the_form_of_an_effect_is_its_largest_columns(name: str) -> None:
-    found, form = basis(name, second(name), FIT), list(EFFECTS[name].form)
+def test_the_core_of_an_effect_is_its_largest_columns(name: str) -> None:
+    found, core = basis(name, second(name), FIT), list(EFFECTS[name].core)
     moved_by = np.abs(found.displacement(FIT) * found.sigma).mean(axis=(0, 1))
-    assert moved_by[form].max() > np.delete(moved_by, form).max()
+    assert moved_by[core].max() > np.delete(moved_by, core).max()
 
 
 def test_the_form_of_a_carts_compliance_is_what_its_parameters_name() -> None:
     size = len(basis("cart_compliance", "cart2", FIT))
     named = {"along", "across_a", "across_b"}
-    form = {
+    core = {
         column
         for column in range(size)
         if any(EFFECTS["cart_compliance"].parameters(np.eye(size)[column], None)[name][0] for name in named)
     }
-    assert set(EFFECTS["cart_compliance"].form) == form
+    assert set(EFFECTS["cart_compliance"].core) == core
 
 
 def test_what_bends_a_carts_compliance_moves_less_than_what_it_bends() -> None:

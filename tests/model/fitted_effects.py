@@ -38,12 +38,12 @@ def active(name: str, site: str, amounts=None, without=()) -> ActiveEffect:
     kinematics = gtpin.Model(GEOMETRY).kinematics
     columns = {key: values for key, values in columns.items() if key not in without}
     at = Situation(kinematics, q, kinematics.forward(q), columns)
-    effect, setting = effects_by_id()[name], SETTINGS.get(name)
-    size = effect.basis(at, site, setting).sigma
+    effect, nonlinear = effects_by_id()[name], SETTINGS.get(name)
+    size = effect.basis(at, site, nonlinear).sigma
     if amounts is None:
         amounts = np.random.default_rng(len(name)).standard_normal(len(size))
     amounts = np.resize(np.asarray(amounts, dtype=float), len(size))
-    return ActiveEffect(effect, site, setting, amounts * size, np.diag((0.1 * size) ** 2), at.references)
+    return ActiveEffect(effect, site, nonlinear, amounts * size, np.diag((0.1 * size) ** 2), at.references)
 
 
 def with_effect(name: str, site: str, **options) -> gtpin.Model:

@@ -46,7 +46,7 @@ def test_a_model_with_any_effect_predicts_the_same_bits_when_it_is_read_again(tm
     assert expected.reached.all()
     assert same(again.predict(Q, COLUMNS), expected)
     (one,), (other,) = model.effects, again.effects
-    assert (one.name, one.setting) == (other.name, other.setting)
+    assert (one.name, one.nonlinear) == (other.name, other.nonlinear)
     assert np.array_equal(one.covariance, other.covariance)
 
 
@@ -197,7 +197,7 @@ class Creep(Effect):
     def covariates(self, robot, site):
         return ("time",)
 
-    def basis(self, at, site, setting=None):
+    def basis(self, at, site, nonlinear=None):
         return along_track(at, site, at.time[:, None], unit([1.0], 1e-5))
 
 
@@ -266,8 +266,8 @@ class Rude(Creep):
 
     id = "rude"
 
-    def basis(self, at, site, setting=None):
-        return frame_twist(at)[0] @ None if len(at) == 1 else super().basis(at, site, setting)
+    def basis(self, at, site, nonlinear=None):
+        return frame_twist(at)[0] @ None if len(at) == 1 else super().basis(at, site, nonlinear)
 
 
 def test_an_effect_of_another_package_that_fails_is_an_error_that_names_it(stranger, tmp_path, monkeypatch):

@@ -116,7 +116,7 @@ def same_motion(robot: Robot, free: Free, candidate: Candidate, basis: Basis) ->
     """
     ways = {
         "along": basis.command,
-        "aside": basis.seat,
+        "aside": basis.carrier_joints,
         "length": basis.length,
         "twist": basis.twist,
         "shift": basis.twist,

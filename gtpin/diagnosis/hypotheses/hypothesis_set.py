@@ -63,7 +63,7 @@ class Pool:
         self._known: dict[object, dict[str, Gain]] = {}
         for name, candidate in self.candidates.items():
             basis = candidate.effect.basis(self.design.situation, candidate.site)
-            self.groups.set(name, self.design.columns(basis), candidate.effect.form)
+            self.groups.set(name, self.design.columns(basis), candidate.effect.core)
         for free, basis in self.frees:
             self.free[free.name] = free
             self.groups.set(free.name, self.design.columns(basis))
@@ -163,7 +163,7 @@ class Pool:
         if isinstance(latest, Candidate) and self.candidates.get(name) != latest:
             basis = latest.effect.basis(self.design.situation, latest.site, latest.setting)
             self.candidates[name] = latest
-            self.groups.set(name, self.design.columns(basis), latest.effect.form)
+            self.groups.set(name, self.design.columns(basis), latest.effect.core)
 
     def only(self, model: Posterior, names: Iterable[str]) -> Posterior:
         """Some of a model's explanations, with their scales."""

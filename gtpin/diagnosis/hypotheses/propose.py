@@ -54,7 +54,7 @@ def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> t
             if effect.id in exclude or f"{effect.id}@{site}" in exclude:
                 continue
             reason = as_untestable(effect.untestable(at, site))
-            many = 0 if reason else len(effect.settings(at, site))
+            many = 0 if reason else len(effect.nonlinear_values(at, site))
             if reason is None and not many and _absorbed(design, marginal, effect, site):
                 reason = Untestable("absorbed")
             if reason:

@@ -61,7 +61,7 @@ def stand_ins(design: Design, untestable: Iterable[Candidate], testable: Iterabl
             yield Hidden(candidate, columns, odds(at, candidate))
     spells = loaded(at)
     for candidate in testable if spells else ():
-        if "payload" in candidate.coordinates(at.robot) and not candidate.effect.has_setting:
+        if "payload" in candidate.coordinates(at.robot) and not candidate.effect.has_nonlinear:
             columns = _tried(candidate, partial(_under, design, candidate, spells), failed)
             if columns is not None:
                 yield Hidden(candidate, columns, CONSTANT, UNLOADED)
@@ -83,11 +83,11 @@ def _tried(candidate: Candidate, columns: Callable[[], Floats | None], failed: d
 
 
 def _under(design: Design, candidate: Candidate, spells: list[Situation]) -> Floats:
-    """An effect's displacements, and by how much more its form moves with a payload in each spell."""
+    """An effect's displacements, and by how much more its core moves with a payload in each spell."""
     effect, site = candidate.effect, candidate.site
     plain = design.columns(effect.basis(design.situation, site))
-    form = list(effect.form) or list(range(plain.shape[1]))
-    more = [design.columns(effect.basis(at, site))[:, form] - plain[:, form] for at in spells]
+    core = list(effect.core) or list(range(plain.shape[1]))
+    more = [design.columns(effect.basis(at, site))[:, core] - plain[:, core] for at in spells]
     return np.hstack([plain, *more])
 
 
@@ -110,7 +110,7 @@ def stand_in(design: Design, candidate: Candidate) -> Floats | None:
     """
     at, (effect, site) = design.situation, (candidate.effect, candidate.site)
     missing = _missing(at, candidate)
-    if len(missing) != 1 or effect.has_setting:
+    if len(missing) != 1 or effect.has_nonlinear:
         return None
     found = [
         np.hstack([design.columns(effect.basis(with_column(at, missing[0], values), site)) for values in together])

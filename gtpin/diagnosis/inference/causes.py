@@ -31,10 +31,10 @@ def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[f
     drawn = []
     for z in np.vstack([unit, -unit]):
         c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[:-1])
-        setting = None if active.setting is None else active.setting + setting_sigma * float(z[-1])
+        setting = None if active.nonlinear is None else active.nonlinear + setting_sigma * float(z[-1])
         drawn.append([value for value, _ in active.effect.parameters(c, setting).values()])
     low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
-    said = active.effect.parameters(active.coefficients, active.setting)
+    said = active.effect.parameters(active.coefficients, active.nonlinear)
     return {
         name: (float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
         for i, (name, (_, unit)) in enumerate(said.items())

@@ -67,7 +67,7 @@ class Scan:
         """Prepare the inner products with the geometry marginalised."""
         self.design, self.marginal = design, marginal
         self.effect, self.site = effect, site
-        self.settings = np.array(effect.settings(design.situation, site))
+        self.settings = np.array(effect.nonlinear_values(design.situation, site))
         self._half_y = marginal.half(design.y[:, None])
 
     @cached_property
@@ -152,4 +152,4 @@ class Scan:
             moments = moments - (across @ model.mean).reshape(count, width)
             by_setting = across.reshape(count, width, -1)
             grams = grams - by_setting @ model.covariance @ by_setting.transpose(0, 2, 1)
-        return best_scales(grams, moments, self.effect.form)
+        return best_scales(grams, moments, self.effect.core)

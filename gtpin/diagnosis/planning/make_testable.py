@@ -128,7 +128,7 @@ def _named(candidates: Sequence[Candidate]) -> tuple[tuple[str, str], ...]:
 def _testable(group: _Group, trials: Trials) -> list[Candidate]:
     """The members that rows measured and possible would together let be tested, one of each effect first."""
     at = trials.design.situation
-    able = [c for c in group.members if not c.effect.has_setting and not c.effect.untestable(at, c.site)]
+    able = [c for c in group.members if not c.effect.has_nonlinear and not c.effect.untestable(at, c.site)]
     seen = [sum(o.effect.id == c.effect.id for o in able[:i]) for i, c in enumerate(able)]
     return [able[i] for i in np.argsort(seen, kind="stable")]
 
