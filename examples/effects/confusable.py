@@ -39,9 +39,9 @@ def columns(at: Situation, name: str, site: str, nonlinear: float | None) -> np.
     return (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(len(at) * 6, -1)
 
 
-def gain(gram: np.ndarray, moment: np.ndarray, form: tuple[int, ...]) -> float:
+def gain(gram: np.ndarray, moment: np.ndarray, core: tuple[int, ...]) -> float:
     """Log evidence of a group over none, with the scale of its coefficients that suits best."""
-    return float(best_scales(gram[None], moment.T, form)[0][0])
+    return float(best_scales(gram[None], moment.T, core)[0][0])
 
 
 def jobs(machines: int) -> list[dict[str, object]]:
@@ -77,8 +77,8 @@ def measured(robot: str) -> list[dict[str, object]]:
             for other, others in places.items():
                 if other == (name, site):
                     continue
-                form = effects_by_id()[other[0]].form
-                found = max(gain(G, product(Y, d[:, None]), form) for G, Y in zip(grams[other], others, strict=True))
+                core = effects_by_id()[other[0]].core
+                found = max(gain(G, product(Y, d[:, None]), core) for G, Y in zip(grams[other], others, strict=True))
                 rows.append((name, site, *other, max(found, 0.0) / own))
     found = pd.DataFrame(rows, columns=["effect", "site", "imitator", "at", "share"])
     found = found.groupby(["effect", "site", "imitator", "at"], as_index=False)["share"].median()

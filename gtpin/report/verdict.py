@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gtpin.diagnosis.planning.measurement_conditions import kind
-from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Question
+from gtpin.diagnosis.result import Cause, Diagnosis, Question
+from gtpin.report.doubt import sure_and_doubtful
+from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.phrases import clause, sentence
 from gtpin.report.quality import scatters
-from gtpin.report.reasons import reason_words
 from gtpin.report.words import (
     chance,
     coordinate_words,
@@ -22,10 +22,6 @@ from gtpin.report.words import (
     site_words,
 )
 
-SURE = 0.95
-"""Probability from which a cause stands alone."""
-LISTED = 3
-"""Effects that could be the unknown, of which the best are listed."""
 BADGES = {
     "none": ("no cause", "good"),
     "explained": ("cause found", "accent"),
@@ -73,26 +69,6 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
     return "Nothing but noise is left: the calibrated geometry explains these measurements.", advice
 
 
-def may_hide(d: Diagnosis) -> list[str]:
-    """What comes and goes between visits, and could not be tested for lack of a covariate, where visits scatter."""
-    if d.verdict != "none" or not scatters(d.baseline):
-        return []
-    lacking = [c for c in d.candidates if d.effect(c.effect).between_visits and _is_missing(c)]
-    effects = list(dict.fromkeys(c.effect for c in lacking))
-    columns = list(
-        dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
-    )
-    if not effects:
-        return []
-    return [
-        f"{joined(effects)} could not be tested: record {joined(columns)}, or fill in what is known, and diagnose again."
-    ]
-
-
-def _is_missing(c: Considered) -> bool:
-    return c.reason is not None and c.reason.kind == "missing"
-
-
 def _explained(d: Diagnosis) -> tuple[str, list[str]]:
     clauses = _clauses(d, d.causes)
     several = f"{number_word(len(clauses))} causes: " if len(clauses) > 1 else ""
@@ -100,7 +76,7 @@ def _explained(d: Diagnosis) -> tuple[str, list[str]]:
 
 
 def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
-    sure, doubtful = _by_doubt(d.causes)
+    sure, doubtful = sure_and_doubtful(d.causes)
     headline = " ".join(sentence(_either(d, cause)) for cause in doubtful)
     if sure:
         headline += f" Sure beside it: {joined(_clauses(d, sure))}."
@@ -109,16 +85,6 @@ def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
         advice.append("Which of them it is makes no difference to what the model predicts near these poses.")
     members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
     return headline, [*_remedies(d, sure), *advice, *_next(d, members)]
-
-
-def not_recorded(d: Diagnosis) -> list[str]:
-    """What members of a class can't be ruled out for lack of a covariate, and how to mend that."""
-    lacking = dict.fromkeys((m.effect, m.site) for c in _by_doubt(d.causes)[1] for m in c.members if not m.recorded)
-    return [
-        f"{joined(_names(rows), 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
-        f"{_at_rest(rows)}, and diagnose again."
-        for reason, rows in _by_reason(d, lacking).items()
-    ]
 
 
 def questions(d: Diagnosis) -> list[str]:
@@ -135,25 +101,6 @@ def _question(q: Question) -> str:
         f"{q.effect} at {site_words(q.site)} would have {value}, which is not possible: {q.why}. It is not named as a cause. "
         f"{check}."
     )
-
-
-def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[Considered]]:
-    """Effects at their sites, by why these data can't tell, in words."""
-    rows = {(c.effect, c.site): c for c in d.candidates if c.reason}
-    found: dict[str, list[Considered]] = {}
-    for effect in effects:
-        if effect in rows:
-            found.setdefault(reason_words(rows[effect].reason, rows[effect].site), []).append(rows[effect])
-    return found
-
-
-def _names(rows: Iterable[Considered]) -> list[str]:
-    return [f"{c.effect} at {site_words(c.site)}" for c in rows]
-
-
-def _at_rest(rows: Iterable[Considered]) -> str:
-    speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
-    return " (0 where the machine stood still)" if speeds else ""
 
 
 def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
@@ -181,23 +128,10 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
     return headline, [*advice, *_next(d, {"unknown"})]
 
 
-def could_be(d: Diagnosis) -> list[str]:
-    """What these data can't tell, for lack of a covariate, but would account for the unknown."""
-    return [
-        f"It could be {joined(_names(rows), 'or')}, which these data can't tell: {reason}."
-        for reason, rows in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
-    ]
-
-
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:
     """The first measurement that would tell some things apart."""
     steps = (e for e in d.next_experiment if separates.intersection(e.separates))
     return [e.measure for e in steps][:1]
-
-
-def _by_doubt(causes: tuple[Cause, ...]) -> tuple[list[Cause], list[Cause]]:
-    sure = [c for c in causes if c.probability >= SURE]
-    return sure, [c for c in causes if c.probability < SURE]
 
 
 def _either(d: Diagnosis, cause: Cause) -> str:
