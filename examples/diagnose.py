@@ -27,7 +27,9 @@ for name, case in MACHINES.items():
         print(f"  the site whose motion explains most: {largest} ({diagnosis.where.site[largest]:.0%})")
 
     untestable = [c for c in diagnosis.candidates if not c.testable]
-    print(f"  {len(untestable)} candidates can't be tested, such as {untestable[0].effect}: {untestable[0].reason}")
+    print(
+        f"  {len(untestable)} candidates can't be tested, such as {untestable[0].effect}: {untestable[0].reason.kind}"
+    )
     for experiment in diagnosis.next_experiment[:1]:
         print("  next:", experiment.measure)
 

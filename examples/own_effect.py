@@ -3,10 +3,8 @@
 import numpy as np
 
 import gtpin
+from gtpin.effects import Effect, Situation, along_track, carts
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.basis import along_track
-from gtpin.effects.effect import Effect, carts
-from gtpin.effects.situation import Situation
 
 
 class CableChain(Effect):
@@ -14,6 +12,7 @@ class CableChain(Effect):
 
     id = "cable_chain"
     title = "a cable chain pulls the cart back"
+    clause = "a cable chain pulls {site} back"
     coefficient = ("rate", "m/m")
 
     def sites(self, robot):
@@ -22,13 +21,14 @@ class CableChain(Effect):
     def covariates(self, robot, site):
         return ("payload",)  # its hoses are full when it carries something
 
-    def basis(self, at, site, setting=None):
+    def basis(self, at, site, nonlinear=None):
         q, full = at.q[:, at.robot.sites.index(site)], at.covariate("payload") / 20.0
         columns = np.stack([-q * full, -full], axis=1)  # m of travel for coefficients of one
         return along_track(at, site, columns, np.array([5e-5, 2e-5]))  # and their typical sizes
 
 
-# To have `gtpin diagnose` try it like the others, a package of yours names it in its pyproject.toml:
+# A diagnosis tries it with gtpin.diagnose(dataset, effects=[*gtpin.catalogue(), CableChain()]).
+# To have the command `gtpin diagnose` try it too, a package of yours names it in its pyproject.toml:
 #     [project.entry-points."gtpin.effects"]
 #     cable_chain = "my_machine.effects:CableChain"
 

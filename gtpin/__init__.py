@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gtpin.data import Commands, Dataset
     from gtpin.diagnosis.diagnose import diagnose
     from gtpin.diagnosis.result import Diagnosis
+    from gtpin.effects.catalogue import catalogue
     from gtpin.errors import GtpinError, GtpinWarning
     from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
@@ -34,6 +35,7 @@ _HOME = {
     "Dataset": "gtpin.data",
     "diagnose": "gtpin.diagnosis.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
+    "catalogue": "gtpin.effects.catalogue",
     "GtpinError": "gtpin.errors",
     "GtpinWarning": "gtpin.errors",
     "geometry_jacobian": "gtpin.kinematics.geometry_jacobian",
@@ -91,6 +93,7 @@ __all__ = [
     "Robot",
     "__version__",
     "calibrate",
+    "catalogue",
     "commands_for",
     "diagnose",
     "geometry_jacobian",

@@ -1,7 +1,7 @@
 """How the answers to sealed cases move when a number of ``gtpin.diagnosis.priors`` is halved and doubled.
 
-Cases are drawn as ``gtpin blind`` draws them, from a seed of their own. Data, calibration, outliers and noise are settled once for
-each; hypotheses are then proposed and inferred with each number at its value, at half and at twice of it.
+Cases are drawn as ``gtpin blind`` draws them, from a seed of their own. Data, calibration, outliers and noise are settled once
+for each; hypotheses are then proposed and inferred with each number at its value, at half and at twice of it.
 ``python examples/pages/refresh.py --measure priors`` measures the table of docs/priors.md again.
 """
 

@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 import gtpin
 from gtpin.diagnosis.linear.evidence import best_scales
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 from gtpin.plant import make_case
 from gtpin.plant.conditions import Conditions
@@ -33,15 +33,15 @@ def past_geometry(at: Situation, geometry: gtpin.Geometry):
     return lambda X, Z: X.T @ Z - (X.T @ B) @ cho_solve(factor, B.T @ Z)
 
 
-def columns(at: Situation, name: str, site: str, setting: float | None) -> np.ndarray:
+def columns(at: Situation, name: str, site: str, nonlinear: float | None) -> np.ndarray:
     """Whitened displacements for coefficients of typical size."""
-    basis = catalogue()[name].basis(at, site, setting)
+    basis = effects_by_id()[name].basis(at, site, nonlinear)
     return (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(len(at) * 6, -1)
 
 
-def gain(gram: np.ndarray, moment: np.ndarray, form: tuple[int, ...]) -> float:
+def gain(gram: np.ndarray, moment: np.ndarray, core: tuple[int, ...]) -> float:
     """Log evidence of a group over none, with the scale of its coefficients that suits best."""
-    return float(best_scales(gram[None], moment.T, form)[0][0])
+    return float(best_scales(gram[None], moment.T, core)[0][0])
 
 
 def jobs(machines: int) -> list[dict[str, object]]:
@@ -59,7 +59,7 @@ def measured(robot: str) -> list[dict[str, object]]:
     product = past_geometry(at, geometry)
     places = {
         (name, site): [columns(at, name, site, s) for s in SETTINGS.get(name, (None,))]
-        for name, effect in catalogue().items()
+        for name, effect in effects_by_id().items()
         for site in effect.sites(at.robot)
         if not effect.untestable(at, site)
     }
@@ -73,12 +73,12 @@ def measured(robot: str) -> list[dict[str, object]]:
             if energy < 1.0:
                 continue  # geometry takes it
             d *= np.sqrt(ENERGY / energy)
-            own = gain(product(X, X), product(X, d[:, None]), catalogue()[name].form)
+            own = gain(product(X, X), product(X, d[:, None]), effects_by_id()[name].core)
             for other, others in places.items():
                 if other == (name, site):
                     continue
-                form = catalogue()[other[0]].form
-                found = max(gain(G, product(Y, d[:, None]), form) for G, Y in zip(grams[other], others, strict=True))
+                core = effects_by_id()[other[0]].core
+                found = max(gain(G, product(Y, d[:, None]), core) for G, Y in zip(grams[other], others, strict=True))
                 rows.append((name, site, *other, max(found, 0.0) / own))
     found = pd.DataFrame(rows, columns=["effect", "site", "imitator", "at", "share"])
     found = found.groupby(["effect", "site", "imitator", "at"], as_index=False)["share"].median()
@@ -90,7 +90,7 @@ def table(records: pd.DataFrame) -> str:
     # The best place of each imitator, and the median over the effect's own sites.
     best = records.groupby(["effect", "site", "imitator"])["share"].max().groupby(["effect", "imitator"]).median()
     lines = ["| effect | the best imitators | itself at another site |", "|---|---|---|"]
-    for name in catalogue():
+    for name in effects_by_id():
         if name in best.index.get_level_values(0):
             top = best[name].drop(name, errors="ignore").nlargest(3)
             elsewhere = best[name].get(name)

@@ -14,7 +14,7 @@ import numpy as np
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Column, Situation
 from gtpin.robot.parameters import rotation_axes
 
@@ -123,8 +123,8 @@ def seen(basis: Basis, c: Floats) -> Floats:
     axis = ROBOT.actuators[CART].axis
     if basis.command is not None:
         return basis.command[1] @ c
-    if basis.seat is not None:
-        moved = (basis.seat @ c)[:, ROD]
+    if basis.carrier_joints is not None:
+        moved = (basis.carrier_joints @ c)[:, ROD]
         return moved @ (rotation_axes(axis)[0] if np.abs(moved @ axis).max() < 1e-12 else axis)
     if basis.length is not None:
         return (basis.length @ c)[:, ROD]
@@ -133,13 +133,13 @@ def seen(basis: Basis, c: Floats) -> Floats:
 
 
 def draw(name: str, folder: Path) -> Path:
-    effect = catalogue()[name]
+    effect = effects_by_id()[name]
     sites = effect.sites(ROBOT)
     site = next((s for s in ("cart2", "link2a") if s in sites), sites[0])
-    setting = SETTINGS.get(name)
+    nonlinear = SETTINGS.get(name)
     label, x, at, what, unit = shown(name)
     figure, (own, platform) = plt.subplots(1, 2, figsize=(8.0, 3.0), width_ratios=(1.2, 1.0), layout="constrained")
-    rng, basis = np.random.default_rng(4), effect.basis(at, site, setting)
+    rng, basis = np.random.default_rng(4), effect.basis(at, site, nonlinear)
     draws = basis.sigma * rng.standard_normal((3, len(basis)))
     if name in POSITIVE:
         draws[:, 0] = basis.sigma[0] * np.array([1.0, 0.7, 1.4])
@@ -153,8 +153,8 @@ def draw(name: str, folder: Path) -> Path:
     if label == "session":
         own.set_xticks([0.0, 1.0, 2.0], list(SESSIONS))
     there = FIT
-    n = len(effect.basis(there, site, setting))
-    active = ActiveEffect(effect, site, setting, draws[0], np.zeros((n, n)), FIT.references)
+    n = len(effect.basis(there, site, nonlinear))
+    active = ActiveEffect(effect, site, nonlinear, draws[0], np.zeros((n, n)), FIT.references)
     moved = with_effects(KINEMATICS, there.q, there.covariates, [active]).minus(there.poses)[:, :3]
     T, largest = there.poses.T, max(float(np.linalg.norm(moved[:, [0, 1]], axis=1).max()), 1e-9)
     platform.quiver(
@@ -175,7 +175,7 @@ def draw(name: str, folder: Path) -> Path:
 def main(folder: Path, names: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "gtpin", "font.family": "sans-serif"})
-    for name in names or catalogue():
+    for name in names or effects_by_id():
         path = draw(name, folder)
         print(f"{path.name:24s} {path.stat().st_size / 1024.0:.0f} kB")
 

@@ -11,7 +11,7 @@ import pandas as pd
 import gtpin
 from gtpin.data import CartMeasurements, Dataset, Instrument
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 from gtpin.model.model_folder import write_model
 from gtpin.plant import simulate
@@ -142,19 +142,19 @@ def make(folder: Path) -> None:
 
 
 def _effects(model: gtpin.Model, dataset: Dataset) -> tuple[ActiveEffect, ...]:
-    """Some effects of a third of their typical size, with and without covariates and a setting."""
+    """Some effects of a third of their typical size, with and without covariates and a nonlinear parameter."""
     at = Situation(model.kinematics, dataset.q, model.kinematics.forward(dataset.q), dataset.covariates)
     found = []
-    for name, site, setting in (
+    for name, site, nonlinear in (
         ("backlash", "cart2", None),
         ("rack_periodic", "cart1", 0.03),
         ("thermal_links", "arm", None),
         ("link_compliance", "arm", None),
         ("tracker_drift", "frame", None),
     ):
-        effect = catalogue()[name]
-        size = 0.3 * effect.basis(at, site, setting).sigma
-        found.append(ActiveEffect(effect, site, setting, size, np.diag(0.01 * size**2), at.references))
+        effect = effects_by_id()[name]
+        size = 0.3 * effect.basis(at, site, nonlinear).sigma
+        found.append(ActiveEffect(effect, site, nonlinear, size, np.diag(0.01 * size**2), at.references))
     return tuple(found)
 
 

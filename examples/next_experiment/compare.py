@@ -23,7 +23,7 @@ from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.discrimination import Standing, chosen, concerns, split
 from gtpin.diagnosis.planning.measurement_conditions import INTERVAL, LATER, NIGHT
 from gtpin.diagnosis.planning.trials import Known, possible
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.plant import Case, make_case, measure_at
 
 Floats = npt.NDArray[np.float64]
@@ -142,7 +142,7 @@ def jobs(machines: int) -> list[dict[str, object]]:
 
 def measured(truth: str, rival: str, machine: int) -> list[dict[str, float]]:
     """One machine; nothing where no poses part the two."""
-    effects = catalogue()
+    effects = effects_by_id()
     pair = [Hypothesis(effects[name.split("@")[0]], name.split("@")[1]) for name in (truth, rival)]
     found = compare(*pair, machine)
     return [] if found is None else [asdict(found)]

@@ -17,7 +17,7 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from gtpin.data import Dataset
 from gtpin.effects.basis import Basis
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -28,18 +28,18 @@ Floats = npt.NDArray[np.float64]
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Over the typical size."""
 STRIDE = 3
-"""Of a scan's settings every so many are tried first, then those beside the best."""
+"""Of a scan's values every so many are tried first, then those beside the best."""
 BATCH = 128
 """Settings whose displacements are held in memory at once."""
 
 
 @dataclass(frozen=True)
 class Best:
-    """What an effect at a site leaves of a displacement, and the scale and setting with which it does."""
+    """What an effect at a site leaves of a displacement, and the scale and nonlinear parameter with which it does."""
 
     left: float
     scale: float
-    setting: float | None
+    nonlinear: float | None
     effect: Effect
     site: str
 
@@ -96,11 +96,11 @@ class Yardstick:
         d = self.whitened(displacement[:, :, None])[:, 0]
         past = self._past(d)
         found = {}
-        for effect in catalogue().values():
+        for effect in effects_by_id().values():
             for site in effect.sites(at.robot):
                 if not effect.untestable(at, site):
-                    taken, scale, setting = self._by(effect, site, past)
-                    found[f"{effect.id}@{site}"] = Best(float(d @ past) - taken, scale, setting, effect, site)
+                    taken, scale, nonlinear = self._by(effect, site, past)
+                    found[f"{effect.id}@{site}"] = Best(float(d @ past) - taken, scale, nonlinear, effect, site)
         return found
 
     def parameters(self, best: Best, displacement: Floats) -> dict[str, float]:
@@ -108,29 +108,29 @@ class Yardstick:
 
         Where the poses do not reach, the form is the smallest one, in units of the scale, that fits where they do.
         """
-        basis = best.effect.basis(self.situation, best.site, best.setting)
+        basis = best.effect.basis(self.situation, best.site, best.nonlinear)
         X = self.whitened(basis.displacement(self.situation) * basis.sigma)
         d = self.whitened(displacement[:, :, None])[:, 0]
         c = np.linalg.solve(X.T @ X + np.eye(X.shape[1]) / best.scale**2, X.T @ d) * basis.sigma
-        return {name: value for name, (value, _) in best.effect.parameters(c, best.setting).items()}
+        return {name: value for name, (value, _) in best.effect.parameters(c, best.nonlinear).items()}
 
     def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, float | None]:
-        """What an effect takes, at which scale and setting."""
+        """What an effect takes, at which scale and nonlinear parameter."""
         at = self.situation
-        settings = list(effect.settings(at, site))
-        if not settings:
+        values = list(effect.nonlinear_values(at, site))
+        if not values:
             (taken,), (scale,) = self._taken([effect.basis(at, site)], past)
             return float(taken), float(scale), None
         tried: dict[int, tuple[float, float]] = {}
-        for places in (range(0, len(settings), STRIDE), range(len(settings))):
+        for places in (range(0, len(values), STRIDE), range(len(values))):
             near = max(tried, key=lambda i: tried[i]) if tried else None
             waiting = [i for i in places if near is None or abs(i - near) < STRIDE]
             for start in range(0, len(waiting), BATCH):
                 batch = waiting[start : start + BATCH]
-                found = self._taken([effect.basis(at, site, settings[i]) for i in batch], past)
+                found = self._taken([effect.basis(at, site, values[i]) for i in batch], past)
                 tried |= {i: (float(t), float(s)) for i, t, s in zip(batch, *found, strict=True)}
         best = max(tried, key=lambda i: tried[i])
-        return *tried[best], settings[best]
+        return *tried[best], values[best]
 
     def _taken(self, bases: list[Basis], past: Floats) -> tuple[Floats, Floats]:
         """(S,) what displacements of each basis take at their likeliest scale, and the scale."""

@@ -20,7 +20,7 @@ from gtpin.blind.worker import Said
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.robot.library import load_robot
 
@@ -57,7 +57,7 @@ def _judged(folder: Path, truth: Truth, said: Said, without: Said | None) -> Jud
         name=folder.name,
         kind=truth.kind,
         truth=plain,
-        listed=all(effect.effect in catalogue() for effect in plain),
+        listed=all(effect.effect in effects_by_id() for effect in plain),
         error=said.error,
         said=statement,
         without=other,
@@ -103,7 +103,7 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, said:
 
 def _testable(dataset: Dataset, truth: Truth) -> bool:
     """Whether the covariates that the known effects need are there and vary."""
-    robot, known = load_robot(dataset.robot_reference), catalogue()
+    robot, known = load_robot(dataset.robot_reference), effects_by_id()
     needs = {n for e in truth.effects if e.effect in known for n in known[e.effect].covariates(robot, e.site)}
     return all(n in dataset.covariates and len(np.unique(dataset.covariates[n])) > 1 for n in needs)
 

@@ -36,7 +36,7 @@ def knowing(dataset: Dataset, baseline: Calibration, causes: Sequence[Best]) -> 
     def whitened(columns: Floats) -> Floats:
         return np.asarray(whitening @ columns[:, : measured.components]).reshape(-1, columns.shape[2])
 
-    bases = [cause.effect.basis(at, cause.site, cause.setting) for cause in causes]
+    bases = [cause.effect.basis(at, cause.site, cause.nonlinear) for cause in causes]
     sizes = [basis.sigma * cause.scale for basis, cause in zip(bases, causes, strict=True)]
     B = whitened(kinematics.geometry_jacobian(kept.q, poses) * geometry.tolerance)
     J = np.hstack([B, *(whitened(basis.displacement(at) * size) for basis, size in zip(bases, sizes, strict=True))])
@@ -50,5 +50,7 @@ def knowing(dataset: Dataset, baseline: Calibration, causes: Sequence[Best]) -> 
     for cause, size in zip(causes, sizes, strict=True):
         own = slice(place, place := place + len(size))
         uncertain = covariance[own, own] * np.outer(size, size)
-        active.append(ActiveEffect(cause.effect, cause.site, cause.setting, step[own] * size, uncertain, at.references))
+        active.append(
+            ActiveEffect(cause.effect, cause.site, cause.nonlinear, step[own] * size, uncertain, at.references)
+        )
     return Model(moved, model.frame, tuple(active))

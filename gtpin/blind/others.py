@@ -16,7 +16,7 @@ from gtpin.data import columns
 from gtpin.data.description import read_description, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
 from gtpin.data.names import POSITION
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.ownership import MARKER
 from gtpin.output.results import writing
@@ -104,7 +104,7 @@ def _check(file: Path, told: _TruthFile, robot: Robot | None) -> None:
     """Refuse known effects at sites that the robot does not have, and the same effect twice."""
     for number, effect in enumerate(told.effects):
         where = f"effects.{number}.site"
-        sites = catalogue()[effect.effect].sites(robot) if robot and effect.effect in catalogue() else None
+        sites = effects_by_id()[effect.effect].sites(robot) if robot and effect.effect in effects_by_id() else None
         if sites is not None and effect.site not in sites:
             raise GtpinError(
                 f"{effect.effect} can't be at {effect.site!r}", file=file, column=where, hint=f"use {', '.join(sites)}"
@@ -115,7 +115,7 @@ def _check(file: Path, told: _TruthFile, robot: Robot | None) -> None:
 
 def kind_of(effects: list[str]) -> Kind:
     """What sort of case it is, by its effects."""
-    known = sum(effect in catalogue() for effect in effects)
+    known = sum(effect in effects_by_id() for effect in effects)
     kinds: Mapping[tuple[int, int], Kind] = {
         (0, 0): "none",
         (1, 0): "one",

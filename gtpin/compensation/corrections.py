@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.data.ids import normal_ids
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.effect import number
+from gtpin.effects.sites import number
 from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -112,7 +112,7 @@ def _table(
     robot = model.robot
     lower, upper = float(robot.lower[index]), float(robot.upper[index])
     margin = BEYOND * (upper - lower)
-    steps = [a.setting for a in effects if a.effect.id == "rack_step" and a.setting is not None]
+    steps = [place for active in effects for place in active.effect.jumps(active.nonlinear)]
     q = np.union1d(
         np.linspace(lower - margin, upper + margin, DENSE), [s + beside for s in steps for beside in (0.0, BESIDE)]
     )

@@ -81,7 +81,7 @@ def diagnose(
         If the dataset can't be read as one of this robot, or an excluded effect is not known.
     """
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
-    scope = Scope.of(catalogue().values() if effects is None else effects, exclude, false_alarm, nominal, priors)
+    scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, nominal, priors)
     _require_memory(dataset)
     rng = np.random.default_rng(seed)
     report = progress or _silent
@@ -109,10 +109,12 @@ def diagnose(
         unknown=next(((d.site, ",".join(d.over)) for d in fitted.conclusion.doubts if d.over), None),
         rng=rng,
     )
-    return _diagnosis(prepared, settled, fitted, experiments)
+    return _diagnosis(prepared, settled, fitted, experiments, scope)
 
 
-def _diagnosis(prepared: Prepared, settled: Settled, fitted: Fitted, experiments: tuple[Experiment, ...]) -> Diagnosis:
+def _diagnosis(
+    prepared: Prepared, settled: Settled, fitted: Fitted, experiments: tuple[Experiment, ...], scope: Scope
+) -> Diagnosis:
     """What is reported."""
     found, hypotheses = fitted.conclusion, settled.hypotheses
     design = hypotheses.design
@@ -132,6 +134,7 @@ def _diagnosis(prepared: Prepared, settled: Settled, fitted: Fitted, experiments
         set_aside_rows=tuple(int(line) for line in prepared.recorded.row[aside]),
         next_experiment=experiments,
         questions=fitted.questions,
+        effects=scope.effects,
     )
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
-
-import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.effects.catalogue import catalogue
+from gtpin.effects.effect import Effect
+from gtpin.effects.untestable import Untestable
 from gtpin.model.model import Model
 
 Verdict = Literal["none", "explained", "ambiguous", "unknown"]
@@ -55,7 +56,8 @@ class Cause:
 class Considered:
     """A candidate, and what came of it; what can't be tested has a probability where it could stand in for a cause.
 
-    ``reason`` says why it can't be tested or, of what can be, why it could be the cause all the same.
+    ``reason`` says why it can't be tested or, of what can be, why it could be the cause all the same; None where nothing
+    does.
     """
 
     effect: str
@@ -63,7 +65,7 @@ class Considered:
     log_evidence: float
     probability: float
     testable: bool
-    reason: str
+    reason: Untestable | None
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,8 @@ class Diagnosis:
         What to measure to tell more.
     questions
         Parameters that are outside what physics allows or machines have.
+    effects
+        Those that were tried.
     """
 
     verdict: Verdict
@@ -144,73 +148,14 @@ class Diagnosis:
     set_aside_rows: tuple[int, ...]
     next_experiment: tuple[Experiment, ...] = ()
     questions: tuple[Question, ...] = ()
+    effects: tuple[Effect, ...] = field(default_factory=catalogue)
+
+    def effect(self, name: str) -> Effect:
+        """The effect that has an id, of those that were tried."""
+        return next(effect for effect in self.effects if effect.id == name)
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
-        none = self.verdict == "none"
-        return {
-            "schema": "gtpin-diagnosis/1",
-            "verdict": self.verdict,
-            "causes": [
-                {
-                    "effect": c.effect,
-                    "site": c.site,
-                    "probability": c.probability,
-                    "class": [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in c.members],
-                    "parameters": {n: {"value": v, "sigma": s, "unit": u} for n, (v, s, u) in c.parameters.items()},
-                    "shrinkage": c.shrinkage,
-                }
-                for c in self.causes
-            ],
-            "candidates": [
-                {
-                    "effect": c.effect,
-                    "site": c.site,
-                    "log_evidence": c.log_evidence,
-                    "probability": c.probability,
-                    "testable": c.testable,
-                    "reason": c.reason,
-                }
-                for c in self.candidates
-            ],
-            "where": {
-                "rod": self.where.rod,
-                "site": self.where.site,
-                "axis": self.where.axis,
-                "covariate": self.where.covariate,
-                "region": [{"box": np.asarray(box).tolist(), "share": share} for box, share in self.where.region],
-            },
-            "gap": {
-                "position_rms_before": self.gap.before,
-                "position_rms_after": self.gap.after,
-                "noise_floor": self.gap.floor,
-                "shrinkage": None if none else self.gap.shrinkage,
-                "interval": None if none or self.gap.interval is None else list(self.gap.interval),
-                "method": "four neighbouring poses left out in turn; "
-                "interval: what 120 other poses may show, by the uncertainty of what was fitted",
-            },
-            "unexplained": {
-                "share": self.unexplained.share,
-                "p_value": self.unexplained.p_value,
-                "correlates": [
-                    {"site": site, "covariate": coordinates, "p_value": p}
-                    for site, coordinates, p in self.unexplained.correlates
-                ],
-                "could_be": [{"effect": effect, "site": site} for effect, site in self.unexplained.could_be],
-                "questions": [
-                    {
-                        "effect": q.effect,
-                        "site": q.site,
-                        "parameter": q.parameter,
-                        "value": q.value,
-                        "sigma": q.sigma,
-                        "unit": q.unit,
-                        "expected": [q.low if np.isfinite(q.low) else None, q.high if np.isfinite(q.high) else None],
-                        "why": q.why,
-                        "believed": q.believed,
-                    }
-                    for q in self.questions
-                ],
-            },
-            "next_experiment": [e.to_json() for e in self.next_experiment],
-        }
+        from gtpin.report.diagnosis_json import diagnosis_json  # sentences are made in the report
+
+        return diagnosis_json(self)

@@ -1,1 +1,22 @@
-"""What a geometry leaves out: one effect a file, each a set of small displacements that are linear in its coefficients."""
+"""Effects: what a geometry leaves out, one a file. What a user's own effect is written with is imported here."""
+
+from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
+from gtpin.effects.effect import Effect, Range
+from gtpin.effects.sites import arm_and_links, carts, links, sliding_carts
+from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
+
+__all__ = [
+    "Basis",
+    "Effect",
+    "Range",
+    "Situation",
+    "Untestable",
+    "along_track",
+    "arm_and_links",
+    "carts",
+    "links",
+    "of_lengths",
+    "rods_of",
+    "sliding_carts",
+]

@@ -27,8 +27,8 @@ class ActiveEffect:
 
     Parameters
     ----------
-    effect, site, setting
-        What acts where; the setting is the value of what is not linear in it.
+    effect, site, nonlinear
+        What acts where, and the value of its nonlinear parameter; None where it has none.
     coefficients, covariance
         (m,) and (m, m), in the effect's own units.
     references
@@ -37,7 +37,7 @@ class ActiveEffect:
 
     effect: Effect
     site: str
-    setting: float | None
+    nonlinear: float | None
     coefficients: Floats
     covariance: Floats
     references: References
@@ -56,7 +56,7 @@ class ActiveEffect:
             If a covariate is missing that it needs, or its coefficients are not the effect's.
         """
         try:
-            basis = self.effect.basis(at, self.site, self.setting)
+            basis = self.effect.basis(at, self.site, self.nonlinear)
         except ModelError as error:
             raise ModelError(f"{error.what}, which {self.name} needs", column=error.column, hint=error.hint) from None
         if len(basis) != len(self.coefficients):
@@ -114,16 +114,17 @@ def _displaced(
 ) -> Poses:
     """Poses with effects of rows that the geometry alone reaches."""
     commands, twist = q.copy(), np.zeros((len(q), 6))
-    seat: Floats | float = 0.0
+    carrier_joints: Floats | float = 0.0
     length: Floats | float = 0.0
     for active in effects:
         at = Situation(kinematics, q, plain, covariates, fixed=active.references)
         moved = _moved(active.basis(at), active.coefficients)
         if moved.command is not None:
             commands[:, moved.command[0]] += moved.command[1]
-        seat, length, twist = seat + moved.seat, length + moved.length, twist + moved.twist
+        carrier_joints, length = carrier_joints + moved.carrier_joints, length + moved.length
+        twist = twist + moved.twist
     ends = kinematics.ends(commands)
-    displaced = RodEnds(ends.P, ends.C + seat, ends.L + length)
+    displaced = RodEnds(ends.P, ends.C + carrier_joints, ends.L + length)
     before = kinematics.ends(q)
     poses = follow(lambda s, r: between(before, displaced, s, r), plain, kinematics.size)
     return Poses(poses.T + twist[:, :3], exp(twist[:, 3:]) @ poses.R)
@@ -132,7 +133,7 @@ def _displaced(
 @dataclass(frozen=True)
 class _Moved:
     command: tuple[int, Floats] | None
-    seat: Floats | float
+    carrier_joints: Floats | float
     length: Floats | float
     twist: Floats | float
 
@@ -140,7 +141,7 @@ class _Moved:
 def _moved(basis: Basis, coefficients: Floats) -> _Moved:
     return _Moved(
         None if basis.command is None else (basis.command[0], basis.command[1] @ coefficients),
-        0.0 if basis.seat is None else basis.seat @ coefficients,
+        0.0 if basis.carrier_joints is None else basis.carrier_joints @ coefficients,
         0.0 if basis.length is None else basis.length @ coefficients,
         0.0 if basis.twist is None else basis.twist @ coefficients,
     )

@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, carts, number, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import bent
+from gtpin.effects.smooth import modulated
 from gtpin.robot.robot import Robot
 
 
@@ -29,8 +30,11 @@ class Backlash(Effect):
 
     id = "backlash"
     title = "deviation that follows the direction of approach"
+    clause = "{site} has backlash"
+    remedy = "Check the preload of pinion and gear; approach from one side, or set the drive's backlash compensation."
     coefficient = ("half_width", "m")
-    form = (0,)
+    between_visits = True
+    core = (0,)
     usual: ClassVar[Mapping[str, Range]] = {
         "half_width": Range(-np.inf, 0.0, "a drive that overshoots is rare: the sign of approach may be wrong")
     }
@@ -43,15 +47,15 @@ class Backlash(Effect):
         """The actuator's direction of approach."""
         return (f"approach{number(robot, site)}",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """The direction of approach, and its bends with travel and load."""
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """The direction of approach, and its modulation by travel and load."""
         j = at.robot.sites.index(site)
         load = at.load[:, rods_of(at, site)].mean(axis=1)
         approach = at.covariate(f"approach{number(at.robot, site)}")
-        columns, size = bent(approach, [at.travel[:, j], load / 2.0], 0.2)
+        columns, size = modulated(approach, [at.travel[:, j], load / 2.0], 0.2)
         return along_track(at, site, columns, unit(size, 1.5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Half width, and the whole reversal."""
         half = float(coefficients[0])
         return {"half_width": (half, "m"), "reversal": (2.0 * half, "m")}

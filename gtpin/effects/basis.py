@@ -22,7 +22,7 @@ class Basis:
         (m,) size that a coefficient has where the effect is of its typical size: the prior's standard deviation.
     command
         Index of an actuator and (N, m) displacements of its travel, m or rad.
-    seat
+    carrier_joints
         (N, k, 3, m) displacements of the rods' joints on their carriers, base frame, m.
     length
         (N, k, m) changes of the rods' lengths, m.
@@ -32,7 +32,7 @@ class Basis:
 
     sigma: Floats
     command: tuple[int, Floats] | None = None
-    seat: Floats | None = None
+    carrier_joints: Floats | None = None
     length: Floats | None = None
     twist: Floats | None = None
 
@@ -46,11 +46,11 @@ class Basis:
         if self.command is not None:
             actuator, travel = self.command
             total += at.command_jacobian[:, :, actuator, None] * travel[:, None, :]
-        if self.seat is not None:
-            gap += np.einsum("nki,nkim->nkm", at.along, self.seat)
+        if self.carrier_joints is not None:
+            gap += np.einsum("nki,nkim->nkm", at.along, self.carrier_joints)
         if self.length is not None:
             gap += self.length
-        if self.seat is not None or self.length is not None:
+        if self.carrier_joints is not None or self.length is not None:
             total += at.response @ gap
         if self.twist is not None:
             total += self.twist

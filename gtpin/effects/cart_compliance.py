@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, sliding_carts, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
 from gtpin.effects.hysteresis import FRICTION, approach
+from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
@@ -43,8 +44,11 @@ class CartCompliance(Effect):
 
     id = "cart_compliance"
     title = "the cart gives way and tips under the forces of its links"
+    clause = "{site} gives way under the forces of its links"
+    remedy = "Check carriage preload and pinion stiffness; use the corrected model with the payload given."
     coefficient = ("along", "m/N")
-    form = (0, 1, 2)
+    exported_as = "cart_springs"
+    core = (0, 1, 2)
     plausible: ClassVar[Mapping[str, Range]] = {"along": Range(0.0, np.inf, "no cart moves against its links' pull")}
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -52,19 +56,19 @@ class CartCompliance(Effect):
         return sliding_carts(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("load", "payload")
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Compliances along and across, their stiffening and their bends along the track, and compliances in turning."""
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Compliances along and across, their stiffening and their modulation along the track, and compliances in turning."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
         axes = np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)
         pull = at.force[:, rods, None] * at.along[:, rods]
         force = pull.sum(axis=1)
-        lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
+        lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
         moment = np.cross(lever, pull).sum(axis=1)
-        # Against the fit's own load, so that a pose does not depend on which others it is asked with.
+        # Against the fit's own load, so that a pose does not depend on which others are predicted with it.
         mean, spread = at.references.force
         usual = max(float(np.sqrt((mean[rods] ** 2 + spread[rods] ** 2).sum())), 1e-9)
         harder = np.linalg.norm(force, axis=1) / usual - 1.0
@@ -75,7 +79,7 @@ class CartCompliance(Effect):
         columns, sizes = [], []
         for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (came, FRICTION), *softer]:
             for axis, size in zip(axes, GIVE, strict=True):
-                # Friction goes with how hard the cart is pulled, whichever way.
+                # Friction depends on the magnitude of the pull.
                 along = np.abs(force @ axis) if factor is came else force @ axis
                 given = (factor * along)[:, None] * axis
                 columns.append(np.broadcast_to(given[:, None, :], lever.shape))
@@ -86,11 +90,11 @@ class CartCompliance(Effect):
                 for axis in axes:
                     columns.append(np.cross(axis, lever) * (factor * (moment @ axis))[:, None, None])
                     sizes.append(share * TIP)
-        seat = np.zeros((len(at), len(at.robot.rods), 3, len(columns)))
-        seat[:, rods] = np.stack(columns, axis=3)
-        return Basis(unit(sizes, 1.0), seat=seat)
+        carrier_joints = np.zeros((len(at), len(at.robot.rods), 3, len(columns)))
+        carrier_joints[:, rods] = np.stack(columns, axis=3)
+        return Basis(unit(sizes, 1.0), carrier_joints=carrier_joints)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Compliances along, across and in turning."""
         names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}

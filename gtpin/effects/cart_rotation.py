@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
+from gtpin.effects.untestable import Untestable
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
@@ -29,30 +31,32 @@ class CartRotation(Effect):
 
     id = "cart_rotation"
     title = "smooth roll, pitch and yaw of the cart along the track (EAX, EBX, ECX)"
+    clause = "{site} rolls, pitches or yaws along its track"
+    remedy = "Check the guideway's parallelism and the carriage's preload, or use the corrected model."
     coefficient = ("first_wave", "rad")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator that slides a carrier along a track."""
         return sliding_carts(robot)
 
-    def untestable(self, at: Situation, site: str) -> str:
+    def untestable(self, at: Situation, site: str) -> Untestable | None:
         """A single joint does not move when its cart turns about it."""
-        return "" if len(rods_of(at, site)) > 1 else "the cart carries a single joint, about which it turns unseen"
+        return None if len(rods_of(at, site)) > 1 else Untestable("single_joint")
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Cosines along the track about three axes: the track, a and b."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
         waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
-        lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
+        lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
         m = waves.shape[1]
-        seat = np.zeros((len(at), len(at.robot.rods), 3, 3 * m))
+        carrier_joints = np.zeros((len(at), len(at.robot.rods), 3, 3 * m))
         for a, axis in enumerate(np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)):
             arm = np.cross(axis, lever)
-            seat[:, rods, :, a * m : (a + 1) * m] = arm[..., None] * waves[:, None, None, :]
-        return Basis(unit(np.tile(size, 3), 1e-4), seat=seat)
+            carrier_joints[:, rods, :, a * m : (a + 1) * m] = arm[..., None] * waves[:, None, None, :]
+        return Basis(unit(np.tile(size, 3), 1e-4), carrier_joints=carrier_joints)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How far the cart turns about each axis."""
         found: dict[str, tuple[float, str]] = {}
         for axis, part in zip(("roll", "a", "b"), np.split(coefficients, 3), strict=True):

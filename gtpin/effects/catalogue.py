@@ -54,9 +54,28 @@ GROUP = "gtpin.effects"
 """Entry-point group under which users register effects of their own: each a subclass of ``Effect``."""
 
 
+def catalogue() -> tuple[Effect, ...]:
+    """The effects that a diagnosis tries: those of gtpin, then those that installed packages register.
+
+    Examples
+    --------
+    An effect of your own needs no packaging: ``gtpin.diagnose(data, effects=[*gtpin.catalogue(), MyEffect()])``.
+
+    >>> import gtpin
+    >>> [effect.id for effect in gtpin.catalogue()][:3]
+    ['encoder_scale', 'linearity', 'rack_periodic']
+
+    Raises
+    ------
+    ModelError
+        If a registered effect can't be loaded, is none, or takes another's id.
+    """
+    return tuple(effects_by_id().values())
+
+
 @cache
-def catalogue() -> dict[str, Effect]:
-    """The known effects by id.
+def effects_by_id() -> dict[str, Effect]:
+    """The catalogue by id.
 
     Raises
     ------
@@ -68,7 +87,7 @@ def catalogue() -> dict[str, Effect]:
         try:
             kind = point.load()
             made = kind()
-        except Exception as error:  # a stranger's module may fail in any way
+        except Exception as error:  # a module of others may fail in any way
             raise ModelError(
                 f"the effect {point.name} of {GROUP} can't be loaded ({type(error).__name__}: {error})",
                 hint=f"mend or remove {point.value}",

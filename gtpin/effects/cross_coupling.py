@@ -1,4 +1,4 @@
-"""Deviation along a track that goes with where the other carts are."""
+"""Deviation along a track that depends on where the other carts are."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
 from gtpin.robot.robot import Robot
@@ -35,7 +36,9 @@ class CrossCoupling(Effect):
     """
 
     id = "cross_coupling"
-    title = "deviation along the track that goes with where the other carts are"
+    title = "deviation along the track that depends on where the other carts are"
+    clause = "{site} shifts along its track with where the other carts are"
+    remedy = "Look at what loads or twists the track when the carts move apart: mounting, rack, cart stiffness."
     coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -43,10 +46,10 @@ class CrossCoupling(Effect):
         return carts(robot) if robot.n_actuators > 1 else ()
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Waves over each of the others first, then products of them, then changes along the actuator's own track."""
         j = at.robot.sites.index(site)
         others = np.delete(at.travel, j, axis=1)
@@ -60,7 +63,7 @@ class CrossCoupling(Effect):
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
         return along_track(at, site, whole, unit(1.5 * size / np.linalg.norm(size), 5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How far each of the others takes the actuator from end to end of its range."""
         others = next(n for n in range(1, len(coefficients) + 1) if _count(n) >= len(coefficients))
         single = coefficients[: others * _most(others)].reshape(others, -1)

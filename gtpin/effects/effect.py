@@ -1,23 +1,25 @@
-"""What every effect says of itself."""
+"""The base class of all effects."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.basis import Basis
+from gtpin.effects.sites import number
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 
 
 class Range(NamedTuple):
-    """What a parameter is between, and why."""
+    """What a parameter is expected to be: lowest and highest value, and why, as the rest of a sentence."""
 
     low: float
     high: float
@@ -25,99 +27,160 @@ class Range(NamedTuple):
 
 
 class Effect(ABC):
-    """A cause of the gap between a geometry and a machine.
+    """A cause of deviations that the geometry does not model: a field of displacements, linear in its coefficients.
 
-    A subclass names itself, its sites and covariates, and gives its displacements for unit coefficients; everything else
-    follows: its signature, its evidence, its exact application in the closed-chain solve.
+    A measurement z at commands q is modelled as::
+
+        z = h(X(q, geometry, effects)) + noise
+
+    X are the poses of all bodies of the closed chain, h is what the instrument reads of them. An effect displaces one part of
+    the chain, at the pose of row n by::
+
+        u_n = B_n(covariates, nonlinear) c,        c ~ N(0, s^2 diag(sigma^2))
+
+    u_n is what :class:`~gtpin.effects.basis.Basis` can hold: the travel of an actuator, the positions of rods' joints on
+    their carriers, the lengths of rods, or the pose as the instrument sees it. :meth:`basis` gives B, the displacements for
+    coefficients c of one, and sigma, the typical size of each coefficient. Diagnosis finds the scale s and the coefficients.
+
+    An effect never says how the TCP moves. That follows from the chain: to first order from the Jacobians of its loop
+    closures (``Basis.displacement``), for the evidence; exactly by solving the closures again with the displaced parts
+    (``gtpin.effects.active.with_effects``), for predictions.
+
+    A subclass sets ``id``, ``title`` and ``coefficient``, and defines :meth:`sites` and :meth:`basis`. Everything else has a
+    default. Its docstring should give the equation, the signs and the parameters: reports show it.
+
+    Examples
+    --------
+    A cable chain pulls a cart back in proportion to its position and to the payload, u = -(p + r q) payload / 20 kg:
+
+    >>> import numpy as np
+    >>> import gtpin
+    >>> from gtpin.effects import Effect, Situation, along_track, carts
+    >>> class CableChain(Effect):
+    ...     id = "cable_chain"
+    ...     title = "a cable chain pulls the cart back"
+    ...     clause = "a cable chain pulls {site} back"
+    ...     remedy = "Guide the chain, or use the corrected model."
+    ...     coefficient = ("rate", "m/m")
+    ...
+    ...     def sites(self, robot):
+    ...         return carts(robot)
+    ...
+    ...     def covariates(self, robot, site):
+    ...         return ("payload",)
+    ...
+    ...     def basis(self, at, site, nonlinear=None):
+    ...         q, full = at.q[:, at.robot.sites.index(site)], at.covariate("payload") / 20.0
+    ...         B = np.stack([-q * full, -full], axis=1)  # (N, 2): m of travel for r = 1 m/m and p = 1 m
+    ...         return along_track(at, site, B, np.array([5e-5, 2e-5]))  # typical sizes of r and p
+
+    A diagnosis tries it with ``gtpin.diagnose(dataset, effects=[*gtpin.catalogue(), CableChain()])``. How far it moves the
+    TCP, to first order, for r = 50 um/m and p = 20 um:
+
+    >>> kinematics = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))).kinematics
+    >>> q = np.array([[0.1, 0.2, 0.0], [-0.3, -0.1, -0.2]])
+    >>> at = Situation(kinematics, q, kinematics.forward(q), {"payload": np.array([10.0, 20.0])})
+    >>> moved = CableChain().basis(at, "cart2").displacement(at) @ [5e-5, 2e-5]
+    >>> (1e6 * np.linalg.norm(moved[:, :3], axis=1)).round(1)
+    array([19.5, 19.8])
     """
 
     id: ClassVar[str]
-    """As in reports: ``rack_periodic``."""
+    """Its name in files, on the command line and in reports: ``rack_periodic``."""
     title: ClassVar[str]
     """What it is, in a few words."""
     coefficient: ClassVar[tuple[str, str]]
-    """Name and unit of what the first coefficient means."""
-    form: ClassVar[tuple[int, ...]] = ()
-    """Which of its columns are its textbook form, where the others only bend it: bends are believed no larger than the form's
-    own coefficients allow. Left out, all are."""
+    """Name and unit of what the first coefficient means: its only parameter, unless :meth:`parameters` gives others."""
+    clause: ClassVar[str] = ""
+    """What it does, as a clause, with ``{site}`` for where: ``{site} has backlash``. Left out, it is made from ``title``."""
+    plural_clause: ClassVar[str] = ""
+    """The same where the site is ``arm``, all links together."""
+    remedy: ClassVar[str] = "Use the corrected model, or take the effect away at its source."
+    """What an engineer can do about it, as a sentence."""
+    core: ClassVar[tuple[int, ...]] = ()
+    """Indices of the columns of B that are its core; the others modulate it (a backlash that varies along
+    the track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation without
+    a core is something else. Left out, all columns are the core."""
     plausible: ClassVar[Mapping[str, Range]] = {}
-    """By parameter, what physics allows: a cause outside it by more than its uncertainty is not believed."""
+    """By parameter, what physics allows: a cause with a parameter outside by more than three standard deviations is dropped."""
     usual: ClassVar[Mapping[str, Range]] = {}
-    """By parameter, what machines have: a cause outside it is believed, and the user is asked about it."""
+    """By parameter, what machines have: a cause with a parameter outside is named, and the user is asked to check it."""
+    between_visits: ClassVar[bool] = False
+    """Whether it differs between visits of one pose, and so looks like a lack of repeatability."""
+    stretches_frame: ClassVar[bool] = False
+    """Whether it scales all measured positions in proportion; then no smooth nonparametric term does so as well."""
+    exported_as: ClassVar[Literal["", "link_spring", "cart_springs", "drive_scale"]] = ""
+    """What it becomes in an exported mechanism: a spring along the link, springs under the cart, a scale of the drive."""
 
     @abstractmethod
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Where it can act on a robot."""
+        """Where it can act: names of actuators or rods, ``arm`` for all rods together, ``platform`` or ``frame``."""
 
     @abstractmethod
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Displacements for unit coefficients.
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Displacements B of N poses for coefficients of one, and the typical sizes sigma of the coefficients.
+
+        A row of B may depend on the row's own pose and covariates and on ``at.references`` alone, so that a pose is predicted
+        the same whichever poses are predicted with it.
 
         Parameters
         ----------
-        setting
-            The value of what is not linear in it (a period, a place), for effects that have such.
+        at
+            The N poses: commands, covariates, rods' directions and forces.
+        site
+            One of :meth:`sites`.
+        nonlinear
+            The value of its nonlinear parameter (a period, a place), for effects that have one.
         """
 
     @property
-    def has_setting(self) -> bool:
-        """Whether something in it is not linear: a period, a place."""
-        return type(self).settings is not Effect.settings
+    def has_nonlinear(self) -> bool:
+        """Whether it has a parameter that it is not linear in: a period, a place."""
+        return type(self).nonlinear_values is not Effect.nonlinear_values
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """Covariates that it needs at a site."""
+        """Covariates without which it can't be tested or applied at a site."""
         return ()
 
-    def settings(self, at: Situation, site: str) -> Sequence[float]:
-        """Values to try of what is not linear in it; none where everything is."""
+    def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
+        """Values of its nonlinear parameter to try; none where it has no such parameter."""
         return ()
 
-    def untestable(self, at: Situation, site: str) -> str:
-        """Why these data can't show it, before it is tried; empty where they may."""
+    def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
+        """Commands, m or rad, at which its displacement along a track jumps; tables of corrections have points there."""
+        return ()
+
+    def untestable(self, at: Situation, site: str) -> Untestable | str | None:
+        """Why these data can't show it, as far as that is clear before it is fitted; None where they may.
+
+        Left out: a covariate of :meth:`covariates` is missing or constant, or :meth:`settings` has no values. An effect
+        of your own may give its reason as a string, which reports show as it is.
+        """
         for name in self.covariates(at.robot, site):
             if not at.has(name):
-                return f"the covariate {name} is missing"
+                return Untestable("missing", name)
             if not at.varies(name):
-                return f"the covariate {name} does not vary"
-        if self.has_setting and not len(self.settings(at, site)):
-            return f"the commands of {site} are too few, or too close together"
-        return ""
+                return Untestable("constant", name)
+        if self.has_nonlinear and not len(self.nonlinear_values(at, site)):
+            return Untestable("too_few_commands", f"q{number(at.robot, site)}" if site in at.robot.sites else "")
+        return None
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with, in the words of covariates and commands: its covariates, and a cart's own command."""
+        """What its displacements depend on, first what a plot has on its axis: covariates, commands ``q1``, ``q2``, ...,
+        ``load`` (the rods' forces), ``direction`` (of a rod) or ``position`` (of the TCP).
+
+        Left out: its covariates, and the command of the actuator at its site.
+        """
         own = (f"q{number(robot, site)}",) if site in robot.sites else ()
         return (*self.covariates(robot, site), *own)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
-        """What the coefficients say, by name: value and unit."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Physical parameters that the coefficients amount to, by name: value and unit.
+
+        Left out: the first coefficient, as ``coefficient`` names it. Those that are nonlinear come first.
+        """
         name, unit = self.coefficient
         return {name: (float(coefficients[0]), unit)}
-
-
-def carts(robot: Robot) -> tuple[str, ...]:
-    """Sites of the actuators."""
-    return robot.sites
-
-
-def sliding_carts(robot: Robot) -> tuple[str, ...]:
-    """Sites of the actuators that slide a carrier along a track."""
-    carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
-    return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
-
-
-def links(robot: Robot) -> tuple[str, ...]:
-    """Sites of the rods."""
-    return robot.rod_sites
-
-
-def arm_and_links(robot: Robot) -> tuple[str, ...]:
-    """All rods together, and each."""
-    return ("arm", *robot.rod_sites)
-
-
-def number(robot: Robot, site: str) -> int:
-    """Number of an actuator, as covariates count them: 1, 2, ..."""
-    return robot.sites.index(site) + 1
 
 
 def unit(values: Sequence[float] | Floats, size: float) -> Floats:

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, Range, carts, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import bent
+from gtpin.effects.smooth import modulated
 from gtpin.robot.robot import Robot
 
 
@@ -24,8 +25,11 @@ class EncoderScale(Effect):
 
     id = "encoder_scale"
     title = "travel per count is off by a constant factor"
+    clause = "travel per count of {site} is off by a constant factor"
+    remedy = "Set the drive's scale factor to the value below, and check gear ratio or rack pitch."
     coefficient = ("scale", "m/m")
-    form = (0,)
+    exported_as = "drive_scale"
+    core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "scale": Range(-0.01, 0.01, "no drive's scale is off by a hundredth: its unit or gear ratio is wrong")
     }
@@ -34,12 +38,12 @@ class EncoderScale(Effect):
         """Every actuator."""
         return carts(robot)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Travel in proportion to the command, bending a little along the track."""
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Travel in proportion to the command, modulated a little along the track."""
         j = at.robot.sites.index(site)
-        columns, size = bent(at.q[:, j], [at.travel[:, j]], 0.1)
+        columns, size = modulated(at.q[:, j], [at.travel[:, j]], 0.1)
         return along_track(at, site, columns, unit(size, 1e-4))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Scale, and what it changes by from one end to the other."""
         return {"scale": (float(coefficients[0]), "m/m"), "uneven": (-2.0 * float(coefficients[1]), "m/m")}

@@ -27,6 +27,8 @@ class FrameShift(Effect):
 
     id = "frame_shift"
     title = "the measurement frame sits elsewhere in each session"
+    clause = "{site} sits elsewhere in each session"
+    remedy = "A fault of the measurement: tie the sessions together by reference nests."
     coefficient = ("shift_x[1]", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -37,14 +39,14 @@ class FrameShift(Effect):
         """The session."""
         return ("session",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """All six freedoms of the frame for each session."""
         twist, freedom = frame_twist(at)
         sessions = session_columns(at)
         columns = np.concatenate([twist * member[:, None, None] for member in sessions.T], axis=2)
         return Basis(np.tile(freedom, sessions.shape[1]), twist=columns)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Shifts and turns of each session."""
         by_session = coefficients.reshape(-1, 6)
         return {

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.effect import Floats, number
+from gtpin.effects.effect import Floats
+from gtpin.effects.sites import number
 from gtpin.effects.situation import Situation
 
 FRICTION = 0.05

@@ -8,8 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, links, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import links
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 
 FEWEST = 2
@@ -30,8 +32,10 @@ class JointClearance(Effect):
 
     id = "joint_clearance"
     title = "play in a spherical joint, taken up by the sign of the force"
+    clause = "a joint of {site} has play"
+    remedy = "Replace or preload the joint."
     coefficient = ("half_play", "m")
-    form = (0,)
+    core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "half_play": Range(0.0, np.inf, "play makes a link longer in tension, not shorter")
     }
@@ -40,16 +44,16 @@ class JointClearance(Effect):
         """Each link."""
         return links(robot)
 
-    def untestable(self, at: Situation, site: str) -> str:
+    def untestable(self, at: Situation, site: str) -> Untestable | None:
         """Play shows only where the force changes its sign."""
         pulled = int((at.force[:, rods_of(at, site)[0]] > 0.0).sum())
-        return "" if min(pulled, len(at) - pulled) >= FEWEST else "the link's force does not change its sign"
+        return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("load",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The sign of the force, floating where it is small, and yielding."""
         i = rods_of(at, site)[0]
         sign = np.sign(at.force[:, i])
@@ -58,7 +62,7 @@ class JointClearance(Effect):
         columns = np.stack([sign, soft - sign, at.force[:, i] / spread], axis=1)
         return of_lengths(at, [i], columns[:, None, :], unit([1.0, 0.3, 0.15], 1.5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Half the play, the whole, and what goes on with the force."""
         half, yielding = float(coefficients[0]), float(coefficients[2])
         return {"half_play": (half, "m"), "play": (2.0 * half, "m"), "yielding": (yielding, "m")}

@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, links, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import links
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -28,6 +29,8 @@ class JointRunout(Effect):
 
     id = "joint_runout"
     title = "an out-of-round ball: the length varies with the link's direction"
+    clause = "a ball of {site} is out of round"
+    remedy = "Have the ball and its socket measured, or replaced."
     coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -35,10 +38,10 @@ class JointRunout(Effect):
         return links(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("direction",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Waves over the two angles of the link about their mean; slopes are geometry's own."""
         i = rods_of(at, site)[0]
         a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
@@ -47,7 +50,7 @@ class JointRunout(Effect):
         size *= 2.0 / np.linalg.norm(size)
         return of_lengths(at, [i], np.stack(waves, axis=1)[:, None, :], unit(size, 1.5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How far the joint is from round."""
         # A cosine's mean square is a half, a product's of two a quarter.
         square = np.array([0.25 if m and n else 0.5 for m, n in ORDERS])

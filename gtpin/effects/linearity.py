@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
 from gtpin.robot.robot import Robot
@@ -25,19 +26,21 @@ class Linearity(Effect):
 
     id = "linearity"
     title = "smooth deviation along the track (EXX)"
+    clause = "{site} departs smoothly from where it should be along its track"
+    remedy = "Load the curve below as an axis compensation table, or have the rack aligned."
     coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""
         return carts(robot)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Cosines along the track, the slower the larger; the first stands for the slope that geometry leaves."""
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Cosines along the track, the slower the larger; the first is nearly the slope that geometry leaves."""
         j = at.robot.sites.index(site)
         columns, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
         return along_track(at, site, columns, unit(size, 5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How large the deviation is, about its straight line, and from end to end."""
         rms, span = extent(coefficients)
         ends = -2.0 * float(coefficients[::2].sum())

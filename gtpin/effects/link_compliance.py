@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, arm_and_links, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
 from gtpin.effects.hysteresis import FRICTION, approach
+from gtpin.effects.sites import arm_and_links
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -37,8 +38,12 @@ class LinkCompliance(Effect):
 
     id = "link_compliance"
     title = "links stretch under load"
+    clause = "{site} stretches under load"
+    plural_clause = "{site} stretch under load"
+    remedy = "Check links and their joints for stiffness; use the corrected model with the payload given."
     coefficient = ("compliance", "m/N")
-    form = (0,)
+    exported_as = "link_spring"
+    core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "compliance": Range(0.0, np.inf, "no link gets shorter when it is pulled")
     }
@@ -48,10 +53,10 @@ class LinkCompliance(Effect):
         return arm_and_links(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("load", "payload")
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """One compliance, stiffening with the load, what compression differs by, and what each link differs by."""
         rods = rods_of(at, site)
         force = at.force[:, rods]
@@ -70,8 +75,8 @@ class LinkCompliance(Effect):
             sizes.append(0.5)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
-        """Compliance, how it goes with the load, and how links differ."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Compliance, how it depends on the load, and how links differ."""
         whole, stiffening, pulled, held = (float(c) for c in coefficients[:4])
         own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]
         drawn = coefficients[4 + len(own) :]

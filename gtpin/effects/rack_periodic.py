@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -19,7 +20,7 @@ class RackPeriodic(Effect):
     """dq = A cos(2 pi q / p - phi), with two harmonics and an amplitude that drifts along the track.
 
     Parameters: ``period`` p, m (rad of an arm); ``amplitude`` A > 0 at mid-range, m; ``phase`` phi, rad: a crest lies at
-    q = p phi / (2 pi); ``harmonic``, amplitude of the second harmonic, m. The period is what is not linear in it: a setting.
+    q = p phi / (2 pi); ``harmonic``, amplitude of the second harmonic, m. The period is its nonlinear parameter.
 
     Typical size 20 um. Dressler et al. 2010, section III.C: the manufacturer expects variations with a period of the length
     between the rack's teeth. Precision rack drives are said to run true to 10 um (Machine Design, see ``encoder_scale``).
@@ -27,34 +28,36 @@ class RackPeriodic(Effect):
 
     id = "rack_periodic"
     title = "periodic deviation along the track"
+    clause = "{site} departs periodically along its track"
+    remedy = "Look for what has this period: tooth pitch, pinion run-out, mounting; or compensate by the curve below."
     coefficient = ("cosine", "m")
-    form = (0, 1)
+    core = (0, 1)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""
         return carts(robot)
 
-    def settings(self, at: Situation, site: str) -> Sequence[float]:
+    def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
         """Periods, so dense that the phase over the whole track is off by at most a twelfth of a turn."""
         q = at.q[:, at.robot.sites.index(site)]
         span = max(float(np.ptp(q)), 1e-9)
         frequencies = np.arange(1.0 / min(LONGEST, span / 3.0), 1.0 / SHORTEST, 1.0 / (6.0 * span))
         return [float(1.0 / f) for f in frequencies]
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Cosine and sine of the period, their drift along the track, and the first harmonic."""
-        assert setting is not None
+        assert nonlinear is not None
         j = at.robot.sites.index(site)
-        phase, x = 2.0 * np.pi * at.q[:, j] / setting, at.travel[:, j]
+        phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns = np.stack([c, s, x * c, x * s, np.cos(2.0 * phase), np.sin(2.0 * phase)], axis=1)
         return along_track(at, site, columns, unit([1.0, 1.0, 0.25, 0.25, 0.25, 0.25], 2e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Period, amplitude, phase and harmonic."""
         c, s = coefficients[:2]
         return {
-            "period": (float(setting or 0.0), "m"),
+            "period": (float(nonlinear or 0.0), "m"),
             "amplitude": (float(np.hypot(c, s)), "m"),
             "phase": (float(np.arctan2(s, c)), "rad"),
             "harmonic": (float(np.hypot(*coefficients[4:6])), "m"),

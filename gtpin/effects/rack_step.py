@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -19,7 +20,7 @@ class RackStep(Effect):
     """dq = h + m (q - p) where q > p, else 0: beyond the place p the cart is farther along by h, and farther with every metre.
 
     Parameters: ``place`` p, m (rad of an arm); ``step`` h, m; ``slope`` m, m/m: the pitch error of the segment beyond. The
-    place is what is not linear in it: a setting.
+    place is its nonlinear parameter.
 
     Typical size 50 um. Sections of precision racks that are checked and matched keep to 40 um of position over any length
     (Machine Design, see ``encoder_scale``).
@@ -27,14 +28,16 @@ class RackStep(Effect):
 
     id = "rack_step"
     title = "step where two rack segments meet"
+    clause = "{site} steps where two rack segments meet"
+    remedy = "Check the joint of the rack's segments at the place below, and its gap gauge."
     coefficient = ("step", "m")
-    form = (0,)
+    core = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""
         return carts(robot)
 
-    def settings(self, at: Situation, site: str) -> Sequence[float]:
+    def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
         """Places between neighbouring commands, away from the ends."""
         q = np.unique(at.q[:, at.robot.sites.index(site)])
         between = (q[1:] + q[:-1]) / 2.0
@@ -42,16 +45,20 @@ class RackStep(Effect):
         inner = between[edge:-edge]
         return [float(place) for place in inner[:: max(1, len(inner) // 100)]]
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
+        """The place of the step."""
+        return () if nonlinear is None else (nonlinear,)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The step, and a slope beyond it."""
-        assert setting is not None
+        assert nonlinear is not None
         j = at.robot.sites.index(site)
-        beyond = (at.q[:, j] > setting).astype(float)
-        columns = np.stack([beyond, beyond * (at.q[:, j] - setting)], axis=1)
+        beyond = (at.q[:, j] > nonlinear).astype(float)
+        columns = np.stack([beyond, beyond * (at.q[:, j] - nonlinear)], axis=1)
         span = at.robot.upper[j] - at.robot.lower[j]
         return along_track(at, site, columns, unit([1.0, 0.3 / span], 5e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Place and height of the step, and the slope beyond."""
         step, slope = (float(c) for c in coefficients[:2])
-        return {"place": (float(setting or 0.0), "m"), "step": (step, "m"), "slope": (slope, "m/m")}
+        return {"place": (float(nonlinear or 0.0), "m"), "step": (step, "m"), "slope": (slope, "m/m")}

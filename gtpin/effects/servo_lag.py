@@ -8,13 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Range, carts, number, unit
+from gtpin.effects.effect import Effect, Range, unit
+from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import bent
+from gtpin.effects.smooth import modulated
 from gtpin.robot.robot import Robot
 
 FAST = 0.3
-"""Speed, m/s, over which the lag may bend."""
+"""Speed, m/s, over which the lag may vary."""
 
 
 class ServoLag(Effect):
@@ -28,8 +29,11 @@ class ServoLag(Effect):
 
     id = "servo_lag"
     title = "deviation that grows with speed"
+    clause = "{site} lags behind in proportion to its speed"
+    remedy = "Measure at rest or slower; check position gain and velocity feed-forward."
     coefficient = ("lag", "s")
-    form = (0,)
+    between_visits = True
+    core = (0,)
     usual: ClassVar[Mapping[str, Range]] = {
         "lag": Range(
             0.0, np.inf, "a drive ahead of its command has too much feed-forward, or the speed's sign is wrong"
@@ -44,9 +48,9 @@ class ServoLag(Effect):
         """The actuator's speed."""
         return (f"speed{number(robot, site)}",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Minus the speed, and its bends with the speed itself and along the track."""
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Minus the speed, and its modulation by the speed itself and along the track."""
         j = at.robot.sites.index(site)
         speed = at.covariate(f"speed{number(at.robot, site)}")
-        columns, size = bent(-speed, [at.travel[:, j], speed / FAST], 0.2)
+        columns, size = modulated(-speed, [at.travel[:, j], speed / FAST], 0.2)
         return along_track(at, site, columns, unit(size, 2e-4))

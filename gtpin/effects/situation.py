@@ -135,22 +135,22 @@ class Situation:
         return self.kinematics.command_jacobian(self.q, self.poses)
 
     @cached_property
-    def seats(self) -> Floats:
+    def carrier_joints(self) -> Floats:
         """(N, k, 3) the rods' joints on their carriers, base frame, m."""
         return self.kinematics.ends(self.q).C
 
     @cached_property
     def force(self) -> Floats:
         """(N, k) axial force of each rod, N, tension positive: gravity of plate, rods and payload, and the tool's force."""
-        # Loads that the fit knew must be told; one that it did not know still pulls where it is told.
-        told = {
+        # Loads that the fit knew must be given; one that it did not know counts where it is given.
+        given = {
             name: self.covariate(name)
             for name in ("fx", "fy", "fz", "payload")
             if self.has(name) or name in self.covariates
         }
-        payload = told.pop("payload", None)
+        payload = given.pop("payload", None)
         none = np.zeros(len(self))
-        tool = np.stack([told.get(name, none) for name in ("fx", "fy", "fz")], axis=1) if told else None
+        tool = np.stack([given.get(name, none) for name in ("fx", "fy", "fz")], axis=1) if given else None
         return rod_forces(self.kinematics, self.q, self.poses, tool, payload)
 
     @cached_property

@@ -38,8 +38,8 @@ def span(coefficients: Floats) -> float:
     return float(np.ptp(cosines(GRID, 1, len(coefficients))[0] @ coefficients))
 
 
-def bent(column: Floats, coordinates: list[Floats], share: float, orders: int = 2) -> tuple[Floats, Floats]:
-    """A displacement (N,) and its bends: itself times slow functions of coordinates (N,) about -1 to 1.
+def modulated(column: Floats, coordinates: list[Floats], share: float, orders: int = 2) -> tuple[Floats, Floats]:
+    """A displacement (N,) and its modulation: itself times slow functions of coordinates (N,) about -1 to 1.
 
     Returns
     -------

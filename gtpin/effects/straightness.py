@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, Floats, sliding_carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
 from gtpin.robot.parameters import rotation_axes
@@ -30,25 +31,27 @@ class Straightness(Effect):
 
     id = "straightness"
     title = "smooth deviation across the track (EYX, EZX)"
+    clause = "the track of {site} is not straight"
+    remedy = "Realign the guideway by the curve below, or use the corrected model."
     coefficient = ("first_wave", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator that slides a carrier along a track."""
         return sliding_carts(robot)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Cosines along the track in two directions across it."""
         j = at.robot.sites.index(site)
         waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
         across = rotation_axes(at.robot.actuators[j].axis)[:2]
         m = waves.shape[1]
-        seat = np.zeros((len(at), len(at.robot.rods), 3, 2 * m))
+        carrier_joints = np.zeros((len(at), len(at.robot.rods), 3, 2 * m))
         for a, axis in enumerate(across):
             for i in rods_of(at, site):
-                seat[:, i, :, a * m : (a + 1) * m] = axis[None, :, None] * waves[:, None, :]
-        return Basis(unit(np.tile(size, 2), 4e-5), seat=seat)
+                carrier_joints[:, i, :, a * m : (a + 1) * m] = axis[None, :, None] * waves[:, None, :]
+        return Basis(unit(np.tile(size, 2), 4e-5), carrier_joints=carrier_joints)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How far the track is from straight in both directions."""
         found: dict[str, tuple[float, str]] = {}
         for direction, part in zip("ab", np.split(coefficients, 2), strict=True):

@@ -1,4 +1,4 @@
-"""The target is not where the TCP is believed to be."""
+"""The target is not where the TCP is assumed to be."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ class TargetOffset(Effect):
     """
 
     id = "target_offset"
-    title = "the target is not where the TCP is believed to be"
+    title = "the target is not where the TCP is assumed to be"
+    clause = "the target is not where the TCP is assumed to be"
+    remedy = "Measure the target's place on the platform."
     coefficient = ("offset_x", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -29,15 +31,15 @@ class TargetOffset(Effect):
         return ("platform",)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("position",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Offsets along the TCP frame's axes."""
         twist = np.zeros((len(at), 6, 3))
         twist[:, :3] = at.poses.R
         return Basis(unit(np.ones(3), 1e-3), twist=twist)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """The offset's components."""
         return {f"offset_{axis}": (float(c), "m") for axis, c in zip("xyz", coefficients, strict=True)}

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, arm_and_links, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import arm_and_links
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -28,8 +29,11 @@ class ThermalLinks(Effect):
 
     id = "thermal_links"
     title = "links grow with their temperature"
+    clause = "{site} grows with its temperature"
+    plural_clause = "{site} grow with their temperature"
+    remedy = "Let the machine warm up, or use the corrected model with the links' temperature measured."
     coefficient = ("expansion", "1/K")
-    form = (0,)
+    core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "expansion": Range(
             -2e-6, 1e-4, "no link shrinks in the warm but carbon fibre, by 1e-6/K, and plastics grow by 1e-4/K"
@@ -47,8 +51,8 @@ class ThermalLinks(Effect):
         """The links' temperature."""
         return ("temp_link",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """One expansion, how it goes with the warming, what each link differs by, and a lag that grows with time."""
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """One expansion, how it depends on the warming, what each link differs by, and a lag that grows with time."""
         rods = rods_of(at, site)
         warm = at.covariate("temp_link") - at.references.temperature
         growth = warm[:, None] * at.length[:, rods]
@@ -59,7 +63,7 @@ class ThermalLinks(Effect):
             sizes += [0.2] * len(rods)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, 8e-6))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Expansion, and how links differ."""
         own = coefficients[3:]
         if not own.size:

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, Range, carts, unit
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -27,8 +28,10 @@ class ThermalTrack(Effect):
 
     id = "thermal_track"
     title = "the guideway grows with the frame's temperature"
+    clause = "the guideway of {site} grows with the frame's temperature"
+    remedy = "Let the machine warm up, or use the corrected model with the frame's temperature measured."
     coefficient = ("expansion", "1/K")
-    form = (0, 1)
+    core = (0, 1)
     plausible: ClassVar[Mapping[str, Range]] = {
         "expansion": Range(-2e-6, 1e-4, "no guideway shrinks in the warm, and plastics grow by 1e-4/K")
     }
@@ -44,8 +47,8 @@ class ThermalTrack(Effect):
         """The frame's temperature."""
         return ("temp_frame",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        """Growth along the track, growth at its zero, and bends."""
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Growth along the track, growth at its zero, and their modulation."""
         j = at.robot.sites.index(site)
         warm = at.covariate("temp_frame") - at.references.temperature
         q = at.q[:, j]
@@ -56,7 +59,7 @@ class ThermalTrack(Effect):
             sizes += [0.15, 0.1]
         return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Expansion, the motion of the track's zero, and the point that stays."""
         expansion, zero = (float(c) for c in coefficients[:2])
         fixed = -zero / expansion if expansion else 0.0

@@ -30,6 +30,8 @@ class TrackerDrift(Effect):
 
     id = "tracker_drift"
     title = "the measurement frame moves over time"
+    clause = "{site} drifts over time"
+    remedy = "A fault of the measurement: check the tracker's stand and warm-up; measure reference nests in between."
     coefficient = ("shift_x", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -40,14 +42,14 @@ class TrackerDrift(Effect):
         """Time."""
         return ("time",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Slow waves over time of all six freedoms of the frame; the constant is geometry's."""
         waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, ORDERS, DECAY)
         twist, freedom = frame_twist(at)
         columns = np.concatenate([twist * wave[:, None, None] for wave in waves.T], axis=2)
         return Basis(np.concatenate([freedom * s for s in size]), twist=columns)
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Drift from beginning to end, and the largest on the way."""
         by_order = coefficients.reshape(-1, 6)
         drift = -2.0 * by_order[::2].sum(axis=0)

@@ -16,29 +16,32 @@ SCALE, WANDER = 3e-5, 1.5e-6
 class TrackerScale(Effect):
     """dT = s (T - T_home): lengths are read too long where s > 0. About what point they grow is a shift, which geometry takes.
 
-    Where the scale wanders with the time or goes with the air's temperature, everything that is seen comes and goes along
-    the line of sight; as the instrument's place need not be known, that is a shift in any direction.
+    Where the scale varies with the time or the air's temperature, all measured positions shift along the line of sight. The
+    place of the instrument need not be known, so the shift may have any direction.
 
     Parameters: ``scale`` s, m/m.
 
-    Typical size 3e-5. Air that is 1 K warmer than believed makes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
+    Typical size 3e-5. Air that is 1 K warmer than assumed makes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
     1996); a wrong scale bar, unit, or temperature of the part more.
     """
 
     id = "tracker_scale"
     title = "the instrument's length scale is off"
+    clause = "the instrument's length scale is off"
+    remedy = "A fault of the measurement: check the tracker's weather station and its scale on a calibrated bar."
     coefficient = ("scale", "m/m")
-    form = (0,)
+    stretches_frame = True
+    core = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """The measurement frame."""
         return ("frame",)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it goes with."""
+        """What it depends on."""
         return ("position",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Growth of the measured positions about home, and shifts as the scale wanders."""
         waves = []
         if at.has("time"):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, carts, unit
+from gtpin.effects.effect import Effect, Floats, unit
 from gtpin.effects.sessions import session_columns
+from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -25,6 +26,8 @@ class ZeroShift(Effect):
 
     id = "zero_shift"
     title = "zero of the drive moved between sessions"
+    clause = "the zero of {site} moved between sessions"
+    remedy = "Check homing and reference switch; home again before each session."
     coefficient = ("shift", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -35,12 +38,12 @@ class ZeroShift(Effect):
         """The session."""
         return ("session",)
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """One shift for each session."""
         columns = session_columns(at)
         return along_track(at, site, columns, unit(np.ones(columns.shape[1]), 4e-5))
 
-    def parameters(self, coefficients: Floats, setting: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Shift of each session, and the largest difference between two."""
         shifts = coefficients - coefficients.mean()
         found = {f"shift[{k + 1}]": (float(shift), "m") for k, shift in enumerate(shifts)}

@@ -39,7 +39,7 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
     carried
         Names of the effects that it now holds.
     """
-    active = [effect for effect in model.effects if effect.effect.id == "link_compliance"]
+    active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
     if not active:
         return mechanism, set()
     force = active[0].references.force[0]
@@ -64,9 +64,9 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
     carried = set()
     placements = mechanism.placements()
     for active in model.effects:
-        if active.effect.id != "cart_compliance":
+        if active.effect.exported_as != "cart_springs":
             continue
-        told = active.effect.parameters(active.coefficients, active.setting)
+        told = active.effect.parameters(active.coefficients, active.nonlinear)
         values = [told[n][0] if n in told else 0.0 for n in ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")]
         actuator = robot.sites.index(active.site)
         ends = [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]
@@ -98,8 +98,8 @@ def with_scales(mechanism: Mechanism, model: Model) -> tuple[Mechanism, set[str]
             scales[model.robot.sites[parameter.owner]] += float(deviation)
     carried = set()
     for active in model.effects:
-        if active.effect.id == "encoder_scale":
-            scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.setting)["scale"][0]
+        if active.effect.exported_as == "drive_scale":
+            scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.nonlinear)["scale"][0]
             carried.add(active.name)
     drives = tuple(replace(drive, scale=scales[drive.site]) for drive in mechanism.drives)
     by_joint = {drive.joint: drive.scale for drive in drives}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated
 
@@ -10,7 +11,8 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import GROUP, catalogue
+from gtpin.effects.catalogue import GROUP, effects_by_id
+from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -79,18 +81,16 @@ def record(active: ActiveEffect) -> EffectRecord:
     Raises
     ------
     ModelError
-        If it is not in the catalogue, so that it could not be read again.
+        If its id is that of another effect of the catalogue, as which it would be read again.
     """
-    if not isinstance(active.effect, type(catalogue().get(active.effect.id))):
-        raise ModelError(
-            f"the effect {active.effect.id} is not registered, so it could not be read again",
-            hint=f"register its class under the entry points {GROUP}",
-        )
+    own = active.effect
+    if not isinstance(own, type(effects_by_id().get(own.id, own))):
+        raise ModelError(f"the catalogue has another effect {own.id}", hint="give one of them another id")
     known = active.references
     return EffectRecord(
         effect=active.effect.id,
         site=active.site,
-        setting=None if active.setting is None else float(active.setting),
+        setting=None if active.nonlinear is None else float(active.nonlinear),
         coefficients=active.coefficients.tolist(),
         covariance=active.covariance.tolist(),
         references=ReferencesRecord(
@@ -104,11 +104,13 @@ def record(active: ActiveEffect) -> EffectRecord:
     )
 
 
-def active_effect(told: EffectRecord, kinematics: RodKinematics) -> ActiveEffect:
+def active_effect(told: EffectRecord, kinematics: RodKinematics, known: Mapping[str, Effect]) -> ActiveEffect:
     """An active effect from a file.
 
     Parameters
     ----------
+    known
+        The effects that it may be, by id.
     kinematics
         Of the geometry that it acts on.
 
@@ -118,17 +120,17 @@ def active_effect(told: EffectRecord, kinematics: RodKinematics) -> ActiveEffect
         If it can't be this robot's; ``column`` is the key at fault.
     """
     robot = kinematics.geometry.robot
-    effect = catalogue().get(told.effect)
+    effect = known.get(told.effect)
     if effect is None:
-        hint = f"install the package that registers it under {GROUP}, or use one of {', '.join(catalogue())}"
+        hint = f"install the package that registers it under {GROUP}, or give it: read_model(..., effects=[MyEffect()])"
         raise ModelError(f"no effect is called {told.effect!r}", column="effect", hint=hint)
     sites = effect.sites(robot)
     if told.site not in sites:
         raise ModelError(
             f"{effect.id} of {robot.name} can't be at {told.site!r}", column="site", hint=f"use {', '.join(sites)}"
         )
-    if effect.has_setting != (told.setting is not None):
-        raise ModelError(f"{effect.id} {'needs' if effect.has_setting else 'has no'} setting", column="setting")
+    if effect.has_nonlinear != (told.setting is not None):
+        raise ModelError(f"{effect.id} {'needs' if effect.has_nonlinear else 'has no'} setting", column="setting")
     active = ActiveEffect(
         effect,
         told.site,

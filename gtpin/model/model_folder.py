@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import numpy.typing as npt
 from pydantic import ValidationError
 
 from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.effect import Effect
 from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
@@ -52,7 +55,7 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
     Raises
     ------
     ModelError
-        If the model could not be read again: effects that are not registered, numbers that are none; the folder can't be
+        If the model could not be read again: an effect that has another's id, numbers that are none; the folder can't be
         written; or, without ``force``, it holds such files.
     """
     folder = Path(folder)
@@ -61,7 +64,7 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
         told = _told(model)
     except ValidationError as error:
         raise explained(error, file) from None
-    _effects(told, model.geometry, file)
+    _effects(told, model.geometry, file, {active.effect.id: active.effect for active in model.effects})
     urdf = calibrated_urdf(model)
     with results_folder(folder, FILES, force=force, kind=ModelError) as new:
         (new / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
@@ -94,7 +97,7 @@ def _track_record(track: MeasuredTrack) -> TrackRecord:
     return TrackRecord(q=track.q.tolist(), path=track.path.tolist(), turns=turns, origin=track.origin.tolist())
 
 
-def read_model(reference: str | Path) -> Model:
+def read_model(reference: str | Path, *, effects: Iterable[Effect] = ()) -> Model:
     """Read a model.
 
     Parameters
@@ -102,24 +105,26 @@ def read_model(reference: str | Path) -> Model:
     reference
         A folder that holds ``model.json``, or whose ``model/`` does; the name of a robot that gtpin ships, or the path of a
         URDF, both of which give nominal geometry.
+    effects
+        Effects of your own that the model may have, beside those of :func:`gtpin.catalogue`.
 
     Raises
     ------
     GtpinError
         If there is no such model, or it can't be read.
     """
-    path = Path(reference)
+    path, own = Path(reference), {effect.id: effect for effect in effects}
     if os.path.isdir(path):
         for folder in (path, path / "model"):
             if (folder / "model.json").is_file():
-                return _read_folder(folder)
+                return _read_folder(folder, own)
         raise ModelError("no model.json here", file=path, hint="give a folder that calibrate or diagnose wrote")
     if os.path.isfile(path) and path.suffix == ".json":
-        return _read_folder(path.parent)
+        return _read_folder(path.parent, own)
     return Model(Geometry.nominal(load_robot(reference)))
 
 
-def _read_folder(folder: Path) -> Model:
+def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     file = folder / "model.json"
     told = read_model_file(file)
     robot = Robot(Description.read(folder / told.nominal_urdf), told.tcp)
@@ -128,20 +133,20 @@ def _read_folder(folder: Path) -> Model:
         frame, covariance = _frame(told), _covariance(geometry, told)
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
-    return Model(geometry, frame, _effects(told, geometry, file), covariance)
+    return Model(geometry, frame, _effects(told, geometry, file, own), covariance)
 
 
-def _effects(told: ModelFile, geometry: Geometry, file: Path) -> tuple[ActiveEffect, ...]:
+def _effects(told: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
     if not told.effects:
         return ()
     if not geometry.robot.rods:
         raise ModelError(
             f"{geometry.robot.name} has no rods", file=file, column="effects", hint="effects are for robots with rods"
         )
-    kinematics, found = RodKinematics(geometry), []
+    kinematics, known, found = RodKinematics(geometry), {**effects_by_id(), **own}, []
     for number, one in enumerate(told.effects):
         try:
-            found.append(active_effect(one, kinematics))
+            found.append(active_effect(one, kinematics, known))
         except GtpinError as error:
             key = f"effects.{number}.{error.column}" if error.column else f"effects.{number}"
             raise ModelError(error.what, file=file, column=key, hint=error.hint or AGAIN) from None

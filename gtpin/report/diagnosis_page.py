@@ -13,6 +13,7 @@ from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
+from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.effect_curves import Curve, curves
 from gtpin.report.evidence import Bar, NamedCause, evidence_bars, named_causes, testable_count, untestable
 from gtpin.report.experiments import confirmation, experiments
@@ -109,7 +110,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         moved=moved,
         parameters=parameters,
         quality=quality(dataset, diagnosis.baseline, diagnosis.set_aside_rows),
-        method=diagnosis.to_json()["gap"]["method"],
+        method=gap_method(),
     )
 
 

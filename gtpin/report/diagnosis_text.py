@@ -7,7 +7,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Member
-from gtpin.report.verdict import could_be, may_hide, not_recorded, questions, verdict
+from gtpin.report.not_tested import could_be, may_hide, not_recorded
+from gtpin.report.verdict import questions, verdict
 from gtpin.report.words import chance, length, percent, quantity
 
 SHOWN = 6

@@ -122,7 +122,7 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     others = [name for name in known if name != first]
     data = _column(residuals, first)
     assert data is not None
-    grid = fine(data, active.effect.has_setting)
+    grid = fine(data, active.effect.has_nonlinear)
     if not others:
         return first, [_Level("", _situation(active, residuals, {first: grid}), grid, np.arange(len(residuals)))]
     other = others[0]

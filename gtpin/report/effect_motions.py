@@ -66,14 +66,15 @@ def _travel(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
 
 def _seats(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
     """Shifts of a cart along and across its track, and its turns."""
-    if basis.seat is None or active.site not in at.robot.sites:
+    if basis.carrier_joints is None or active.site not in at.robot.sites:
         return []
-    rods = np.flatnonzero(np.abs(basis.seat).max(axis=(0, 2, 3)) > 0.0)
+    rods = np.flatnonzero(np.abs(basis.carrier_joints).max(axis=(0, 2, 3)) > 0.0)
     if not rods.size:
         return []
     axis = at.robot.actuators[at.robot.sites.index(active.site)].axis
     axes = (axis, *rotation_axes(axis)[:2])
-    moved, lever = basis.seat[:, rods], at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
+    moved, places = basis.carrier_joints[:, rods], at.carrier_joints[:, rods]
+    lever = places - places.mean(axis=1, keepdims=True)
     found = []
     for number, direction in enumerate(axes):
         where = "along its track" if number == 0 else f"across its track, towards {_towards(direction)}"
@@ -118,7 +119,7 @@ def _tcp(at: Situation, rods: npt.NDArray[np.intp], moved: Floats) -> Floats:
     """(N, 6) motion of the TCP by a motion (N, len(rods), 3) of some rods' seats."""
     seat = np.zeros((len(at), len(at.robot.rods), 3, 1))
     seat[:, rods] = moved[..., None]
-    return Basis(np.ones(1), seat=seat).displacement(at)[:, :, 0]
+    return Basis(np.ones(1), carrier_joints=seat).displacement(at)[:, :, 0]
 
 
 def _towards(direction: Floats) -> str:

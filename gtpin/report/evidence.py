@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Member
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.effect import Effect
 from gtpin.report.meaning import meaning
 from gtpin.report.page import Table
-from gtpin.report.phrases import phrase, sentence
+from gtpin.report.phrases import clause, sentence
+from gtpin.report.reasons import reason_words
 from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
 
 SHOWN = 12
@@ -72,17 +73,20 @@ def named_causes(d: Diagnosis, reach: Mapping[tuple[str, str], str]) -> list[Nam
         How much each moves, in words, by effect and site.
     """
     told = d.gap.before > d.gap.floor
-    return [_named(f"cause-{k + 1}", c, reach.get((c.effect, c.site), ""), told) for k, c in enumerate(d.causes)]
+    return [
+        _named(f"cause-{k + 1}", c, d.effect(c.effect), reach.get((c.effect, c.site), ""), told)
+        for k, c in enumerate(d.causes)
+    ]
 
 
-def _named(key: str, c: Cause, reach: str, told: bool) -> NamedCause:
+def _named(key: str, c: Cause, effect: Effect, reach: str, told: bool) -> NamedCause:
     rows = [
         [name.replace("_", " "), quantity(value, unit, sigma)] for name, (value, sigma, unit) in c.parameters.items()
     ]
     members = tuple(
         Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == (c.effect, c.site)) for m in c.members
     )
-    words = sentence(phrase(c.effect, c.site).clause)
+    words = sentence(clause(effect, c.site))
     shrinkage = percent(c.shrinkage) if told else "can't be told"
     return NamedCause(
         key,
@@ -92,17 +96,16 @@ def _named(key: str, c: Cause, reach: str, told: bool) -> NamedCause:
         site_words(c.site),
         chance(c.probability),
         shrinkage,
-        "; ".join(word for word in (_setting(c), reach) if word),
+        "; ".join(word for word in (_nonlinear(c, effect), reach) if word),
         Table(("parameter", "value"), rows),
-        meaning(c.effect),
+        meaning(effect),
         members,
     )
 
 
-def _setting(c: Cause) -> str:
+def _nonlinear(c: Cause, effect: Effect) -> str:
     """What is not linear in a cause, its period or place, in words; its parameters begin with it."""
-    known = catalogue().get(c.effect)
-    if known is None or not known.has_setting:
+    if not effect.has_nonlinear:
         return ""
     name, (value, _, unit) = next(iter(c.parameters.items()))
     return f"{name.replace('_', ' ')} {quantity(value, unit)}"
@@ -113,7 +116,7 @@ def untestable(candidates: Sequence[Considered]) -> Table:
     reasons: dict[tuple[str, str], list[str]] = {}
     for c in candidates:
         if not c.testable:
-            reasons.setdefault((c.effect, c.reason), []).append(site_words(c.site))
+            reasons.setdefault((c.effect, reason_words(c.reason, c.site)), []).append(site_words(c.site))
     return Table(
         ("effect", "at", "why not"), [[effect, joined(sites), reason] for (effect, reason), sites in reasons.items()]
     )

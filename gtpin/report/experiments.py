@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from gtpin.data import Commands, Dataset
 from gtpin.data.ids import normal_ids
+from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.measurement_conditions import as_usual
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.page import Table
@@ -32,8 +31,7 @@ NEARLY = 0.9
 
 def experiments(d: Diagnosis) -> list[Step]:
     """Everything that is worth measuring next, the most telling first."""
-    steps = d.to_json()["next_experiment"]
-    return [_step(told, d.model.robot.n_actuators, experiment_file(i)) for i, told in enumerate(steps)]
+    return [_step(e, experiment_file(i)) for i, e in enumerate(d.next_experiment)]
 
 
 def experiment_file(number: int) -> str:
@@ -65,15 +63,14 @@ def confirmation(d: Diagnosis) -> str:
     )
 
 
-def _step(told: Mapping[str, Any], n_actuators: int, file: str) -> Step:
-    covariates: Mapping[str, Any] = told.get("covariates") or {}
-    head = [f"q{j + 1}" for j in range(n_actuators)]
-    head += [with_unit(name, covariate_unit(name)) for name in covariates]
+def _step(e: Experiment, file: str) -> Step:
+    head = [f"q{j + 1}" for j in range(e.robot.n_actuators)]
+    head += [with_unit(name, covariate_unit(name)) for name in e.covariates]
     rows = [
-        [*(whole(f"{value:.4f}") for value in q), *(_cell(values[i]) for values in covariates.values())]
-        for i, q in enumerate(told["poses"])
+        [*(whole(f"{value:.4f}") for value in q), *(_cell(values[i]) for values in e.covariates.values())]
+        for i, q in enumerate(e.poses)
     ]
-    return Step(told["measure"], _worth(told.get("expected_gain"), told.get("random_gain")), Table(head, rows), file)
+    return Step(e.measure, _worth(e.expected_gain, e.random_gain), Table(head, rows), file)
 
 
 def _worth(expected: float | None, random: float | None) -> str:

@@ -46,7 +46,7 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
     if column is None or not own:
         return None
     data = np.asarray(column, dtype=float)
-    grid = fine(data, any(e.effect.has_setting for e in own))
+    grid = fine(data, any(e.effect.has_nonlinear for e in own))
     there = _made(residuals, own, residuals.dataset.q, residuals.dataset.covariates)
     levels = _levels(residuals, own, name)
     middles = [residuals.middle({name: grid, **given}) for given, _ in levels]

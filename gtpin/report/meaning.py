@@ -7,19 +7,15 @@ import re
 
 from markupsafe import Markup, escape
 
-from gtpin.effects.catalogue import catalogue
-
-OWN_PAGES = "docs/effects"
-"""Where the documentation has a page for each effect of gtpin."""
+from gtpin.effects.effect import Effect
 
 
-def meaning(effect: str) -> tuple[Markup, ...]:
+def meaning(effect: Effect) -> tuple[Markup, ...]:
     """Equation, signs and parameters of an effect, a paragraph each; empty for one that says nothing of itself.
 
     What its class's description says of typical sizes is left out: the data have told the size.
     """
-    known = catalogue().get(effect)
-    text = inspect.cleandoc(type(known).__dict__.get("__doc__") or "") if known else ""
+    text = inspect.cleandoc(type(effect).__dict__.get("__doc__") or "")
     paragraphs = [" ".join(part.split()) for part in text.split("\n\n")]
     return tuple(_marked(part) for part in paragraphs if part and not part.startswith("Typical size"))
 

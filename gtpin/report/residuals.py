@@ -22,7 +22,7 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 FINE, FINEST = 401, 1500
-"""Points of a line along a column; the latter where a cause has a setting, which may be a short period."""
+"""Points of a line along a column; the latter where a cause has a nonlinear parameter, which may be a short period."""
 MOST = 20_000
 """Poses behind the plots; of more an even selection: a mean of neighbouring poses still comes from a thousand."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")

@@ -6,17 +6,22 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Question
-from gtpin.effects.catalogue import catalogue
-from gtpin.report.phrases import phrase, sentence
+from gtpin.report.doubt import sure_and_doubtful
+from gtpin.report.not_tested import could_be, may_hide, not_recorded
+from gtpin.report.phrases import clause, sentence
 from gtpin.report.quality import scatters
-from gtpin.report.words import chance, coordinate_words, counted, joined, length, percent, quantity, site_words
+from gtpin.report.words import (
+    chance,
+    coordinate_words,
+    counted,
+    joined,
+    length,
+    number_word,
+    percent,
+    quantity,
+    site_words,
+)
 
-SURE = 0.95
-"""Probability from which a cause stands alone."""
-LISTED = 3
-"""Effects that could be the unknown, of which the best are listed."""
-BETWEEN_VISITS = ("backlash", "servo_lag")
-"""Effects that differ between visits of one pose, and so look like a lack of repeatability."""
 BADGES = {
     "none": ("no cause", "good"),
     "explained": ("cause found", "accent"),
@@ -64,47 +69,22 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
     return "Nothing but noise is left: the calibrated geometry explains these measurements.", advice
 
 
-def may_hide(d: Diagnosis) -> list[str]:
-    """What comes and goes between visits, and could not be tested for lack of a covariate, where visits scatter."""
-    if d.verdict != "none" or not scatters(d.baseline):
-        return []
-    lacking = [c for c in d.candidates if c.effect in BETWEEN_VISITS and c.reason.endswith("is missing")]
-    effects = list(dict.fromkeys(c.effect for c in lacking))
-    robot, known = d.model.robot, catalogue()
-    columns = list(dict.fromkeys(name for c in lacking for name in known[c.effect].covariates(robot, c.site)))
-    if not effects:
-        return []
-    return [
-        f"{joined(effects)} could not be tested: record {joined(columns)}, or fill in what is known, and diagnose again."
-    ]
-
-
 def _explained(d: Diagnosis) -> tuple[str, list[str]]:
-    clauses = [phrase(c.effect, c.site).clause for c in d.causes]
-    several = f"{_number(len(clauses))} causes: " if len(clauses) > 1 else ""
-    return sentence(several + joined(clauses)), [*_actions(d.causes), _shrinks(d)]
+    clauses = _clauses(d, d.causes)
+    several = f"{number_word(len(clauses))} causes: " if len(clauses) > 1 else ""
+    return sentence(several + joined(clauses)), [*_remedies(d, d.causes), _shrinks(d)]
 
 
 def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
-    sure, doubtful = _by_doubt(d.causes)
-    headline = " ".join(sentence(_either(cause)) for cause in doubtful)
+    sure, doubtful = sure_and_doubtful(d.causes)
+    headline = " ".join(sentence(_either(d, cause)) for cause in doubtful)
     if sure:
-        headline += f" Sure beside it: {joined([phrase(c.effect, c.site).clause for c in sure])}."
+        headline += f" Sure beside it: {joined(_clauses(d, sure))}."
     advice = [_shrinks(d), *not_recorded(d)]
     if len(advice) == 1:
         advice.append("Which of them it is makes no difference to what the model predicts near these poses.")
     members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
-    return headline, [*_actions(sure), *advice, *_next(d, members)]
-
-
-def not_recorded(d: Diagnosis) -> list[str]:
-    """What members of a class can't be ruled out for lack of a covariate, and how to mend that."""
-    lacking = dict.fromkeys((m.effect, m.site) for c in _by_doubt(d.causes)[1] for m in c.members if not m.recorded)
-    return [
-        f"{joined(names, 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
-        f"{_at_rest(reason)}, and diagnose again."
-        for reason, names in _by_reason(d, lacking).items()
-    ]
+    return headline, [*_remedies(d, sure), *advice, *_next(d, members)]
 
 
 def questions(d: Diagnosis) -> list[str]:
@@ -123,20 +103,6 @@ def _question(q: Question) -> str:
     )
 
 
-def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    """Effects at their sites in words, by why these data can't tell."""
-    reasons = {(c.effect, c.site): c.reason for c in d.candidates if c.reason}
-    found: dict[str, list[str]] = {}
-    for effect, site in effects:
-        if (effect, site) in reasons:
-            found.setdefault(reasons[effect, site], []).append(f"{effect} at {site_words(site)}")
-    return found
-
-
-def _at_rest(reason: str) -> str:
-    return " (0 where the machine stood still)" if " speed" in reason else ""
-
-
 def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
     what = (
         "something that these data can't name"
@@ -153,8 +119,8 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
         look = "It goes with no single coordinate that was recorded; the maps below show where it is."
     advice = [look, *could_be(d)]
     if d.causes:
-        sure = joined([phrase(c.effect, c.site).clause for c in d.causes])
-        advice += [f"Sure beside it: {sure}.", *_actions(d.causes), _shrinks(d)]
+        sure = joined(_clauses(d, d.causes))
+        advice += [f"Sure beside it: {sure}.", *_remedies(d, d.causes), _shrinks(d)]
     else:
         advice.append(
             "The corrected model is the calibrated geometry alone: no known effect is sure enough to be in it."
@@ -162,28 +128,15 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
     return headline, [*advice, *_next(d, {"unknown"})]
 
 
-def could_be(d: Diagnosis) -> list[str]:
-    """What these data can't tell, for lack of a covariate, but would account for the unknown."""
-    return [
-        f"It could be {joined(names, 'or')}, which these data can't tell: {reason}."
-        for reason, names in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
-    ]
-
-
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:
     """The first measurement that would tell some things apart."""
-    steps = (step for step in d.to_json()["next_experiment"] if separates & set(step["separates"]))
-    return [str(step["measure"]) for step in steps][:1]
+    steps = (e for e in d.next_experiment if separates.intersection(e.separates))
+    return [e.measure for e in steps][:1]
 
 
-def _by_doubt(causes: tuple[Cause, ...]) -> tuple[list[Cause], list[Cause]]:
-    sure = [c for c in causes if c.probability >= SURE]
-    return sure, [c for c in causes if c.probability < SURE]
-
-
-def _either(cause: Cause) -> str:
+def _either(d: Diagnosis, cause: Cause) -> str:
     """What a doubtful cause may be."""
-    named = [f"{phrase(m.effect, m.site).clause} ({chance(m.probability)})" for m in cause.members]
+    named = [f"{clause(d.effect(m.effect), m.site)} ({chance(m.probability)})" for m in cause.members]
     if len(named) == 1:
         return f"probably {named[0]}, but these data don't settle it"
     others = f"one of {len(named) - 3} others" if len(named) > 4 else "another"
@@ -191,15 +144,19 @@ def _either(cause: Cause) -> str:
     return f"{joined(named[:3], 'or')}{more}: these data can't tell"
 
 
-def _actions(causes: tuple[Cause, ...] | list[Cause]) -> list[str]:
+def _clauses(d: Diagnosis, causes: Iterable[Cause]) -> list[str]:
+    return [clause(d.effect(c.effect), c.site) for c in causes]
+
+
+def _remedies(d: Diagnosis, causes: tuple[Cause, ...] | list[Cause]) -> list[str]:
     if len(causes) == 1:
-        return [phrase(causes[0].effect, causes[0].site).action]
-    return [sentence(f"{site_words(c.site)}: {_lower(phrase(c.effect, c.site).action)}") for c in causes]
+        return [d.effect(causes[0].effect).remedy]
+    return [sentence(f"{site_words(c.site)}: {_lower(d.effect(c.effect).remedy)}") for c in causes]
 
 
-def _lower(action: str) -> str:
-    """An action as the rest of a sentence."""
-    return action[:1].lower() + action[1:].rstrip(".")
+def _lower(remedy: str) -> str:
+    """A remedy as the rest of a sentence."""
+    return remedy[:1].lower() + remedy[1:].rstrip(".")
 
 
 def _shrinks(d: Diagnosis) -> str:
@@ -221,7 +178,3 @@ def _shrinks(d: Diagnosis) -> str:
 
 def _range(interval: tuple[float, float]) -> str:
     return f"{percent(interval[0])} to {percent(interval[1])}"
-
-
-def _number(count: int) -> str:
-    return {2: "two", 3: "three", 4: "four"}.get(count, str(count))

@@ -128,3 +128,8 @@ def joined(words: list[str], last: str = "and") -> str:
 def counted(number: int, what: str) -> str:
     """``1 pose``, ``3 poses``."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def number_word(count: int) -> str:
+    """A small number as a word."""
+    return {2: "two", 3: "three", 4: "four"}.get(count, str(count))

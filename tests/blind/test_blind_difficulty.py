@@ -8,7 +8,7 @@ from gtpin.blind.oracle import knowing
 from gtpin.blind.smooth import smoothed
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.plant.case import Case, make_case
 from gtpin.plant.conditions import Conditions
 
@@ -48,7 +48,7 @@ def test_what_an_effect_leaves_is_by_the_definition(
     (true,) = linearity[0].effects
     at, geometry = yardstick.situation, linearity[1].model.geometry
     effect, _, site = name.partition("@")
-    basis = catalogue()[effect].basis(at, site)
+    basis = effects_by_id()[effect].basis(at, site)
     B = (at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance / SIGMA[:, None]).reshape(6 * len(at), -1)
     X = (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(6 * len(at), -1)
     d = (true.displacement / SIGMA).ravel()
@@ -63,12 +63,12 @@ def test_what_an_effect_leaves_is_by_the_definition(
 
 def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(yardstick: Yardstick) -> None:
     at = yardstick.situation
-    for effect, site, setting in (("backlash", "cart1", None), ("rack_periodic", "cart3", 0.08)):
-        form = catalogue()[effect].basis(at, site, setting)
+    for effect, site, nonlinear in (("backlash", "cart1", None), ("rack_periodic", "cart3", 0.08)):
+        form = effects_by_id()[effect].basis(at, site, nonlinear)
         displacement = 5.0 * (form.displacement(at) * form.sigma)[:, :, 0]
         found = yardstick.left(displacement)[f"{effect}@{site}"]
         assert found.left < 0.01 * yardstick.energy(displacement)
-        assert setting is None or found.setting == pytest.approx(setting, rel=0.05)
+        assert nonlinear is None or found.nonlinear == pytest.approx(nonlinear, rel=0.05)
 
 
 def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration], yardstick: Yardstick) -> None:
@@ -81,7 +81,7 @@ def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration]
 
 def test_parameters_are_those_of_the_form(yardstick: Yardstick) -> None:
     at = yardstick.situation
-    scale = catalogue()["encoder_scale"].basis(at, "cart1")
+    scale = effects_by_id()["encoder_scale"].basis(at, "cart1")
     displacement = scale.displacement(at)[:, :, 0] * 1e-4
     best = yardstick.left(displacement)["encoder_scale@cart1"]
     values = yardstick.parameters(best, displacement)

@@ -15,7 +15,7 @@ import pytest
 import gtpin
 from gtpin.data import Commands
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 
 Run = Callable[..., Any]
@@ -28,9 +28,11 @@ def erring(tmp_path_factory: pytest.TempPathFactory) -> Path:
     at = Situation(model.kinematics, np.zeros((1, 3)), model.kinematics.home, {})  # type: ignore[arg-type]
     effects = []
     for name, site, value in (("encoder_scale", "cart2", 3e-4), ("target_offset", "platform", 1e-3)):
-        size = len(catalogue()[name].basis(at, site))
+        size = len(effects_by_id()[name].basis(at, site))
         coefficients = value * (np.arange(size) == 0)
-        effects.append(ActiveEffect(catalogue()[name], site, None, coefficients, np.zeros((size, size)), at.references))
+        effects.append(
+            ActiveEffect(effects_by_id()[name], site, None, coefficients, np.zeros((size, size)), at.references)
+        )
     folder = tmp_path_factory.mktemp("models") / "erring"
     gtpin.write_model(replace(model, effects=tuple(effects)), folder)
     return folder

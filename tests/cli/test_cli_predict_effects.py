@@ -8,7 +8,7 @@ import pytest
 
 import gtpin
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 
 COUNT = 30
@@ -25,9 +25,9 @@ def model():
     at = Situation(kinematics, q, kinematics.forward(q), {"session": session, "payload": rng.uniform(0, 20, COUNT)})
     effects = []
     for name, site in PLACES:
-        size = catalogue()[name].basis(at, site).sigma
+        size = effects_by_id()[name].basis(at, site).sigma
         drawn = size * (1.0 + rng.standard_normal(len(size)))
-        effects.append(ActiveEffect(catalogue()[name], site, None, drawn, np.diag(size**2), at.references))
+        effects.append(ActiveEffect(effects_by_id()[name], site, None, drawn, np.diag(size**2), at.references))
     return gtpin.Model(geometry, effects=tuple(effects))
 
 

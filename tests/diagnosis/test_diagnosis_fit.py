@@ -15,7 +15,7 @@ from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.linear.evidence import Groups, Marginal, fixed
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
@@ -23,9 +23,9 @@ from gtpin.robot.geometry import Geometry
 
 POSITION, ORIENTATION = 1.5e-5, 5e-5
 CAUSES = (
-    Hypothesis(catalogue()["servo_lag"], "cart1"),
-    Hypothesis(catalogue()["rack_periodic"], "cart2", 0.06),
-    Hypothesis(catalogue()["link_compliance"], "link2a"),
+    Hypothesis(effects_by_id()["servo_lag"], "cart1"),
+    Hypothesis(effects_by_id()["rack_periodic"], "cart2", 0.06),
+    Hypothesis(effects_by_id()["link_compliance"], "link2a"),
 )
 SCALES = (2.0, 1.5, 1.0)
 

@@ -25,16 +25,16 @@ class FrameWave(Effect):
     """A wave of the whole frame over a cart's command: displacements that no single actuator makes."""
 
     id = "frame_wave"
-    form = (0, 1)
+    core = (0, 1)
 
     def sites(self, robot):
         return robot.sites
 
-    def settings(self, at, site):
+    def nonlinear_values(self, at, site):
         return [float(s) for s in np.geomspace(0.05, 0.4, 150)]
 
-    def basis(self, at: Situation, site: str, setting: float | None = None) -> Basis:
-        phase = 2.0 * np.pi * at.q[:, at.robot.sites.index(site)] / setting
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        phase = 2.0 * np.pi * at.q[:, at.robot.sites.index(site)] / nonlinear
         twist = np.zeros((len(at), 6, 3))
         twist[:, 1, :2] = np.stack([np.cos(phase), np.sin(phase)], axis=1)
         twist[:, 4, 2] = np.cos(phase)
@@ -44,8 +44,8 @@ class FrameWave(Effect):
 class FewPeriods(RackPeriodic):
     """Periods about those of racks, and no more than a test has time for."""
 
-    def settings(self, at, site):
-        return super().settings(at, site)[300:500]
+    def nonlinear_values(self, at, site):
+        return super().nonlinear_values(at, site)[300:500]
 
 
 def problem(effect: Effect, setting: float, seed: int) -> Design:
@@ -56,7 +56,7 @@ def problem(effect: Effect, setting: float, seed: int) -> Design:
     X = design.columns(effect.basis(design.situation, SITE, setting))
     coefficients = np.zeros(X.shape[1])
     angle = rng.uniform(-np.pi, np.pi)
-    coefficients[list(effect.form)] = 2.0 * np.array([np.cos(angle), np.sin(angle)])[: len(effect.form)]
+    coefficients[list(effect.core)] = 2.0 * np.array([np.cos(angle), np.sin(angle)])[: len(effect.core)]
     y = design.B @ rng.standard_normal(design.B.shape[1]) + X @ coefficients + rng.standard_normal(len(design.y))
     return replace(design, y=y)
 
@@ -88,10 +88,10 @@ def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_mo
 
     def by_itself(setting: float) -> tuple[float, float]:
         if setting not in groups.columns:
-            groups.add(setting, design.columns(effect.basis(design.situation, SITE, setting)), effect.form)
+            groups.add(setting, design.columns(effect.basis(design.situation, SITE, setting)), effect.core)
         return gain(groups, model, setting)
 
-    settings = np.sort(effect.settings(design.situation, SITE))
+    settings = np.sort(effect.nonlinear_values(design.situation, SITE))
     gains = np.array([by_itself(s)[0] for s in settings])
     top = int(np.argmax(gains))
     assert settings[max(top - 1, 0)] <= found.setting <= settings[min(top + 1, len(settings) - 1)]
@@ -131,7 +131,7 @@ def test_sigmas_of_periods_cover_the_true_ones():
     effect, draws = FewPeriods(), 30
     rng = np.random.default_rng(7)
     observed, baseline = calibrated()
-    periods = effect.settings(observed.situation(baseline.model), SITE)
+    periods = effect.nonlinear_values(observed.situation(baseline.model), SITE)
     z = []
     for seed in range(draws):
         true = float(rng.uniform(min(periods[20:-20]), max(periods[20:-20])))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from diagnosed import LARGE, classes, machine, said
 
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 
 FAULTS = [
     (1, "rack_periodic"),
@@ -122,10 +122,10 @@ def test_the_gap_lies_at_the_site_of_the_fault():
 def test_every_effect_at_every_site_is_considered_once(seed, effect):
     found = said(seed, effect)
     robot = found.model.robot
-    expected = sorted((e.id, site) for e in catalogue().values() for site in e.sites(robot))
+    expected = sorted((e.id, site) for e in effects_by_id().values() for site in e.sites(robot))
     assert sorted((c.effect, c.site) for c in found.candidates) == expected
     for row in found.candidates:
-        assert row.testable == (row.reason == "")
+        assert row.testable == (row.reason is None)
         assert 0.0 <= row.probability <= 1.0
         assert np.isfinite(row.log_evidence)
         if not row.testable:

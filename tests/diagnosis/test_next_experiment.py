@@ -20,8 +20,9 @@ from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, 
 from gtpin.diagnosis.planning.map_unknown import trace
 from gtpin.diagnosis.planning.next_experiment import Experiment, Standing, plan
 from gtpin.diagnosis.planning.trials import Known, possible
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
+from gtpin.effects.untestable import Untestable
 from gtpin.plant import Case, make_case, measure_at
 
 PAIRS = [
@@ -35,7 +36,7 @@ SCALES = np.geomspace(0.1, 20.0, 16)
 
 def candidate(name: str) -> Hypothesis:
     effect, _, site = name.partition("@")
-    return Hypothesis(catalogue()[effect], site)
+    return Hypothesis(effects_by_id()[effect], site)
 
 
 @cache
@@ -66,7 +67,7 @@ def class_of(*names: str) -> Standing:
 def proposed(
     known: Known, *standings: Standing, untestable: tuple[str, ...] = (), seed: int = 0
 ) -> tuple[Experiment, ...]:
-    rows = [Untested(candidate(name), "it can't be seen") for name in untestable]
+    rows = [Untested(candidate(name), Untestable("absorbed")) for name in untestable]
     rng = np.random.default_rng(seed)
     return plan(
         known.observed,

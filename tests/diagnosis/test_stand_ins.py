@@ -9,8 +9,9 @@ from diagnosed import LARGE, POSES
 
 import gtpin
 from gtpin.effects.basis import along_track
-from gtpin.effects.catalogue import catalogue
-from gtpin.effects.effect import Effect, carts
+from gtpin.effects.effect import Effect
+from gtpin.effects.sites import carts
+from gtpin.effects.untestable import Untestable
 from gtpin.plant import Case, make_case
 from gtpin.plant.conditions import Conditions
 
@@ -60,7 +61,7 @@ def test_no_other_cause_is_sure_where_the_payload_was_not_recorded(seed):
     rows = {(c.effect, c.site): c for c in found.candidates}
     if truth in held(found):
         assert rows[truth].testable
-        assert "payload" in rows[truth].reason
+        assert rows[truth].reason == Untestable("unrecorded_payload", "payload")
 
 
 @pytest.mark.parametrize(
@@ -148,7 +149,7 @@ class OfOthers(Effect):
     def covariates(self, robot, site):
         return ("session",)
 
-    def basis(self, at, site, setting=None):
+    def basis(self, at, site, nonlinear=None):
         shift = {"morning": 0.0, "evening": 1.0}
         return along_track(at, site, np.array([[shift[s]] for s in at.covariates["session"]]), np.array([3e-5]))
 
@@ -162,17 +163,17 @@ class WithPeriod(OfOthers):
     def coordinates(self, robot, site):
         return ("payload",)
 
-    def settings(self, at, site):
+    def nonlinear_values(self, at, site):
         return (0.05, 0.1, 0.2)
 
-    def basis(self, at, site, setting=None):
+    def basis(self, at, site, nonlinear=None):
         q = at.q[:, at.robot.sites.index(site), None]
-        return along_track(at, site, np.sin(2.0 * np.pi * q / setting), np.array([3e-5]))
+        return along_track(at, site, np.sin(2.0 * np.pi * q / nonlinear), np.array([3e-5]))
 
 
 def diagnosed_beside(kind: type[Effect]) -> gtpin.Diagnosis:
     dataset = machine(1, "rack_periodic", "cart2", ("payload", "session", "fx", "fy", "fz")).dataset
-    return gtpin.diagnose(dataset, effects=[*catalogue().values(), kind()])
+    return gtpin.diagnose(dataset, effects=[*gtpin.catalogue(), kind()])
 
 
 def test_an_effect_of_others_that_can_do_with_no_guess_is_warned_of_and_stands_in_no_class():

@@ -9,13 +9,13 @@ import numpy as np
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 Floats = np.ndarray
-EFFECTS = catalogue()
+EFFECTS = effects_by_id()
 SETTINGS = {"rack_periodic": 0.0314, "rack_step": 0.051}
 
 
@@ -104,7 +104,7 @@ def displaced(at: Situation, name: str, site: str, coefficients: Floats) -> Disp
         command[:, found.command[0]] = found.command[1] @ coefficients
     return Displaced(
         command,
-        np.zeros((n, k, 3)) if found.seat is None else found.seat @ coefficients,
+        np.zeros((n, k, 3)) if found.carrier_joints is None else found.carrier_joints @ coefficients,
         np.zeros((n, k)) if found.length is None else found.length @ coefficients,
         np.zeros((n, 6)) if found.twist is None else found.twist @ coefficients,
     )

@@ -10,6 +10,7 @@ from effect_places import EFFECTS, FIT, PLACES, ROBOT, SEEN, SETTINGS, active, b
 
 from gtpin.effects.cart_compliance import TIPS
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 
 CARTS = ("cart1", "cart2", "cart3")
 LINKS = ("link1", "link2a", "link2b", "link3a", "link3b", "link3c")
@@ -60,14 +61,14 @@ def test_the_twenty_effects_of_the_table_are_there_with_their_sites() -> None:
 def test_an_effect_needs_the_covariate_that_it_goes_with_and_is_untestable_without(name: str) -> None:
     effect, site = EFFECTS[name], second(name)
     assert effect.covariates(ROBOT, site) == ((NEEDED[name],) if name in NEEDED else ())
-    assert effect.untestable(FIT, site) == ""
+    assert effect.untestable(FIT, site) is None
     if name in NEEDED:
         rest = {n: values for n, values in FIT.covariates.items() if n != NEEDED[name]}
         missing = Situation(FIT.kinematics, FIT.q, FIT.poses, rest)
-        assert effect.untestable(missing, site) == f"the covariate {NEEDED[name]} is missing"
+        assert effect.untestable(missing, site) == Untestable("missing", NEEDED[name])
         constant = {**FIT.covariates, NEEDED[name]: FIT.covariates[NEEDED[name]][[0] * len(FIT)]}
         still = Situation(FIT.kinematics, FIT.q, FIT.poses, constant)
-        assert effect.untestable(still, site) == f"the covariate {NEEDED[name]} does not vary"
+        assert effect.untestable(still, site) == Untestable("constant", NEEDED[name])
 
 
 @pytest.mark.parametrize(("name", "site"), SEEN)
@@ -97,8 +98,8 @@ def test_what_the_coefficients_say_has_a_name_a_unit_and_a_line_in_the_documenta
 
 @pytest.mark.parametrize(("name", "site"), PLACES)
 def test_parameters_of_twice_the_coefficients_are_twice_as_large(name: str, site: str) -> None:
-    c, setting = some(name, site, FIT), SETTINGS.get(name)
-    once, twice = EFFECTS[name].parameters(c, setting), EFFECTS[name].parameters(2.0 * c, setting)
+    c, nonlinear = some(name, site, FIT), SETTINGS.get(name)
+    once, twice = EFFECTS[name].parameters(c, nonlinear), EFFECTS[name].parameters(2.0 * c, nonlinear)
     for parameter, (value, _) in once.items():
         # Places, periods and phases are where, not how much.
         factor = 1.0 if parameter in ("period", "phase", "place", "fixed_point") else 2.0
@@ -124,23 +125,23 @@ def test_columns_do_not_depend_on_the_order_of_the_rows_of_the_fit(name: str, si
 
 
 @pytest.mark.parametrize(
-    "name", [name for name, effect in EFFECTS.items() if effect.form and name != "cart_compliance"]
+    "name", [name for name, effect in EFFECTS.items() if effect.core and name != "cart_compliance"]
 )
-def test_the_form_of_an_effect_is_its_largest_columns(name: str) -> None:
-    found, form = basis(name, second(name), FIT), list(EFFECTS[name].form)
+def test_the_core_of_an_effect_is_its_largest_columns(name: str) -> None:
+    found, core = basis(name, second(name), FIT), list(EFFECTS[name].core)
     moved_by = np.abs(found.displacement(FIT) * found.sigma).mean(axis=(0, 1))
-    assert moved_by[form].max() > np.delete(moved_by, form).max()
+    assert moved_by[core].max() > np.delete(moved_by, core).max()
 
 
 def test_the_form_of_a_carts_compliance_is_what_its_parameters_name() -> None:
     size = len(basis("cart_compliance", "cart2", FIT))
     named = {"along", "across_a", "across_b"}
-    form = {
+    core = {
         column
         for column in range(size)
         if any(EFFECTS["cart_compliance"].parameters(np.eye(size)[column], None)[name][0] for name in named)
     }
-    assert set(EFFECTS["cart_compliance"].form) == form
+    assert set(EFFECTS["cart_compliance"].core) == core
 
 
 def test_what_bends_a_carts_compliance_moves_less_than_what_it_bends() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import gtpin
 from gtpin.data.table import Column
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 
 
@@ -16,7 +16,7 @@ def active(
     q: np.ndarray,
     effect: str,
     site: str,
-    setting: float | None = None,
+    nonlinear: float | None = None,
     covariates: dict[str, Column] | None = None,
     first: float = 0.0,
     **parameters: float,
@@ -25,20 +25,20 @@ def active(
 
     Its references are those of a fit at commands q (N, n) with the covariates.
     """
-    kind = catalogue()[effect]
+    kind = effects_by_id()[effect]
     at = Situation(model.kinematics, q, model.kinematics.forward(q), covariates or {})  # type: ignore[arg-type]
-    size = len(kind.basis(at, site, setting))
+    size = len(kind.basis(at, site, nonlinear))
     coefficients = np.zeros(size)
     coefficients[0] = first
     for name, value in parameters.items():
-        coefficients[_place(kind, name, size, setting)] = value
-    return ActiveEffect(kind, site, setting, coefficients, np.zeros((size, size)), at.references)
+        coefficients[_place(kind, name, size, nonlinear)] = value
+    return ActiveEffect(kind, site, nonlinear, coefficients, np.zeros((size, size)), at.references)
 
 
-def _place(kind: object, name: str, size: int, setting: float | None) -> int:
+def _place(kind: object, name: str, size: int, nonlinear: float | None) -> int:
     """Which coefficient a parameter tells: the first that it answers to one to one."""
     for place, unit in enumerate(np.eye(size)):
-        told = kind.parameters(unit, setting)  # type: ignore[attr-defined]
+        told = kind.parameters(unit, nonlinear)  # type: ignore[attr-defined]
         if name in told and np.isclose(told[name][0], 1.0):
             return place
     raise AssertionError(f"no coefficient is {name}")

@@ -8,7 +8,7 @@ from family import NAMES, nominal
 
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
@@ -20,7 +20,7 @@ LINKS = ("joint_clearance", "joint_runout")
 @pytest.mark.parametrize("name", NAMES)
 def test_sites_are_the_machine_s_own_parts(name: str) -> None:
     robot, closures = gtpin.load_robot(name), nominal(name)
-    sites = {effect: known.sites(robot) for effect, known in catalogue().items()}
+    sites = {effect: known.sites(robot) for effect, known in effects_by_id().items()}
     for effect in (*DRIVES, "cross_coupling", "thermal_track"):
         assert sites[effect] == closures.sites, effect
     for effect in GUIDES:
@@ -44,7 +44,7 @@ def test_a_drive_s_error_is_a_leg_s_error_in_length(name: str) -> None:
     at = Situation(kinematics, q, kinematics.forward(q), {"session": session})
     sizes = {"encoder_scale": 1e-3, "zero_shift": 5e-4}
     for effect, size in sizes.items():
-        known = catalogue()[effect]
+        known = effects_by_id()[effect]
         coefficients = np.zeros(len(known.basis(at, "leg3")))
         coefficients[0] = size
         acting = ActiveEffect(known, "leg3", None, coefficients, np.zeros((len(coefficients),) * 2), at.references)
@@ -60,7 +60,7 @@ def test_an_arm_s_error_is_an_angle() -> None:
     kinematics = RodKinematics(gtpin.Geometry.nominal(gtpin.load_robot("tau")))
     q = closures.commands(np.random.default_rng(1), 40)
     at = Situation(kinematics, q, kinematics.forward(q), {})
-    known = catalogue()["encoder_scale"]
+    known = effects_by_id()["encoder_scale"]
     coefficients = np.zeros(len(known.basis(at, "arm2")))
     coefficients[0] = 1e-3
     acting = ActiveEffect(known, "arm2", None, coefficients, np.zeros((len(coefficients),) * 2), at.references)

@@ -6,13 +6,13 @@ import numpy as np
 
 import gtpin
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 
 ROBOT = gtpin.load_robot("gantry_tau")
 GEOMETRY = gtpin.Geometry.nominal(ROBOT)
 SETTINGS = {"rack_periodic": 0.0314, "rack_step": 0.05}
-PLACES = [(name, site) for name, effect in catalogue().items() for site in effect.sites(ROBOT)]
+PLACES = [(name, site) for name, effect in effects_by_id().items() for site in effect.sites(ROBOT)]
 
 
 def circumstances(count: int, seed: int = 0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -38,12 +38,12 @@ def active(name: str, site: str, amounts=None, without=()) -> ActiveEffect:
     kinematics = gtpin.Model(GEOMETRY).kinematics
     columns = {key: values for key, values in columns.items() if key not in without}
     at = Situation(kinematics, q, kinematics.forward(q), columns)
-    effect, setting = catalogue()[name], SETTINGS.get(name)
-    size = effect.basis(at, site, setting).sigma
+    effect, nonlinear = effects_by_id()[name], SETTINGS.get(name)
+    size = effect.basis(at, site, nonlinear).sigma
     if amounts is None:
         amounts = np.random.default_rng(len(name)).standard_normal(len(size))
     amounts = np.resize(np.asarray(amounts, dtype=float), len(size))
-    return ActiveEffect(effect, site, setting, amounts * size, np.diag((0.1 * size) ** 2), at.references)
+    return ActiveEffect(effect, site, nonlinear, amounts * size, np.diag((0.1 * size) ** 2), at.references)
 
 
 def with_effect(name: str, site: str, **options) -> gtpin.Model:

@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 import gtpin
 from gtpin.effects import catalogue as catalogue_module
 from gtpin.effects.basis import along_track
-from gtpin.effects.catalogue import catalogue
-from gtpin.effects.effect import Effect, carts, unit
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.effect import Effect, unit
 from gtpin.effects.frames import frame_twist
+from gtpin.effects.sites import carts
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
 
 Q, COLUMNS = circumstances(12, seed=7)
@@ -32,7 +33,7 @@ def same(one: gtpin.Poses, other: gtpin.Poses) -> bool:
 # -------------------------------------------------------------------------------------------------- there and back
 
 
-@pytest.mark.parametrize("name", catalogue())
+@pytest.mark.parametrize("name", effects_by_id())
 @given(data=st.data())
 @settings(ODD, max_examples=2)
 def test_a_model_with_any_effect_predicts_the_same_bits_when_it_is_read_again(tmp_path, name, data):
@@ -45,7 +46,7 @@ def test_a_model_with_any_effect_predicts_the_same_bits_when_it_is_read_again(tm
     assert expected.reached.all()
     assert same(again.predict(Q, COLUMNS), expected)
     (one,), (other,) = model.effects, again.effects
-    assert (one.name, one.setting) == (other.name, other.setting)
+    assert (one.name, one.nonlinear) == (other.name, other.nonlinear)
     assert np.array_equal(one.covariance, other.covariance)
 
 
@@ -196,13 +197,13 @@ class Creep(Effect):
     def covariates(self, robot, site):
         return ("time",)
 
-    def basis(self, at, site, setting=None):
+    def basis(self, at, site, nonlinear=None):
         return along_track(at, site, at.time[:, None], unit([1.0], 1e-5))
 
 
 def registered(monkeypatch, *points: EntryPoint) -> None:
     monkeypatch.setattr(catalogue_module, "entry_points", lambda group: points)
-    catalogue.cache_clear()
+    effects_by_id.cache_clear()
 
 
 @pytest.fixture
@@ -211,7 +212,7 @@ def stranger(monkeypatch):
     registered(monkeypatch, EntryPoint("creep", f"{__name__}:Creep", "gtpin.effects"))
     yield
     monkeypatch.undo()
-    catalogue.cache_clear()
+    effects_by_id.cache_clear()
 
 
 def test_an_effect_of_another_package_is_written_and_read(stranger, tmp_path):
@@ -224,9 +225,25 @@ def test_an_effect_that_is_not_installed_is_an_error_that_says_so(stranger, tmp_
     model = with_effect("belt_creep", "cart3")
     gtpin.write_model(model, tmp_path)
     registered(monkeypatch)
-    with pytest.raises(ModelError, match=r"effects\.0\.effect.*'belt_creep'; install the package"):
+    with pytest.raises(ModelError, match=r"effects\.0\.effect.*'belt_creep'.*install the package"):
         gtpin.read_model(tmp_path)
-    with pytest.raises(ModelError, match="not registered"):
+
+
+def test_an_effect_that_is_not_installed_is_written_and_read_where_it_is_given(stranger, tmp_path, monkeypatch):
+    model = with_effect("belt_creep", "cart3")
+    registered(monkeypatch)
+    gtpin.write_model(model, tmp_path)
+    assert same(gtpin.read_model(tmp_path, effects=[Creep()]).predict(Q, COLUMNS), model.predict(Q, COLUMNS))
+
+
+class FalseBacklash(Creep):
+    id = "backlash"
+
+
+def test_an_effect_with_the_id_of_another_is_not_written(stranger, tmp_path):
+    (active,) = with_effect("belt_creep", "cart3").effects
+    model = gtpin.Model(GEOMETRY, effects=(replace(active, effect=FalseBacklash()),))
+    with pytest.raises(ModelError, match="another effect backlash"):
         gtpin.write_model(model, tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
@@ -235,7 +252,7 @@ def test_an_effect_that_is_not_installed_is_an_error_that_says_so(stranger, tmp_
 def test_an_entry_point_that_is_no_effect_is_an_error_that_names_it(stranger, monkeypatch, point):
     registered(monkeypatch, EntryPoint("bad", point, "gtpin.effects"))
     with pytest.raises(ModelError, match=r"bad of gtpin\.effects"):
-        catalogue()
+        effects_by_id()
 
 
 class Unmade(Effect):
@@ -249,8 +266,8 @@ class Rude(Creep):
 
     id = "rude"
 
-    def basis(self, at, site, setting=None):
-        return frame_twist(at)[0] @ None if len(at) == 1 else super().basis(at, site, setting)
+    def basis(self, at, site, nonlinear=None):
+        return frame_twist(at)[0] @ None if len(at) == 1 else super().basis(at, site, nonlinear)
 
 
 def test_an_effect_of_another_package_that_fails_is_an_error_that_names_it(stranger, tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.rack_periodic import SHORTEST
 from gtpin.report.curve_plots import curve_notes, reach
 from gtpin.report.effect_curves import WIDE, curves
@@ -25,15 +25,15 @@ def residuals(single) -> Residuals:
 
 
 def active(
-    residuals: Residuals, effect: str, site: str, setting: float | None = None, first: float = 1.0
+    residuals: Residuals, effect: str, site: str, nonlinear: float | None = None, first: float = 1.0
 ) -> ActiveEffect:
     """An effect whose first coefficient alone is known, and not zero."""
-    known = catalogue()[effect]
+    known = effects_by_id()[effect]
     at = residuals.at(residuals.dataset.q, residuals.dataset.covariates)
-    size = len(known.basis(at, site, setting))
+    size = len(known.basis(at, site, nonlinear))
     coefficients, covariance = np.zeros(size), np.zeros((size, size))
     coefficients[0], covariance[0, 0] = first, SIGMA**2
-    return ActiveEffect(known, site, setting, coefficients, covariance, at.references)
+    return ActiveEffect(known, site, nonlinear, coefficients, covariance, at.references)
 
 
 def test_the_curve_of_a_periodic_rack_is_the_cosine_that_its_coefficient_says(residuals):
@@ -84,15 +84,15 @@ def test_a_curve_within_its_band_is_not_said_to_be_seen(residuals):
     assert any("not seen" in note for note in curve_notes(found))
 
 
-@pytest.mark.parametrize("effect", sorted(catalogue()))
+@pytest.mark.parametrize("effect", sorted(effects_by_id()))
 def test_every_effect_that_can_be_tested_has_curves_of_finite_numbers(residuals, effect):
-    known = catalogue()[effect]
+    known = effects_by_id()[effect]
     at = residuals.at(residuals.dataset.q, residuals.dataset.covariates)
     site = next((s for s in known.sites(residuals.model.robot) if not known.untestable(at, s)), None)
     if site is None:
         pytest.skip("these data can't test it")
-    settings = known.settings(at, site)
-    found = curves(active(residuals, effect, site, settings[0] if settings else None), residuals)
+    values = known.nonlinear_values(at, site)
+    found = curves(active(residuals, effect, site, values[0] if values else None), residuals)
     assert found
     for curve in found:
         for line in curve.lines:
@@ -119,7 +119,7 @@ def test_residuals_before_are_those_of_the_calibration(single, residuals):
 
 
 def test_the_causes_line_along_its_column_shows_every_turn_of_its_wave_and_goes_through_what_the_causes_make(residuals):
-    (period,) = [e.setting for e in residuals.model.effects]
+    (period,) = [e.nonlinear for e in residuals.model.effects]
     line = fit_along(residuals, "q2")
     x, y = line.x[:-1], line.fit["cart2"][:-1]
     crossings = np.count_nonzero(np.diff(np.sign(y - y.mean())))

@@ -2,18 +2,23 @@
 
 import pytest
 
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.linearity import Linearity
 from gtpin.report.meaning import meaning
 
 
-@pytest.mark.parametrize("effect", sorted(catalogue()))
+@pytest.mark.parametrize("effect", sorted(effects_by_id()))
 def test_every_effect_of_the_catalogue_says_its_equation_and_its_parameters(effect):
-    told = meaning(effect)
+    told = meaning(effects_by_id()[effect])
     assert "=" in told[0]
     parameters = next(part for part in told if part.startswith("Parameters:"))
     assert "<code>" in parameters
     assert not any("`" in part or "Typical size" in part for part in told)
 
 
-def test_an_effect_that_nobody_knows_says_nothing():
-    assert meaning("no_such_effect") == ()
+class Silent(Linearity):
+    id = "silent"
+
+
+def test_an_effect_without_a_description_of_its_own_says_nothing_of_another():
+    assert meaning(Silent()) == ()

@@ -10,13 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from report_findings import Found
 
 import gtpin
 from gtpin.data import Dataset
+from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.report import page
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.page import Plot, render
+from gtpin.report.reasons import reason_words
 
 KINDS = ["none", "explained", "ambiguous", "unknown"]
 
@@ -43,7 +46,7 @@ def test_a_page_names_everything_that_a_diagnosis_says(findings, kind):
             assert name.replace("_", " ") in told
     for candidate in found.diagnosis.candidates:
         assert candidate.effect in told
-        assert candidate.reason in told
+        assert reason_words(candidate.reason, candidate.site) in told
     for pose in found.diagnosis.baseline.rejected:
         assert pose in told
     for name in found.diagnosis.baseline.names:
@@ -100,20 +103,21 @@ def test_digests_are_those_of_the_files_that_were_read(single, tmp_path):
     assert str(tmp_path) not in told
 
 
-def test_a_next_experiment_is_told_with_its_commands(findings, monkeypatch):
+def test_a_next_experiment_is_told_with_its_commands(findings):
     found = findings["ambiguous"]
-    step = {
-        "measure": "Weigh <20 kg> on it.",
-        "separates": ["rack_periodic@cart2", "linearity@cart2"],
-        "poses": [[0.1, 0.2, 0.3]],
-        "covariates": {"payload": [20.0], "session": ["next"]},
-        "expected_gain": 4.25,
-        "random_gain": 0.5,
-    }
-    told = type(found.diagnosis).to_json
-    monkeypatch.setattr(type(found.diagnosis), "to_json", lambda self: told(self) | {"next_experiment": [step]})
-    seen = text(of(found))
-    assert seen.count("Weigh <20 kg> on it.") == 2  # on the first screen, and with its commands
+    step = Experiment(
+        "discriminate",
+        found.diagnosis.model.robot,
+        (("rack_periodic", "cart2"), ("linearity", "cart2")),
+        np.array([[0.1, 0.2, 0.3]]),
+        {"payload": np.array([20.0]), "session": np.array(["next"], dtype=object)},
+        expected_gain=4.25,
+        random_gain=0.5,
+    )
+    seen = text(of(Found(replace(found.diagnosis, next_experiment=(step,)), found.dataset)))
+    assert (
+        seen.count("Measure these 1 poses to tell rack_periodic@cart2") == 2
+    )  # on the first screen, and with its commands
     assert "q1 q2 q3 payload (kg) session 0.1000 0.2000 0.3000 20 next" in seen
     assert "4.2, where as many random poses bring 0.5" in seen
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gtpin.diagnosis.result import Considered, Member
+from gtpin.effects.untestable import Untestable
 from gtpin.report.verdict import verdict
 
 
@@ -85,7 +86,7 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
     found = findings["explained"].diagnosis
     cause = found.causes[0]
     members = (Member(cause.effect, cause.site, 0.5), Member("servo_lag", "cart2", 0.4, recorded=False))
-    lacking = Considered("servo_lag", "cart2", 0.0, 0.4, False, "the covariate speed2 is missing")
+    lacking = Considered("servo_lag", "cart2", 0.0, 0.4, False, Untestable("missing", "speed2"))
     others = tuple(c for c in found.candidates if (c.effect, c.site) != ("servo_lag", "cart2"))
     doubtful = replace(
         found,
@@ -100,7 +101,7 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
 
 def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
     found = findings["unknown"].diagnosis
-    lacking = Considered("zero_shift", "cart1", 0.0, 0.0, False, "the covariate session is missing")
+    lacking = Considered("zero_shift", "cart1", 0.0, 0.0, False, Untestable("missing", "session"))
     others = tuple(c for c in found.candidates if (c.effect, c.site) != ("zero_shift", "cart1"))
     left = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
     advice = " ".join(verdict(replace(found, candidates=(*others, lacking), unexplained=left)).advice)
@@ -111,7 +112,7 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
 def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tested(findings):
     found = findings["none"].diagnosis
     noise = replace(found.baseline.noise, repeatability=2.0 * found.baseline.noise.position_sigma)
-    lacking = Considered("backlash", "cart1", 0.0, 0.0, False, "the covariate approach1 is missing")
+    lacking = Considered("backlash", "cart1", 0.0, 0.0, False, Untestable("missing", "approach1"))
     others = tuple(c for c in found.candidates if c.effect not in ("backlash", "servo_lag"))
     scattered = replace(found, baseline=replace(found.baseline, noise=noise), candidates=(*others, lacking))
     said = verdict(scattered)

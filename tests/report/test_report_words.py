@@ -7,8 +7,10 @@ import hashlib
 import pytest
 
 from gtpin import load_robot
-from gtpin.effects.catalogue import catalogue
-from gtpin.report.phrases import phrase, sentence
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.effect import Effect
+from gtpin.effects.linearity import Linearity
+from gtpin.report.phrases import clause, sentence
 from gtpin.report.provenance import provenance
 from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, site_words, typeset
 
@@ -54,7 +56,7 @@ def test_hyphens_of_numbers_become_minus_signs_and_no_others(written, printed):
 
 def test_the_instrument_has_one_name():
     assert site_words("frame") == "the instrument"
-    assert "the instrument drifts" in phrase("tracker_drift", "frame").clause
+    assert "the instrument drifts" in clause(effects_by_id()["tracker_drift"], "frame")
 
 
 def test_a_dataset_that_was_not_read_is_told_by_the_digests_of_the_files_that_it_is_written_to(single, tmp_path):
@@ -83,22 +85,31 @@ def test_coordinates_are_told_in_words():
 
 
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
-def test_every_effect_of_the_catalogue_has_a_clause_and_an_action_at_each_of_its_sites(robot):
+def test_every_effect_of_the_catalogue_has_a_clause_and_a_remedy_at_each_of_its_sites(robot):
     machine = load_robot(robot)
-    for effect in catalogue().values():
+    for effect in effects_by_id().values():
         for site in effect.sites(machine):
-            said = phrase(effect.id, site)
-            assert "{" not in said.clause
-            assert said.clause
-            assert said.action.endswith(".")
+            said = clause(effect, site)
+            assert "{" not in said
+            assert effect.clause
+            assert effect.remedy.endswith(".")
+            assert effect.remedy != Effect.remedy
             if effect.id in ("backlash", "link_compliance") and site != "arm":
-                assert site in said.clause
+                assert site in said
 
 
-def test_an_effect_of_a_users_own_is_told_by_its_name_and_site():
-    said = phrase("hose_drag", "leg3")
-    assert "hose drag" in said.clause
-    assert "leg3" in said.clause
+def test_all_links_together_do_what_a_link_does_in_the_plural():
+    assert clause(effects_by_id()["link_compliance"], "arm") == "all links stretch under load"
+    assert clause(effects_by_id()["link_compliance"], "link1") == "link1 stretches under load"
+
+
+def test_an_effect_of_a_users_own_without_a_clause_is_told_by_its_title_and_site():
+    class HoseDrag(Linearity):
+        id = "hose_drag"
+        title = "a hose drags"
+        clause = ""
+
+    assert clause(HoseDrag(), "leg3") == "a hose drags at leg3"
 
 
 def test_a_sentence_begins_with_a_capital_but_keeps_a_machines_own_names():

@@ -123,7 +123,7 @@ def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool
     basis = hypothesis.basis(at)
     ways = {
         "along": basis.command,
-        "aside": basis.seat,
+        "aside": basis.carrier_joints,
         "length": basis.length,
         "twist": basis.twist,
         "shift": basis.twist,

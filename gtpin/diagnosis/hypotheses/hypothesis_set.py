@@ -96,7 +96,7 @@ class HypothesisSet:
 
     def _add(self, hypothesis: Hypothesis) -> None:
         basis = hypothesis.basis(self.design.situation)
-        self.groups.add(hypothesis, self.design.columns(basis), hypothesis.effect.form)
+        self.groups.add(hypothesis, self.design.columns(basis), hypothesis.effect.core)
 
     def cost(self, term: Term) -> float:
         """Log prior odds against an explanation, given nothing else: the gain in log evidence that it must bring."""

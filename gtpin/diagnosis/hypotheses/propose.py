@@ -15,6 +15,7 @@ from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
 from gtpin.diagnosis.priors import Priors
+from gtpin.effects.untestable import Untestable, as_untestable
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Untested:
     """A hypothesis that these data can't test, and why."""
 
     hypothesis: Hypothesis
-    reason: str
+    reason: Untestable
 
 
 @dataclass(frozen=True)
@@ -47,21 +48,21 @@ def propose(design: Design, scope: Scope) -> Proposal:
     untested: list[Untested] = []
     for hypothesis in scope.hypotheses(at.robot):
         effect, site = hypothesis.effect, hypothesis.site
-        reason = effect.untestable(at, site)
-        many = not reason and len(effect.settings(at, site)) > 0
-        if not reason and not many:
-            reason = _absorbed(design, marginal, hypothesis, scope.priors)
+        reason = as_untestable(effect.untestable(at, site))
+        many = reason is None and len(effect.nonlinear_values(at, site)) > 0
+        if reason is None and not many and _absorbed(design, marginal, hypothesis, scope.priors):
+            reason = Untestable("absorbed")
         if reason:
             untested.append(Untested(hypothesis, reason))
         else:
             (scanned if many else linear).append(hypothesis)
-    scaled = any(h.place == ("tracker_scale", "frame") for h in linear)
+    scaled = any(hypothesis.effect.stretches_frame for hypothesis in linear)
     smooth = (*smooth_terms(at, scope.priors), *common_motions(at, scope.priors, scaled=scaled))
     others: Sequence[Hypothesis] = [u.hypothesis for u in untested]
     return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others), tuple(untested))
 
 
-def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> str:
+def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> bool:
     """Whether geometry takes nearly all of an effect far beyond its usual size."""
     X = design.columns(hypothesis.basis(design.situation)) * priors.large
-    return "" if float(np.trace(marginal.product(X, X))) > priors.shows else "geometric calibration absorbs it"
+    return float(np.trace(marginal.product(X, X))) <= priors.shows

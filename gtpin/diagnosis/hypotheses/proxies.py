@@ -16,11 +16,12 @@ from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, all_gains
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 from gtpin.errors import warn
 
 Floats = npt.NDArray[np.float64]
 
-UNLOADED = "the payload may have varied without being recorded"
+UNLOADED = Untestable("unrecorded_payload", "payload")
 """Why an effect that depends on forces could be what it does not look like by gravity of the robot alone."""
 
 
@@ -35,13 +36,13 @@ class Proxy:
     odds
         Prior odds of the hypothesis, over one that what was recorded can test.
     reason
-        Why it could be the cause, although it can be tested by what was recorded; empty where it can't.
+        Why it could be the cause, although it can be tested by what was recorded; None where it can't.
     """
 
     hypothesis: Hypothesis
     columns: Floats
     odds: float
-    reason: str = ""
+    reason: Untestable | None = None
 
 
 def proxies(
@@ -55,7 +56,7 @@ def proxies(
             yield Proxy(hypothesis, columns, odds(at, hypothesis, priors))
     spells = loaded(at, priors)
     for hypothesis in testable if spells else ():
-        if "payload" in hypothesis.coordinates(at.robot) and not hypothesis.effect.has_setting:
+        if "payload" in hypothesis.coordinates(at.robot) and not hypothesis.effect.has_nonlinear:
             columns = _tried(hypothesis, partial(_under, design, hypothesis, spells), failed)
             if columns is not None:
                 yield Proxy(hypothesis, columns, priors.not_varied, UNLOADED)
@@ -80,7 +81,7 @@ def _under(design: Design, hypothesis: Hypothesis, spells: list[Situation]) -> F
     """An effect's displacements, and by how much more its form moves with a payload in each spell."""
     effect, site = hypothesis.effect, hypothesis.site
     plain = design.columns(effect.basis(design.situation, site))
-    form = list(effect.form) or list(range(plain.shape[1]))
+    form = list(effect.core) or list(range(plain.shape[1]))
     more = [design.columns(effect.basis(at, site))[:, form] - plain[:, form] for at in spells]
     return np.hstack([plain, *more])
 
@@ -104,7 +105,7 @@ def proxy_columns(design: Design, hypothesis: Hypothesis, priors: Priors = PRIOR
     """
     at, (effect, site) = design.situation, (hypothesis.effect, hypothesis.site)
     missing = _missing(at, hypothesis)
-    if len(missing) != 1 or effect.has_setting:
+    if len(missing) != 1 or effect.has_nonlinear:
         return None
     found = [
         np.hstack([design.columns(effect.basis(with_column(at, missing[0], values), site)) for values in together])

@@ -115,7 +115,7 @@ def _plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
 def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors) -> Basis:
     """Two shifts across the track and three turns about the mean of the joints."""
     rods = rods_of(at, site)
-    lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
+    lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
     axis = at.robot.actuators[at.robot.sites.index(site)].axis
     ways = [np.broadcast_to(across, lever.shape) for across in rotation_axes(axis)[:2]]
     sizes = [priors.smooth_shift, priors.smooth_shift]
@@ -125,7 +125,7 @@ def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors
     moved = np.einsum("nkiw,nm->nkiwm", np.stack(ways, axis=3), waves).reshape(*lever.shape, -1)
     seat = np.zeros((len(at), len(at.robot.rods), 3, moved.shape[3]))
     seat[:, rods] = moved
-    return Basis(np.outer(sizes, size).ravel(), seat=seat)
+    return Basis(np.outer(sizes, size).ravel(), carrier_joints=seat)
 
 
 def _of_links(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:

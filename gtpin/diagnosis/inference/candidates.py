@@ -22,7 +22,7 @@ def considered(
     asked = {m.hypothesis.place for m in members if not m.recorded} | set(could_be)
     reason = {p.hypothesis.place: p.reason for p in hypotheses.proxies if p.hypothesis.place in asked}
     tested = [
-        Considered(*h.place, found.alone[h].value, probability.get(h.place, 0.0), True, reason.get(h.place, ""))
+        Considered(*h.place, found.alone[h].value, probability.get(h.place, 0.0), True, reason.get(h.place))
         for h in hypotheses.named
     ]
     others = [

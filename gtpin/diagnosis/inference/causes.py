@@ -33,10 +33,10 @@ def _parameters(active: ActiveEffect, nonlinear_sigma: float) -> dict[str, tuple
     drawn = []
     for z in np.vstack([unit, -unit]):
         c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[:-1])
-        setting = None if active.setting is None else active.setting + nonlinear_sigma * float(z[-1])
-        drawn.append([value for value, _ in active.effect.parameters(c, setting).values()])
+        nonlinear = None if active.nonlinear is None else active.nonlinear + nonlinear_sigma * float(z[-1])
+        drawn.append([value for value, _ in active.effect.parameters(c, nonlinear).values()])
     low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
-    said = active.effect.parameters(active.coefficients, active.setting)
+    said = active.effect.parameters(active.coefficients, active.nonlinear)
     return {
         name: (float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
         for i, (name, (_, unit)) in enumerate(said.items())

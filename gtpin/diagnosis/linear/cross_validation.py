@@ -14,6 +14,8 @@ Mask = npt.NDArray[np.bool_]
 
 DRAWS = 400
 """Draws behind an interval."""
+TOGETHER = 4
+"""Neighbouring poses that are left out together."""
 ASKED = 120
 """Poses that a user is supposed to ask for: so many say how far the gap shrank."""
 

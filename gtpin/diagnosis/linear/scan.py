@@ -69,7 +69,7 @@ class Scan:
         """Prepare the inner products with the geometry marginalised."""
         self.design, self.marginal, self.priors = design, marginal, priors
         self.effect, self.site = effect, site
-        self.settings = np.array(effect.settings(design.situation, site))
+        self.settings = np.array(effect.nonlinear_values(design.situation, site))
         self._half_y = marginal.half(design.y[:, None])
 
     @cached_property
@@ -154,4 +154,4 @@ class Scan:
             moments = moments - (across @ model.mean).reshape(count, width)
             by_setting = across.reshape(count, width, -1)
             grams = grams - by_setting @ model.covariance @ by_setting.transpose(0, 2, 1)
-        return best_scales(grams, moments, self.effect.form, self.priors)
+        return best_scales(grams, moments, self.effect.core, self.priors)

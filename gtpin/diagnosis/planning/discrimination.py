@@ -12,7 +12,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal
 from gtpin.diagnosis.linear.evidence import gain as best_gain
 from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain, most_telling
-from gtpin.diagnosis.planning.experiment import Experiment, listed, settings
+from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.effects.situation import Column
@@ -69,20 +69,15 @@ def split(known: Known, standings: Sequence[Standing], which: int, poses: int, r
         weights = [1.0]
     rivalries = [Rivalry(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
     rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
-    names = tuple(str(hypothesis) for hypothesis, _ in members)
-    told = f"{names[0]} from {listed(names[1:] or ('no effect',))}"
-    instead = watch([hypothesis.site for hypothesis, _ in members], robot)
+    effects = tuple(hypothesis.place for hypothesis, _ in members)
+    sites, cold = tuple(site for _, site in effects), known.observed.temperature
     if gain < HOPELESS:
-        measure = f"No poses within reach tell {told}: {instead}."
-        return Experiment(measure, names, np.zeros((0, robot.n_actuators)), {}, gain, random)
+        none = np.zeros((0, robot.n_actuators))
+        return Experiment("discriminate", robot, effects, none, {}, gain, random, cold, watch=sites)
     set_too = chosen(trials, rows, words)
-    measure = (
-        f"Measure these {len(rows)} poses to tell {told}{settings(set_too, robot.sites, known.observed.temperature)}."
-    )
-    if gain < SETTLED:
-        rounds = f"It takes about {int(np.ceil(SETTLED / gain))} such rounds"
-        measure += f" {rounds}; or {instead}." if gain < LEAST else f" {rounds}."
-    return Experiment(measure, names, trials.q[rows], set_too, gain, random)
+    rounds = int(np.ceil(SETTLED / gain)) if gain < SETTLED else None
+    watch = sites if gain < LEAST else ()
+    return Experiment("discriminate", robot, effects, trials.q[rows], set_too, gain, random, cold, rounds, watch)
 
 
 def concerns(hypothesis: Hypothesis, robot: Robot) -> tuple[str, ...]:
@@ -143,21 +138,3 @@ def chosen(trials: Trials, rows: Rows, words: set[str]) -> Mapping[str, Column]:
     if not trials.circumstances.timed:
         wanted -= {"time"}
     return {name: new[name][rows] for name in sorted(new) if name in wanted}
-
-
-def watch(sites: Sequence[str], robot: Robot) -> str:
-    """How some sites are measured by themselves."""
-    carts = [site for site in dict.fromkeys(sites) if site in robot.sites]
-    links = [site for site in sites if site == "arm" or site in set(robot.rod_sites) - set(robot.sites)]
-    words = (
-        [f"watch {listed(carts)} by {'targets of their own' if len(carts) > 1 else 'a target of its own'}"]
-        if carts
-        else []
-    )
-    if links:
-        words.append("watch the length of the links by targets at both of their ends")
-    if "frame" in sites:
-        words.append("watch targets that stand still beside the robot")
-    if "platform" in sites:
-        words.append("measure by itself where the target sits on the platform")
-    return listed(words)

@@ -1,18 +1,66 @@
-"""A proposal of what to measure next, and its words."""
+"""A proposal of what to measure next, as data; ``gtpin.report.measurements`` makes sentences of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.effects.situation import Column
+from gtpin.effects.untestable import Untestable
+from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lacking:
+    """Why effects can't be tested so far.
+
+    Parameters
+    ----------
+    covariates
+        Those that are missing or do not vary; none where something else is the matter.
+    missing
+        Whether they are missing.
+    reason
+        Why the first of the effects can't be tested.
+    """
+
+    covariates: tuple[str, ...]
+    missing: bool
+    reason: Untestable | None
+
+
+@dataclass(frozen=True, eq=False)
+class Visits:
+    """Visits along the coordinates that an unknown effect depends on, all else unchanged.
+
+    Parameters
+    ----------
+    site, coordinates
+        Of the smooth nonparametric term that explains the unknown effect best.
+    pattern
+        ``line``: one actuator alone, there and back. ``net``: two actuators alone. ``spread``: poses all over the workspace.
+        ``repeated``: the same few poses under one level of some covariates after the other.
+    actuators
+        Of ``line`` and ``net``: sites of the actuators that move.
+    stations
+        Of ``repeated``: number of poses that are visited at each level.
+    varied, levels
+        Of ``repeated``: names of the covariates, all of one kind, and (R,) what all of them are set to in each round.
+    """
+
+    site: str
+    coordinates: str
+    pattern: Literal["line", "net", "spread", "repeated"]
+    actuators: tuple[str, ...] = ()
+    stations: int = 0
+    varied: tuple[str, ...] = ()
+    levels: Column = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,26 +69,58 @@ class Experiment:
 
     Parameters
     ----------
-    measure
-        What to do, in a sentence or two.
-    separates
-        The effects (``effect@site``) that it parts from each other, or that it reveals.
+    kind
+        ``discriminate``: it tells effects that the data can't tell apart from each other, or one from no effect.
+        ``map_unknown``: it shows an unknown effect along its coordinates. ``make_testable``: it lets effects be tested.
+    robot
+        The machine to measure.
+    effects
+        Effect and site of all that it separates or makes testable, the leading one first; none where the effect is unknown.
     poses
         (K, n) commands in the order in which they are best measured; none where no poses help.
     covariates
-        By name, (K,) each: what to set beside the commands.
+        By name, (K,) each: what to set in addition to the commands.
     expected_gain
-        Expected log Bayes factor, nats, between the effects it separates (or for one that it reveals); None where not known.
+        Expected log Bayes factor, nats, between the effects it separates (or for one that it makes testable); None where not
+        known.
     random_gain
-        The same for as many poses and circumstances drawn at random.
+        The same for as many poses and measurement conditions drawn at random.
+    reference_temperature
+        degC of a cold machine, at which the geometry holds.
+    rounds
+        How many such experiments it takes to settle the question, where one does not.
+    watch
+        Sites to measure by themselves, where poses alone tell too little.
+    lacking
+        Of ``make_testable``: why its effects can't be tested so far.
+    visits
+        Of ``map_unknown``: what is visited.
     """
 
-    measure: str
-    separates: tuple[str, ...]
+    kind: Literal["discriminate", "map_unknown", "make_testable"]
+    robot: Robot
+    effects: tuple[tuple[str, str], ...]
     poses: Floats
     covariates: Mapping[str, Column] = field(default_factory=dict)
     expected_gain: float | None = None
     random_gain: float | None = None
+    reference_temperature: float = 20.0
+    rounds: int | None = None
+    watch: tuple[str, ...] = ()
+    lacking: Lacking | None = None
+    visits: Visits | None = None
+
+    @property
+    def separates(self) -> tuple[str, ...]:
+        """Its effects as ``effect@site``; ``unknown`` where it maps an unknown one."""
+        return ("unknown",) if self.kind == "map_unknown" else tuple(f"{e}@{site}" for e, site in self.effects)
+
+    @property
+    def measure(self) -> str:
+        """What to do, in a sentence or two."""
+        from gtpin.report.measurements import measure_words  # sentences are made in the report
+
+        return measure_words(self)
 
     def to_json(self) -> dict[str, Any]:
         """One entry of ``next_experiment`` in ``diagnosis.json``."""
@@ -52,52 +132,3 @@ class Experiment:
             "expected_gain": self.expected_gain,
             "random_gain": self.random_gain,
         }
-
-
-def settings(covariates: Mapping[str, Column], sites: Sequence[str], reference: float) -> str:
-    """What to set of covariates (K,) beside the commands, as the end of a sentence; empty where nothing is to be set.
-
-    Parameters
-    ----------
-    sites
-        Names of the actuators.
-    reference
-        degC at which the geometry holds.
-    """
-    kinds: dict[str, dict[str, Column]] = {}
-    for name, values in covariates.items():
-        kinds.setdefault(kind(name), {})[name] = values
-    return "".join(f"; {_setting(what, values, sites, reference)}" for what, values in kinds.items())
-
-
-def _setting(what: str, covariates: Mapping[str, Column], sites: Sequence[str], reference: float) -> str:
-    """Covariates of one kind."""
-    if what == "session":
-        return "in a session of their own"
-    values = np.stack([np.asarray(v, dtype=float) for v in covariates.values()], axis=1)
-    if what == "time":
-        return f"spread over {np.ptp(values) / 3600.0:.1g} hours"
-    if what in ("approach", "speed"):
-        moved = listed([sites[int(name.removeprefix(what)) - 1] for name in covariates])
-        if what == "approach":
-            return f"come to about half of them with {moved} moving up, to the others moving down, as listed"
-        passed = np.count_nonzero(values.any(axis=1))
-        return f"pass {passed} of them with {moved} at up to {np.abs(values).max():.2g} per second, as listed"
-    if what == "force":
-        size = np.linalg.norm(values, axis=1)
-        return (
-            f"push on the tool with up to {size.max():.0f} N at {np.count_nonzero(size)} of them, along the base frame's axes "
-            "as listed, and never harder than the machine is rated for"
-        )
-    if what == "temperature":
-        cold = int((values[:, 0] == reference).sum())
-        return f"{cold} with the machine cold, {len(values) - cold} with it warm"
-    levels, counts = np.unique(values, return_counts=True)
-    if what == "payload":
-        return f"with {listed([f'{v:g} kg at {n}' for v, n in zip(levels, counts, strict=True)])} of them"
-    return f"{what} from {levels[0]:g} to {levels[-1]:g}"
-
-
-def listed(words: Sequence[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -10,12 +10,13 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import Untested
-from gtpin.diagnosis.planning.discrimination import LEAST, Standing, beside, best_rows, chosen, concerns, watch
+from gtpin.diagnosis.planning.discrimination import LEAST, Standing, beside, best_rows, chosen, concerns
 from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain
-from gtpin.diagnosis.planning.experiment import Experiment, listed, settings
+from gtpin.diagnosis.planning.experiment import Experiment, Lacking
 from gtpin.diagnosis.planning.measurement_conditions import FORCES, kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable, as_untestable
 
 Floats = npt.NDArray[np.float64]
 
@@ -31,24 +32,10 @@ EFFORTS = (1.0, 4.0, 12.0)
 
 @dataclass(frozen=True)
 class _Group:
-    """Effects that the same remedy would reveal.
-
-    Parameters
-    ----------
-    members
-        The effects.
-    lacking
-        Covariates that are missing or do not vary; none where something else is the matter.
-    missing
-        Whether they are missing.
-    reason
-        Why the first of them can't be tested.
-    """
+    """Effects that the same remedy would make testable, and what they lack."""
 
     members: tuple[Hypothesis, ...]
-    lacking: tuple[str, ...]
-    missing: bool
-    reason: str
+    lacking: Lacking
 
 
 def reveal(
@@ -68,19 +55,17 @@ def reveal(
 
 
 def _groups(at: Situation, untestable: Sequence[Untested]) -> list[_Group]:
-    groups: dict[tuple[object, bool], list[tuple[Hypothesis, list[str], str]]] = {}
+    groups: dict[tuple[object, bool], list[tuple[Hypothesis, list[str], Untestable | None]]] = {}
     for row in untestable:
         effect, site = row.hypothesis.effect, row.hypothesis.site
         lacking = [name for name in effect.covariates(at.robot, site) if not at.varies(name)]
         missing = [name for name in lacking if name not in at.covariates]
-        remedy = tuple(sorted({kind(name) for name in lacking})) or effect.untestable(at, site)
+        remedy = tuple(sorted({kind(name) for name in lacking})) or as_untestable(effect.untestable(at, site))
         groups.setdefault((remedy, bool(missing)), []).append((row.hypothesis, lacking, row.reason))
     return [
         _Group(
             tuple(candidate for candidate, _, _ in members),
-            tuple(sorted({name for _, lacking, _ in members for name in lacking})),
-            key[1],
-            members[0][2],
+            Lacking(tuple(sorted({name for _, names, _ in members for name in names})), key[1], members[0][2]),
         )
         for key, members in groups.items()
     ]
@@ -94,7 +79,7 @@ def _experiments(
     rng: np.random.Generator,
 ) -> list[Experiment]:
     robot = known.robot
-    words = set(group.lacking) or {word for member in group.members for word in concerns(member, robot)}
+    words = set(group.lacking.covariates) or {word for member in group.members for word in concerns(member, robot)}
     if "load" in words:
         words |= set(FORCES)
     tried = [possible(known, words, POOL, rng, effort) for effort in (EFFORTS if "load" in words else (1.0,))]
@@ -110,47 +95,38 @@ def _experiments(
             continue
         rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
         set_too = chosen(trials, rows, words)
-        told = settings(set_too, robot.sites, known.observed.temperature)
-        measure = f"{_remedy(group)}{len(rows)} poses reveal {in_words(shown)}{told}."
-        revealed = Experiment(measure, tuple(str(c) for c in shown), trials.q[rows], set_too, gain, random)
-        return [revealed, *_hidden(group, [c for c in group.members if c not in shown], known)]
+        shown_by = Experiment(
+            "make_testable",
+            robot,
+            _named(shown),
+            trials.q[rows],
+            set_too,
+            gain,
+            random,
+            known.observed.temperature,
+            lacking=group.lacking,
+        )
+        return [shown_by, *_hidden(group, [c for c in group.members if c not in shown], known)]
     return _hidden(group, group.members, known)
 
 
 def _hidden(group: _Group, candidates: Sequence[Hypothesis], known: Known) -> list[Experiment]:
-    """What to do about effects that no poses reveal."""
+    """What to do about effects that no poses make testable."""
     if not candidates:
         return []
-    robot = known.robot
-    instead = watch([candidate.site for candidate in candidates], robot)
-    measure = f"No poses within reach reveal {in_words(candidates)}, because {group.reason}: {instead}."
-    return [Experiment(measure, tuple(str(c) for c in candidates), np.zeros((0, robot.n_actuators)))]
+    none, effects = np.zeros((0, known.robot.n_actuators)), _named(candidates)
+    sites = tuple(site for _, site in effects)
+    return [Experiment("make_testable", known.robot, effects, none, watch=sites, lacking=group.lacking)]
 
 
-def _remedy(group: _Group) -> str:
-    """What is to be done differently from the measurements so far, as the beginning of a sentence."""
-    if not group.lacking:
-        return "These "
-    if group.lacking == ("session",):
-        if group.missing:
-            return "Add a column session, with one name for all measurements so far and another for these: these "
-        return "Begin another session: these "
-    what = "Record and vary" if group.missing else "Vary"
-    return f"{what} {listed(group.lacking)}: these "
-
-
-def in_words(candidates: Sequence[Hypothesis]) -> str:
-    """Effects, each with its sites."""
-    sites: dict[str, list[str]] = {}
-    for candidate in candidates:
-        sites.setdefault(candidate.effect.id, []).append(candidate.site)
-    return listed([f"{effect} ({', '.join(names)})" for effect, names in sites.items()])
+def _named(candidates: Sequence[Hypothesis]) -> tuple[tuple[str, str], ...]:
+    return tuple(hypothesis.place for hypothesis in candidates)
 
 
 def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
     """The members that rows measured and possible would together let be tested, one of each effect first."""
     at = trials.design.situation
-    able = [c for c in group.members if not c.effect.has_setting and not c.effect.untestable(at, c.site)]
+    able = [c for c in group.members if not c.effect.has_nonlinear and not c.effect.untestable(at, c.site)]
     seen = [sum(o.effect.id == c.effect.id for o in able[:i]) for i, c in enumerate(able)]
     return [able[i] for i in np.argsort(seen, kind="stable")]
 
@@ -159,7 +135,7 @@ def _prediction(trials: Trials, others: Floats, candidate: Hypothesis, group: _G
     """What a candidate of its typical size expects beside the causes."""
     design = trials.design
     X = design.columns(candidate.basis(design.situation))
-    if group.missing:
+    if group.lacking.missing:
         # What was not recorded may have been anything, and what it did is not known.
         X[trials.old] = 0.0
     return Prediction.of(trials, np.hstack([others, X]))

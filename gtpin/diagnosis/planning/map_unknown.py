@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.planning.experiment import Experiment, listed
+from gtpin.diagnosis.planning.experiment import Experiment, Visits
 from gtpin.diagnosis.planning.measurement_conditions import FAST, HOURS, LATER, kind, next_session, payloads, warm
 from gtpin.diagnosis.planning.trials import RESOLUTION, Known
 from gtpin.effects.situation import Column
@@ -24,16 +24,16 @@ FINE = 60
 
 
 @dataclass(frozen=True)
-class _Visits:
-    """Commands (K, n) in their order, what to set beside them, and what is done, in words."""
+class _Plan:
+    """Visits, their commands (K, n) in their order, and what to set in addition."""
 
+    visits: Visits
     q: Floats
-    words: str
     covariates: dict[str, Column] = field(default_factory=dict)
 
 
 def trace(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
-    """A dense experiment along the coordinates that an unknown effect goes with.
+    """A dense experiment along the coordinates that an unknown effect depends on.
 
     Parameters
     ----------
@@ -42,18 +42,20 @@ def trace(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
     poses
         About how many visits it may take.
     """
-    visits = _visits(known, coordinates.split(" ")[0], poses)
-    measure = f"{visits.words}: what is not known at {site} goes with {coordinates}."
-    return Experiment(measure, ("unknown",), visits.q, visits.covariates)
+    plan = _plan(known, site, coordinates, poses)
+    return Experiment("map_unknown", known.robot, (), plan.q, plan.covariates, visits=plan.visits)
 
 
-def _visits(known: Known, coordinates: str, poses: int) -> _Visits:
-    words = coordinates.split(",")
+def _plan(known: Known, site: str, coordinates: str, poses: int) -> _Plan:
+    words = coordinates.split(" ")[0].split(",")
     others = [word for word in words if not re.fullmatch(r"q\d+", word)]
+    spread = Visits(site, coordinates, "spread")
     if not others:
-        return _along(known, [int(word[1:]) - 1 for word in words], poses)
+        return _along(known, spread, [int(word[1:]) - 1 for word in words], poses)
     names = _covariates(known, others[0])
-    return _again(known, names, poses) if names else _spread(known, poses)
+    if names:
+        return _again(known, spread, names, poses)
+    return _Plan(spread, _apart(known, min(poses, len(known.observed.measured.q))))
 
 
 def _covariates(known: Known, word: str) -> list[str]:
@@ -65,22 +67,20 @@ def _covariates(known: Known, word: str) -> list[str]:
     return [word] if word in known.observed.covariates or word in ("time", "session", "payload") else []
 
 
-def _along(known: Known, actuators: list[int], poses: int) -> _Visits:
+def _along(known: Known, visits: Visits, actuators: list[int], poses: int) -> _Plan:
     """A line there and back, or a net over two actuators."""
     q = known.observed.measured.q
     middle = q[np.linalg.norm(q - np.median(q, axis=0), axis=1).argmin()]
-    names = listed([known.robot.sites[j] for j in actuators])
+    sites = tuple(known.robot.sites[j] for j in actuators)
     if len(actuators) == 1:
         line = _line(known, middle, actuators[0], poses // 2)
         back = np.repeat([1.0, -1.0], [len(line), len(line)])
         name = f"approach{actuators[0] + 1}"
-        first, last = line[[0, -1], actuators[0]]
-        words = f"Move {names} alone, in {len(line)} even steps from {first:.3f} to {last:.3f}"
         covariates: dict[str, Column] = {name: back} if name in known.observed.covariates else {}
-        return _Visits(np.vstack([line, line[::-1]]), f"{words}, and back", covariates)
+        return _Plan(replace(visits, pattern="line", actuators=sites), np.vstack([line, line[::-1]]), covariates)
     starts = _line(known, middle, actuators[0], int(np.ceil(np.sqrt(poses))))
     net = np.vstack([_line(known, start, actuators[1], max(poses // len(starts), 2)) for start in starts])
-    return _Visits(net, f"Move {names} alone, over a net of {len(net)} poses")
+    return _Plan(replace(visits, pattern="net", actuators=sites), net)
 
 
 def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
@@ -99,51 +99,40 @@ def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
     return np.asarray(np.round(line / RESOLUTION) * RESOLUTION)
 
 
-def _spread(known: Known, poses: int) -> _Visits:
-    """Poses as far from each other as can be."""
-    q = _apart(known, min(poses, len(known.observed.measured.q)))
-    return _Visits(q, f"Visit {len(q)} poses all over the workspace, at rest and unchanged in all else")
-
-
-def _again(known: Known, names: list[str], poses: int) -> _Visits:
+def _again(known: Known, visits: Visits, names: list[str], poses: int) -> _Plan:
     """The same few poses under all that can be set of covariates of one kind."""
     stations = _apart(known, min(STATIONS, len(known.observed.measured.q)))
-    levels, words = _levels(known, names, max(poses // len(stations), 2))
+    levels = _levels(known, names, max(poses // len(stations), 2))
     rows = np.repeat(np.arange(len(levels)), len(stations))
     covariates: dict[str, Column] = dict.fromkeys(names, levels[rows])
     for name in [
         n for n in names if kind(n) == "speed" and n.replace("speed", "approach") in known.observed.covariates
     ]:
         covariates[name.replace("speed", "approach")] = np.sign(np.asarray(covariates[name], dtype=float))
-    return _Visits(np.tile(stations, (len(levels), 1)), f"Visit the same {len(stations)} poses {words}", covariates)
+    again = replace(visits, pattern="repeated", stations=len(stations), varied=tuple(names), levels=levels)
+    return _Plan(again, np.tile(stations, (len(levels), 1)), covariates)
 
 
-def _levels(known: Known, names: list[str], rounds: int) -> tuple[Column, str]:
-    """What to set of covariates of one kind in each round, and how to say it."""
+def _levels(known: Known, names: list[str], rounds: int) -> Column:
+    """What to set of covariates of one kind in each round."""
     what, recorded = kind(names[0]), known.observed.covariates
     if what == "session":
         first = next_session(recorded.get("session", np.full(1, "0", dtype=object)))
         sessions = [str(int(first) + i) if first.isdecimal() else f"{first} {i + 1}" for i in range(rounds)]
-        return np.array(sessions, dtype=object), f"in {rounds} sessions"
+        return np.array(sessions, dtype=object)
+    if what == "approach":
+        return np.resize([1.0, -1.0], rounds)
     numbers = np.concatenate([np.zeros(0), *(np.asarray(recorded[n], dtype=float) for n in names if n in recorded)])
     numbers = numbers if numbers.size else np.zeros(1)
     if what == "time":
-        times = numbers.max() + LATER + np.linspace(0.0, HOURS, rounds)
-        return times, f"{rounds} times, every {HOURS / 60.0 / (rounds - 1):.0f} minutes"
+        return np.asarray(numbers.max() + LATER + np.linspace(0.0, HOURS, rounds))
     if what == "temperature":
         reference = known.references.temperature
-        return np.linspace(reference, warm(numbers, reference), rounds), f"{rounds} times while the machine warms up"
-    if what in ("approach", "speed"):
-        moved = listed([known.robot.sites[int(name.removeprefix(what)) - 1] for name in names])
-        if what == "approach":
-            return np.resize([1.0, -1.0], rounds), f"{rounds} times, {moved} moving up and down by turns"
-        fastest = float(np.abs(numbers).max()) or FAST
-        words = f"{len(SPEEDS)} times, {moved} passing both ways at half and at all of {fastest:.2g} per second"
-        return np.array(SPEEDS) * fastest, words
+        return np.linspace(reference, warm(numbers, reference), rounds)
+    if what == "speed":
+        return np.array(SPEEDS) * (float(np.abs(numbers).max()) or FAST)
     low, high = payloads(numbers) if what == "payload" else (float(numbers.min()), float(numbers.max()))
-    levels = np.linspace(low, high, rounds)
-    named = "a payload" if what == "payload" else names[0]
-    return levels, f"{rounds} times with {named} of {listed([f'{v:.3g}' for v in levels])}"
+    return np.linspace(low, high, rounds)
 
 
 def _apart(known: Known, count: int) -> Floats:

@@ -1,0 +1,43 @@
+"""Why data can't show an effect, as a typed value; ``gtpin.report.reasons`` makes sentences of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal[
+    "missing", "constant", "too_few_commands", "one_sign", "single_joint", "absorbed", "unrecorded_payload", "other"
+]
+
+
+@dataclass(frozen=True)
+class Untestable:
+    """Why data can't show an effect at a site.
+
+    Parameters
+    ----------
+    kind
+        ``missing``, ``constant``: a covariate that the effect depends on has no column, or does not vary.
+        ``too_few_commands``: the commands are too few, or too close together, for its nonlinear parameter.
+        ``one_sign``: the link's force does not change its sign.
+        ``single_joint``: the cart carries one joint, about which it turns without an effect on the TCP.
+        ``absorbed``: geometric calibration absorbs it, even at ten times its typical size.
+        ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested under the
+        recorded loads, and could be the cause under others although that test does not show it.
+        ``other``: what an effect of a user's own says, in ``words``.
+    covariate
+        The column that is the matter: a covariate, or ``q1``, ``q2``, ... for commands. Empty where there is none.
+    words
+        Of kind ``other``: the reason.
+    """
+
+    kind: Kind
+    covariate: str = ""
+    words: str = ""
+
+
+def as_untestable(found: Untestable | str | None) -> Untestable | None:
+    """What ``Effect.untestable`` gives, as a typed value: an effect of a user's own may give a reason in words."""
+    if isinstance(found, str):
+        return Untestable("other", words=found) if found else None
+    return found

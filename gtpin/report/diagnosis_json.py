@@ -1,0 +1,90 @@
+"""A diagnosis as ``diagnosis.json`` holds it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gtpin.diagnosis.linear.cross_validation import ASKED, TOGETHER
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.report.reasons import reason_words
+from gtpin.report.words import number_word
+
+
+def diagnosis_json(d: Diagnosis) -> dict[str, Any]:
+    """The content of ``diagnosis.json``."""
+    none = d.verdict == "none"
+    return {
+        "schema": "gtpin-diagnosis/1",
+        "verdict": d.verdict,
+        "causes": [
+            {
+                "effect": c.effect,
+                "site": c.site,
+                "probability": c.probability,
+                "class": [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in c.members],
+                "parameters": {n: {"value": v, "sigma": s, "unit": u} for n, (v, s, u) in c.parameters.items()},
+                "shrinkage": c.shrinkage,
+            }
+            for c in d.causes
+        ],
+        "candidates": [
+            {
+                "effect": c.effect,
+                "site": c.site,
+                "log_evidence": c.log_evidence,
+                "probability": c.probability,
+                "testable": c.testable,
+                "reason": reason_words(c.reason, c.site),
+            }
+            for c in d.candidates
+        ],
+        "where": {
+            "rod": d.where.rod,
+            "site": d.where.site,
+            "axis": d.where.axis,
+            "covariate": d.where.covariate,
+            "region": [{"box": np.asarray(box).tolist(), "share": share} for box, share in d.where.region],
+        },
+        "gap": {
+            "position_rms_before": d.gap.before,
+            "position_rms_after": d.gap.after,
+            "noise_floor": d.gap.floor,
+            "shrinkage": None if none else d.gap.shrinkage,
+            "interval": None if none or d.gap.interval is None else list(d.gap.interval),
+            "method": gap_method(),
+        },
+        "unexplained": {
+            "share": d.unexplained.share,
+            "p_value": d.unexplained.p_value,
+            "correlates": [
+                {"site": site, "covariate": coordinates, "p_value": p}
+                for site, coordinates, p in d.unexplained.correlates
+            ],
+            "could_be": [{"effect": effect, "site": site} for effect, site in d.unexplained.could_be],
+            "questions": [
+                {
+                    "effect": q.effect,
+                    "site": q.site,
+                    "parameter": q.parameter,
+                    "value": q.value,
+                    "sigma": q.sigma,
+                    "unit": q.unit,
+                    "expected": [q.low if np.isfinite(q.low) else None, q.high if np.isfinite(q.high) else None],
+                    "why": q.why,
+                    "believed": q.believed,
+                }
+                for q in d.questions
+            ],
+        },
+        "next_experiment": [e.to_json() for e in d.next_experiment],
+    }
+
+
+def gap_method() -> str:
+    """How the gap on poses that were not fitted was found."""
+    return (
+        f"{number_word(TOGETHER)} neighbouring poses left out in turn; "
+        f"interval: what {ASKED} other poses may show, by the uncertainty of what was fitted"
+    )

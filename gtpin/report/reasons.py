@@ -1,0 +1,21 @@
+"""Why an effect can't be tested, in words."""
+
+from __future__ import annotations
+
+from gtpin.effects.untestable import Untestable
+
+WORDS = {
+    "missing": "the covariate {covariate} is missing",
+    "constant": "the covariate {covariate} does not vary",
+    "too_few_commands": "the commands of {site} are too few, or too close together",
+    "one_sign": "the link's force does not change its sign",
+    "single_joint": "the cart carries a single joint, about which it turns unseen",
+    "absorbed": "geometric calibration absorbs it",
+    "unrecorded_payload": "the payload may have varied without being recorded",
+    "other": "{words}",
+}
+
+
+def reason_words(reason: Untestable | None, site: str) -> str:
+    """Why an effect at a site can't be tested, as part of a sentence; empty where it can."""
+    return WORDS[reason.kind].format(covariate=reason.covariate, site=site, words=reason.words) if reason else ""
