@@ -10,11 +10,11 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import ndtr
 
-from gtpin.accuracy.euler import well_told, zyz_change, zyz_rates
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep, poses_after, rod_step
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
+from gtpin.kinematics.euler import well_told, zyz_change, zyz_rates
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from gtpin import Dataset
 from gtpin.calibration.cart_tracks import Linearity
-from gtpin.calibration.compare import compare
-from gtpin.calibration.comparison import Comparison
+from gtpin.comparison.compare import compare
+from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import GtpinWarning
 
