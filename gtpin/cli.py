@@ -74,9 +74,11 @@ def _run() -> int:
     import typer
 
     from gtpin.commands.app import app
+    from gtpin.threads import one_thread
 
     try:
-        code = app(standalone_mode=False) or 0
+        with one_thread():
+            code = app(standalone_mode=False) or 0
         if code == INTERRUPTED:  # typer makes a code of the exception
             raise KeyboardInterrupt
         return int(code)

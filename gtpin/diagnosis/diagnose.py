@@ -43,6 +43,7 @@ from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
+from gtpin.threads import one_thread
 
 Floats = npt.NDArray[np.float64]
 
@@ -60,6 +61,7 @@ ROUNDS = 2
 """Times that the noise is asked again: a first guess beside too little noise explains some of it away."""
 
 
+@one_thread()
 def diagnose(
     dataset: Dataset,
     robot: Robot | Model | None = None,
