@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize, minimize_scalar
-from scipy.stats import chi2
 
+from gtpin.distributions import chi2
 from gtpin.kinematics.chunks import chunks
 
 Floats = npt.NDArray[np.float64]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2, f
 
 from gtpin.calibration import noise as noises
 from gtpin.calibration import weights
@@ -16,6 +15,7 @@ from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Problem, in_frame
 from gtpin.calibration.scatter import independent
 from gtpin.data import Instrument
+from gtpin.distributions import chi2, f
 from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses

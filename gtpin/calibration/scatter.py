@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import cdist
-from scipy.stats import norm
 
 from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Point, Problem
+from gtpin.distributions import norm
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]

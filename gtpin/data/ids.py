@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 Ids = NDArray[np.object_]
@@ -60,4 +59,6 @@ def normal_ids(values: Iterable[Any]) -> Ids:
 
 def among(ids: Ids, some: Collection[str]) -> NDArray[np.bool_]:
     """(N,) which ids are some of those given."""
+    import pandas as pd
+
     return np.asarray(pd.Index(ids).isin(list(some)), dtype=bool)

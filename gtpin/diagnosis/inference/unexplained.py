@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
 from gtpin.diagnosis.linear.evidence import Posterior, beside
 from gtpin.diagnosis.result import Unexplained
+from gtpin.distributions import chi2
 
 CORRELATES = 5
 """Free motions that are reported at most."""
