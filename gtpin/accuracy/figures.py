@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.planning import Plan
 from gtpin.accuracy.sensitivity import Sensitivity
 from gtpin.accuracy.steps import PARAMETERS
 from gtpin.accuracy.workspace import Workspace
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-RED = "#c0392b"
 SLICES = 3
 """Slices of a map that are shown."""
 
@@ -76,22 +73,4 @@ def workspace_map(space: Workspace, values: Floats, title: str, unit: str) -> Fi
     axes[0].set_ylabel("z (m)")
     figure.colorbar(image, ax=list(axes), label=unit, shrink=0.85)  # type: ignore[arg-type]
     figure.suptitle(title)
-    return figure
-
-
-def gain_over_random(plan: Plan) -> Figure:
-    """What the best poses tell, and how well the model then predicts, beside poses drawn at random."""
-    figure = new_figure(9.0, 3.4)
-    left, right = figure.subplots(1, 2)
-    pairs: Sequence[tuple[Any, Floats, float, str]] = (
-        (left, plan.random_nats, plan.nats, "log det(I + B'B) (nats)"),
-        (right, 1e6 * plan.random_error, 1e6 * plan.error, "expected prediction error, RMS (um)"),
-    )
-    for axis, random, best, label in pairs:
-        axis.hist(random, bins=20, color="0.75", label="random")
-        axis.axvline(best, color=RED, linewidth=2.0, label="chosen")
-        axis.set_xlabel(label)
-        axis.set_ylabel("random choices")
-    left.legend(fontsize=9)
-    figure.suptitle(f"{len(plan.rows)} poses chosen, and {len(plan.random_nats)} random choices of as many")
     return figure

@@ -9,9 +9,6 @@ from markupsafe import Markup, escape
 
 from gtpin.effects.catalogue import catalogue
 
-OWN_PAGES = "docs/effects"
-"""Where the documentation has a page for each effect of gtpin."""
-
 
 def meaning(effect: str) -> tuple[Markup, ...]:
     """Equation, signs and parameters of an effect, a paragraph each; empty for one that says nothing of itself.

@@ -10,10 +10,8 @@ import pandas as pd
 import pytest
 from accuracy_machines import LINKS, MODEL, commands, other
 
-from gtpin.accuracy import figures, report
-from gtpin.accuracy.planning import plan_poses
+from gtpin.accuracy import report
 from gtpin.accuracy.report import analyse, write_sensitivity
-from gtpin.calibration.noise import Noise
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
 from gtpin.output.figure import new_figure
 
@@ -103,7 +101,6 @@ def test_every_axis_of_every_figure_is_labelled() -> None:
     pytest.importorskip("matplotlib")
     q = commands(12)
     made = report.all_figures(analyse(MODEL, q, costs=COSTS))
-    made["plan"] = figures.gain_over_random(plan_poses(MODEL, commands(20), 5, Noise(1e-5, 5e-5), q, draws=5))
     for figure in made.values():
         assert figure.get_suptitle()
         assert any(axis.get_xlabel() for axis in figure.axes)

@@ -42,7 +42,7 @@ def test_parts_of_the_package_are_found_and_nothing_else():
     ("name", "unneeded"),
     [
         ("errors", {"numpy", "scipy", "pandas", "pyarrow", "pinocchio", "pydantic"}),
-        ("Dataset", {"scipy.stats", "pandas", "pyarrow", "pinocchio"}),
+        ("Dataset", {"scipy", "pandas", "pyarrow", "pinocchio"}),
         ("load_robot", {"scipy.stats", "pandas", "pyarrow"}),
         ("Model", {"scipy.stats", "pandas", "pyarrow"}),
         ("calibrate", {"scipy.stats", "pandas", "pyarrow", "matplotlib", "plotly", "joblib"}),
