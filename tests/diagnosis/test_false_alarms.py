@@ -10,11 +10,12 @@ from scipy.stats import binom
 from gtpin.diagnosis.hypotheses.propose import make_pool
 from gtpin.diagnosis.inference.decide import rough_guess
 
-MACHINES = 25
+MACHINES = 60
 
 
-@pytest.mark.parametrize("rate", [0.3, 0.05])
-def test_noise_and_geometry_alone_raise_an_alarm_no_more_often_than_asked_for(rate):
+@pytest.mark.parametrize(("rate", "most"), [(0.3, 0.03), (0.05, 0.03)])
+def test_noise_and_geometry_alone_raise_an_alarm_less_often_than_asked_for(rate, most):
+    """Measured on 200 machines: 1 alarm at 0.3, none at 0.05; 0.03 is the upper 95 % bound of 1 in 200."""
     observed, baseline = calibrated(poses=60)
     design = observed.design(baseline.model)
     rng = np.random.default_rng(1)
@@ -24,4 +25,4 @@ def test_noise_and_geometry_alone_raise_an_alarm_no_more_often_than_asked_for(ra
         y = design.B @ off + rng.standard_normal(len(design.y))
         pool, _ = make_pool(replace(design, y=y), (), rate)
         alarms += bool(rough_guess(pool).names)
-    assert alarms <= binom.ppf(0.999, MACHINES, rate)
+    assert alarms <= binom.ppf(0.999, MACHINES, most)
