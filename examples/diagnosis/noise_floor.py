@@ -1,4 +1,4 @@
-"""How far left-out poses are from the noise floor where the verdict is right: the source of SILENT and NAMED.
+"""How far left-out poses are from the noise floor where the verdict is right: the source of priors.silent and priors.named.
 
 Machines with no effect, one, or two are diagnosed. Of those whose causes are the machine's own, the table has the largest
 ratio of the held-out position error with the causes in to the noise floor.

@@ -17,9 +17,9 @@ import gtpin
 from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.data.table import Column
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
-from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, gain
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.discrimination import Standing, chosen, concerns, split
 from gtpin.diagnosis.planning.measurement_conditions import INTERVAL, LATER, NIGHT
 from gtpin.diagnosis.planning.trials import Known, possible
@@ -56,7 +56,7 @@ class Told:
     expected_random: float
 
 
-def compare(truth: Candidate, rival: Candidate, seed: int) -> Told | None:
+def compare(truth: Hypothesis, rival: Hypothesis, seed: int) -> Told | None:
     """One machine; None where nothing parts the two."""
     case = make_case(seed, effects=[(truth.effect.id, truth.site)], energy=ENERGY, poses=POSES)
     baseline = gtpin.calibrate(case.dataset)
@@ -120,7 +120,7 @@ def again(case: Case, q: Floats, covariates: Mapping[str, Column], seed: int) ->
     )
 
 
-def factor(known: Known, dataset: Dataset, truth: Candidate, rival: Candidate) -> float:
+def factor(known: Known, dataset: Dataset, truth: Hypothesis, rival: Hypothesis) -> float:
     """Log Bayes factor, nats, of two effects, each at its best scale."""
     observed = replace(
         known.observed,
@@ -129,10 +129,10 @@ def factor(known: Known, dataset: Dataset, truth: Candidate, rival: Candidate) -
         weight=np.ones(len(dataset)),
     )
     design = observed.design(known.model)
-    groups = Groups(Marginal(design.B), design.y)
-    for candidate in (truth, rival):
-        groups.set(candidate.name, design.columns(candidate.effect.basis(design.situation, candidate.site)))
-    return gain(groups, NOTHING, truth.name)[0] - gain(groups, NOTHING, rival.name)[0]
+    groups: Groups[Hypothesis] = Groups(Marginal(design.B), design.y)
+    for hypothesis in (truth, rival):
+        groups.add(hypothesis, design.columns(hypothesis.basis(design.situation)))
+    return gain(groups, NOTHING, truth)[0] - gain(groups, NOTHING, rival)[0]
 
 
 def jobs(machines: int) -> list[dict[str, object]]:
@@ -143,7 +143,7 @@ def jobs(machines: int) -> list[dict[str, object]]:
 def measured(truth: str, rival: str, machine: int) -> list[dict[str, float]]:
     """One machine; nothing where no poses part the two."""
     effects = catalogue()
-    pair = [Candidate(effects[name.split("@")[0]], name.split("@")[1]) for name in (truth, rival)]
+    pair = [Hypothesis(effects[name.split("@")[0]], name.split("@")[1]) for name in (truth, rival)]
     found = compare(*pair, machine)
     return [] if found is None else [asdict(found)]
 

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from gtpin.accuracy.rods import reached_poses
 from gtpin.accuracy.signal import Signal, signal
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Observability
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 from gtpin.threads import one_thread
 
 Floats = npt.NDArray[np.float64]

@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.rods import reached_poses
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Observability, observability
 from gtpin.calibration.problem import in_frame
 from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]

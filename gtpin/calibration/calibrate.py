@@ -10,6 +10,7 @@ import numpy as np
 
 from gtpin.calibration.checks.declared_noise import used_noise
 from gtpin.calibration.checks.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
+from gtpin.calibration.checks.failed_fit import explained
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
 from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, reach_of
@@ -167,19 +168,20 @@ def _calibrated(
     start = started(instrument)
     seen = start.seen(poses)
     check_stretch(kept, measured, seen, far_from_nominal(measured, seen, reach_of(geometry)))
-    if doubt:
-        settled = settled_in_doubt(kept, start, measured, poses, settle)
-    else:
-        settled = settle(instrument)
-        check_convention(dataset, settled)
-    check_used(kept, measured, settled)
-    if not settled.used.all():
-        named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
-        warn(f"set aside as gross errors: poses {named}")
-    check_fit(dataset, settled, seen)
-    if doubt:
-        settled, instrument = used_noise(dataset, settled, settle)
-        settled, instrument = unstrained(settled, instrument, settle)
+    with explained(kept, start, measured, poses):
+        if doubt:
+            settled = settled_in_doubt(kept, start, measured, poses, settle)
+        else:
+            settled = settle(instrument)
+            check_convention(dataset, settled)
+        check_used(kept, measured, settled)
+        if not settled.used.all():
+            named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
+            warn(f"set aside as gross errors: poses {named}")
+        check_fit(dataset, settled, seen)
+        if doubt:
+            settled, instrument = used_noise(dataset, settled, settle)
+            settled, instrument = unstrained(settled, instrument, settle)
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))

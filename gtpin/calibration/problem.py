@@ -70,7 +70,7 @@ class Problem:
     measured
         The poses to be met.
     whitening
-        (N, c, c) see :class:`~gtpin.calibration.noise.Noise`.
+        (N, c, c) see :class:`~gtpin.noise.noise.Noise`.
     free_frame
         Whether the instrument's pose is identified too.
     """

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.rounds import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 

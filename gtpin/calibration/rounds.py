@@ -8,10 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration import noise as noises
-from gtpin.calibration import weights
 from gtpin.calibration.gauss_newton import Fit, fit
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Problem, in_frame
 from gtpin.calibration.scatter import independent
 from gtpin.data import Instrument
@@ -20,6 +17,11 @@ from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.noise import weights
+from gtpin.noise.likelihood import roughly
+from gtpin.noise.noise import SMALLEST, Noise
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
+from gtpin.noise.sight import line_of_sight, range_ratio
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -159,7 +161,7 @@ class Rounds:
                 outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, nominal, "rough fit", rough=True)
                 steps += outcome.iterations
             if not all(self._declared):  # gross errors and tails are judged by the size of the noise
-                noise = noises.roughly(noise, self._left(outcome, used)[0], self._declared)
+                noise = roughly(noise, self._left(outcome, used)[0], self._declared)
         else:
             outcome, tails, steps = part.fit, part.tails, part.steps
             noise = replace(part.noise, sight=noise.sight, reach=noise.reach)
@@ -227,7 +229,7 @@ class Rounds:
                 raise DatasetError(
                     "the instrument's station lies among the measured poses", hint="mend station in dataset.toml"
                 )
-            sight, reach = noises.line_of_sight(self.measured.T, station)
+            sight, reach = line_of_sight(self.measured.T, station)
         # What is not declared starts at a tracker's usual size; only its share in the whole matters until it is estimated.
         return Noise(
             self.instrument.position_sigma or 2e-5,
@@ -235,7 +237,7 @@ class Rounds:
             sight=sight,
             reach=reach,
             estimated=(not self._declared[0], not self._declared[1]),
-        ).at_least(noises.SMALLEST)
+        ).at_least(SMALLEST)
 
     def _fit(
         self,
@@ -286,11 +288,11 @@ class Rounds:
             Which of the poses that ``outcome`` was fitted to are among them.
         """
         if noise.sight is not None:
-            noise = replace(noise, range_ratio=noises.range_ratio(noise.take(used), left[used, :3]))
-        contrast, rows = noises.contrasts(self.visits[used], left[used])
+            noise = replace(noise, range_ratio=range_ratio(noise.take(used), left[used, :3]))
+        contrast, rows = contrasts(self.visits[used], left[used])
         rows = np.flatnonzero(used)[rows]
-        if len(contrast) >= noises.LEAST_CONTRASTS:
-            told = noises.from_repeats(noise.take(rows), contrast, J[rows], self._declared)
+        if len(contrast) >= LEAST_CONTRASTS:
+            told = from_repeats(noise.take(rows), contrast, J[rows], self._declared)
             told = replace(told, sight=noise.sight, reach=noise.reach)
             if all(self._declared) or told.repeatability > 0.0:
                 return told
@@ -314,7 +316,7 @@ class Rounds:
         """
         some = np.arange(len(left))[:: 1 + len(left) // ENOUGH]
         whole = left[some] * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))
-        told = noises.from_repeats(noise.take(used).take(some), whole, J[some], self._declared)
+        told = from_repeats(noise.take(used).take(some), whole, J[some], self._declared)
         if told.repeatability == 0.0:
             return noise
         measured, free = self.measured.take(used), self.instrument.frame == "free"
@@ -350,8 +352,8 @@ class Rounds:
                 factors[i] = float(np.sqrt(squares[kind].sum() / max(freedoms, 1.0)))
         return replace(
             noise,
-            position_sigma=max(noise.position_sigma * factors[0], noises.SMALLEST),
-            orientation_sigma=max(noise.orientation_sigma * factors[1], noises.SMALLEST),
+            position_sigma=max(noise.position_sigma * factors[0], SMALLEST),
+            orientation_sigma=max(noise.orientation_sigma * factors[1], SMALLEST),
             repeatability=0.0,
             lack=0.0,
             source="residuals",

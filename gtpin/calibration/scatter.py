@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, Point, Problem
 from gtpin.distributions import norm
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 

@@ -14,11 +14,10 @@ from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.predict import prediction_table
-from gtpin.output.results import results_folder
 from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.simulate import Simulation
 from gtpin.plant.simulate import simulate as run_simulation
-from gtpin.plant.truth import DATASET_FILES, Case, case_folders, truth_names
+from gtpin.plant.truth import Case, case_folders, dataset_folder, truth_names
 from gtpin.robot.library import load_robot
 
 ROBOT, POSES, SEED = "gantry_tau", 200, 0
@@ -54,11 +53,12 @@ def simulate(
     """Write a dataset of a virtual machine: a robot drawn from its tolerances, measured by a noisy tracker.
 
     With a scenario the machine has the effects that it lists. They stand in DATASET.truth.json, and the true poses at
-    commands.csv in DATASET.truth.csv, beside the dataset.
+    commands.csv in DATASET.truth.csv, beside the dataset. Without one, these two are taken away if gtpin wrote them: they are
+    the truth of a dataset that is replaced.
     """
     if scenario is None:
         name = robot or ROBOT
-        with results_folder(output, DATASET_FILES, force=force) as folder:
+        with dataset_folder(output, force=force) as folder:
             simulation = run_simulation(
                 load_robot(name), _seen_from(name, output), poses=poses or POSES, seed=seed or SEED
             )

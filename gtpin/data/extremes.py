@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gtpin.data.dataset import Dataset
+from gtpin.data.names import POSITION
 from gtpin.errors import DatasetError, warn
 
 SIGMA = (1e-10, 1.0)
@@ -15,6 +16,8 @@ TOLERANCE = (1e-10, 10.0)
 """Between which a tolerance lies, m, rad or m/m: a stated assumption."""
 STATION = 1e4
 """Farthest coordinate of an instrument, m, that can measure a robot: a stated assumption."""
+FARTHEST = 1e12
+"""Median size of a coordinate of the positions, m, that no unit of length explains: a metre is 1e9 nm. A stated assumption."""
 TEMPERATURE = (-60.0, 150.0)
 """degC between which a machine's reference temperature lies: a stated assumption."""
 FAHRENHEIT = (59.0, 86.0)
@@ -27,7 +30,8 @@ def check_extremes(dataset: Dataset) -> None:
     Raises
     ------
     DatasetError
-        For a sigma, a tolerance, a station or a reference temperature that can't be, and where all commands are the same.
+        For a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond any unit, and
+        where all commands are the same.
 
     Warns
     -----
@@ -43,6 +47,10 @@ def check_extremes(dataset: Dataset) -> None:
     if FAHRENHEIT[0] <= (reference := dataset.conditions.reference_temperature) <= FAHRENHEIT[1]:
         text = f"reference_temperature is taken as {reference:g} degC; where it is in degrees Fahrenheit, convert it"
         warn(f"{file}: {text}" if file else text)
+    for name, size in zip(POSITION, np.median(np.abs(dataset.position), axis=0), strict=True):
+        if size > FARTHEST:
+            what, hint = f"half of the positions are {size:.2g} m away or farther", "give metres"
+            raise DatasetError(what, file=dataset.file, column=name, hint=hint)
     if len(dataset) > 1 and not np.ptp(dataset.q, axis=0).any():
         hint = "calibration needs poses all over the workspace"
         raise DatasetError("all poses have the same commands", file=dataset.file, column="q1", hint=hint)

@@ -15,6 +15,8 @@ from gtpin.data.table import Floats
 from gtpin.errors import DatasetError, warn
 
 _NEARLY_ALL = 0.95
+_SEVERAL = 6
+"""Rows from which a part of a column is said to be in another unit."""
 
 
 def check_plausible(
@@ -62,7 +64,8 @@ def check_commands(
     far = beyond > high - low
     if far.any():
         index, actuator = (int(i) for i in np.argwhere(far)[0])
-        raise _far_outside(rows, index, actuator, names[actuator], low[actuator], high[actuator], turns[actuator])
+        limits = (low[actuator], high[actuator])
+        raise _far_outside(rows, index, actuator, names[actuator], *limits, turns[actuator], far[:, actuator])
     outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
     if outside.any():
         text = f"commands a little outside the robot's range: {_poses(rows, outside)}"
@@ -114,6 +117,7 @@ def _far_outside(
     low: float,
     high: float,
     turns: bool,
+    far: NDArray[np.bool_],
 ) -> DatasetError:
     right, other, factor = ("rad", "degrees", 180.0 / np.pi) if turns else ("m", "millimetres", 1000.0)
     q = rows.q[:, actuator]
@@ -122,6 +126,14 @@ def _far_outside(
     looks = f", and the column looks like {other}" if scaled >= _NEARLY_ALL and as_is < 0.5 else ""
     what = f"{q[index]:g} is far outside the range of {name} ({low:g} to {high:g} {right})"
     hint = f"write commands in {right}" if looks else "correct the row, or leave it out"
+    part = q[far] / factor
+    if not looks and far.sum() >= _SEVERAL and ((part >= low) & (part <= high)).mean() >= _NEARLY_ALL:
+        lines = rows.row[far]
+        looks = (
+            f", and so are {far.sum()} of {len(q)} rows, the first in line {lines.min()} and the last in line {lines.max()} of "
+            f"the file, which look like {other}"
+        )
+        hint = f"write commands of these rows in {right}"
     return DatasetError(what + looks, file=rows.file, row=int(rows.row[index]), column=f"q{actuator + 1}", hint=hint)
 
 

@@ -12,7 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.data.table import Floats
 
-UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254), ("feet", 0.3048), ("micrometres", 1e-6))
+UNITS = (
+    ("millimetres", 1e-3),
+    ("centimetres", 1e-2),
+    ("inches", 0.0254),
+    ("feet", 0.3048),
+    ("micrometres", 1e-6),
+    ("yards", 0.9144),
+)
 """Units that lengths are usually written in, other than metres, and the metres in each."""
 AXES, VECTOR = ("x", "y", "z"), ("qx", "qy", "qz")
 

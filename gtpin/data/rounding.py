@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gtpin.data.dataset import Dataset
+from gtpin.data.table import Floats
 from gtpin.errors import warn
 
 STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
@@ -48,10 +50,15 @@ def with_rounding(dataset: Dataset) -> Dataset:
 
 def rounded_to(dataset: Dataset) -> float | None:
     """The coarsest step, m, that all positions are multiples of; None where there is none."""
-    near = dataset.position[(np.abs(dataset.position) < FARTHEST).all(axis=1)]
+    return coarsest_step(dataset.position, STEPS)
+
+
+def coarsest_step(values: Floats, steps: Sequence[float]) -> float | None:
+    """The first of some steps that all values (N, k) are multiples of; None where there is none, or there are few rows."""
+    near = values[(np.abs(values) < FARTHEST).all(axis=1)]
     if len(near) < FEWEST:
         return None
-    for step in STEPS:
+    for step in steps:
         counts = near / step
         if np.abs(counts - np.round(counts)).max() < EXACT:
             return step

@@ -79,7 +79,7 @@ def export(
     if os.path.isdir(file):
         raise GtpinError("this is a folder", file=file, hint="name a file")
     made = texts(model, file, form or _format(file), session=session)
-    with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file) as folder:
+    with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file, alone=True) as folder:
         for name, text in made.files.items():
             (folder / name).write_text(text, encoding="utf-8")
     if made.left_out:

@@ -7,9 +7,10 @@ import json
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 from gtpin.errors import GtpinError
 
@@ -23,19 +24,35 @@ Record = dict[str, str | None]
 
 def recorded(folder: Path) -> Record:
     """What a folder's marker lists; nothing where there is no marker, or it can't be read."""
+    entries = _told(folder).get("entries")
+    return entries if isinstance(entries, dict) else {}
+
+
+def alone_in(folder: Path) -> set[str]:
+    """Names of the files that a folder's marker lists as written each by itself, as ``gtpin predict`` writes its table."""
+    names = _told(folder).get("alone")
+    return {str(name) for name in names} if isinstance(names, list) else set()
+
+
+def part_of_others(path: Path) -> bool:
+    """Whether gtpin wrote a file or folder together with others, as ``poses.csv`` of a dataset: it belongs to them."""
+    return os.path.lexists(path) and path.name in recorded(path.parent) and path.name not in alone_in(path.parent)
+
+
+def _told(folder: Path) -> dict[str, Any]:
     file = folder / MARKER
     try:
         told = json.loads(file.read_text(encoding="utf-8")) if stat.S_ISREG(file.lstat().st_mode) else {}
     except (OSError, ValueError, RecursionError):
         return {}
-    entries = told.get("entries") if isinstance(told, dict) and told.get("schema") == SCHEMA else {}
-    return entries if isinstance(entries, dict) else {}
+    return told if isinstance(told, dict) and told.get("schema") == SCHEMA else {}
 
 
-def mark(folder: Path, others: Record | None = None) -> None:
+def mark(folder: Path, others: Record | None = None, alone: Collection[str] = ()) -> None:
     """Write the markers of a folder that gtpin has filled, and of all folders in it.
 
-    ``others`` are entries that are not in it now but will stand beside what it holds.
+    ``others`` are entries that are not in it now but will stand beside what it holds; ``alone`` are the names of files that
+    were written each by itself.
     """
     entries: Record = {}
     for entry in sorted(folder.iterdir()):
@@ -46,7 +63,10 @@ def mark(folder: Path, others: Record | None = None) -> None:
             entries[entry.name] = _digest(entry)
     entries = dict(sorted(((others or {}) | entries).items()))
     if entries:
-        text = json.dumps({"schema": SCHEMA, "entries": entries}, indent=1) + "\n"
+        told: dict[str, Any] = {"schema": SCHEMA, "entries": entries}
+        if alone:
+            told["alone"] = sorted(alone)
+        text = json.dumps(told, indent=1) + "\n"
         (folder / MARKER).write_text(text, encoding="utf-8")
 
 
@@ -80,14 +100,19 @@ def _digest(file: Path) -> str:
         return hashlib.file_digest(content, "sha256").hexdigest()
 
 
-def refuse_foreign(folder: Path, names: Iterable[str], force: bool, kind: type[GtpinError] = GtpinError) -> None:
+def refuse_foreign(
+    folder: Path, names: Iterable[str], force: bool, kind: type[GtpinError] = GtpinError, *, alone: bool = False
+) -> None:
     """Raise an error where results would take the place of what gtpin has not written.
 
-    With ``force``, only where it is neither a file, a folder nor a link: a device can't be moved aside.
+    Where files are written ``alone``, each by itself, also where one would take the place of a part of other results. With
+    ``force``, only where it is neither a file, a folder nor a link: a device can't be moved aside.
     """
     for name in names:
         found = foreign(folder / name)
         if found is None:
+            if alone and not force and part_of_others(folder / name):
+                raise kind("this is a part of what another command wrote here", file=folder / name, hint=FORCE)
             continue
         mode = (folder / name).lstat().st_mode
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)):

@@ -10,18 +10,18 @@ import os
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from gtpin.output.ownership import MARKER, aside, foreign, mark, recorded, refuse_foreign
+from gtpin.output.ownership import MARKER, alone_in, aside, foreign, mark, part_of_others, recorded, refuse_foreign
 
 NEW, READY, OLD = "new", "ready", "old"
 
 Move = tuple[Path, Path]
 
 
-def place(work: Path, folder: Path, names: Collection[str], force: bool) -> None:
+def place(work: Path, folder: Path, names: Collection[str], force: bool, alone: bool = False) -> None:
     """Move what is in ``new/`` into a folder: all of it, or nothing where that fails.
 
     What gtpin wrote itself is replaced, or taken away where it has one of ``names`` and is not there anew. Anything else
-    of these names is moved aside with ``force``.
+    of these names is moved aside with ``force``; so is, where files are written ``alone``, what is a part of other results.
 
     Raises
     ------
@@ -32,12 +32,13 @@ def place(work: Path, folder: Path, names: Collection[str], force: bool) -> None
     """
     written = os.listdir(work / NEW)
     going = {*names, *written} - {MARKER}
-    refuse_foreign(folder, [*sorted(going), MARKER], force)
-    mark(work / NEW, {name: told for name, told in recorded(folder).items() if name not in going})
+    refuse_foreign(folder, [*sorted(going), MARKER], force, alone=alone)
+    others = {name: told for name, told in recorded(folder).items() if name not in going}
+    mark(work / NEW, others, (alone_in(folder) & set(others)) | (going if alone else set()))
     os.replace(work / NEW, work / READY)
     moves: list[Move] = []
     try:
-        _move(work, folder, going - set(written), force, moves)
+        _move(work, folder, going - set(written), force, moves, alone)
     except BaseException:
         for start, end in reversed(moves):
             os.replace(end, start)
@@ -60,13 +61,13 @@ def _emptied(work: Path) -> None:
     (work / READY).rmdir()
 
 
-def _move(work: Path, folder: Path, gone: Iterable[str], force: bool, moves: list[Move]) -> None:
+def _move(work: Path, folder: Path, gone: Iterable[str], force: bool, moves: list[Move], alone: bool = False) -> None:
     (work / OLD).mkdir(exist_ok=True)
     # The marker last: until then the old one tells what of the old results may be replaced.
     for name in [*gone, *sorted(os.listdir(work / READY), key=lambda name: (name == MARKER, name))]:
         there, ready = folder / name, work / READY / name
         if os.path.lexists(there):
-            own = foreign(there) is None
+            own = foreign(there) is None and not (alone and part_of_others(there))
             if not own and not force:
                 continue
             try:

@@ -10,6 +10,7 @@ from pathlib import Path
 from gtpin.errors import GtpinError
 from gtpin.output.ownership import refuse_foreign
 from gtpin.output.placing import NEW, place
+from gtpin.output.read_only import read_only_folder
 from gtpin.output.work_folder import NAME, placing_lock, work_folder
 
 
@@ -22,6 +23,7 @@ def results_folder(
     kind: type[GtpinError] = GtpinError,
     key: str = "",
     shown: Path | None = None,
+    alone: bool = False,
 ) -> Iterator[Path]:
     """Give a folder to write to, and move what is in it into ``target`` once the block has ended well.
 
@@ -42,6 +44,8 @@ def results_folder(
         What of the folder is written: runs with other keys may write into it at the same time.
     shown
         What errors name as what can't be written, where it is not the folder.
+    alone
+        Whether each file is a result by itself, and takes no place of a file that belongs to others, as those of a dataset.
 
     Raises
     ------
@@ -60,11 +64,11 @@ def results_folder(
         with writing(shown or given, kind):
             target.mkdir(parents=True, exist_ok=True)
             with work_folder(target, key) as work:
-                refuse_foreign(target, names, force, kind)
+                refuse_foreign(target, names, force, kind, alone=alone)
                 (work / NEW).mkdir()
                 yield work / NEW
                 with placing_lock(target):
-                    place(work, target, names, force)
+                    place(work, target, names, force, alone)
         placed = True
     finally:
         if not placed:
@@ -77,18 +81,20 @@ def results_folder(
 def result_file(target: Path, *, force: bool = False, kind: type[GtpinError] = GtpinError) -> Iterator[Path]:
     """Give a file to write to, and move it into place once the block has ended well; see :func:`results_folder`."""
     check_file(target, force=force, kind=kind)
-    with results_folder(target.parent, [target.name], force=force, kind=kind, key=target.name, shown=target) as folder:
+    name = target.name
+    with results_folder(target.parent, [name], force=force, kind=kind, key=name, shown=target, alone=True) as folder:
         yield folder / target.name
 
 
 def check_file(target: Path, *, force: bool = False, kind: type[GtpinError] = GtpinError) -> None:
-    """Refuse a file to write that is a folder or, without ``force``, is there and was not written by gtpin."""
+    """Refuse a file to write that is a folder or, without ``force``, is there and was not written by gtpin, or is a part
+    of other results."""
     if not target.name or os.path.isdir(target):
         raise kind("can't be written (this is a folder)", file=target, hint="name a file")
     if os.path.realpath(target.parent) == "/dev":
         raise kind("can't be written (this is a device)", file=target, hint="name a file; --json prints the result")
     with writing(target, kind):
-        refuse_foreign(target.parent, [target.name], force, kind)
+        refuse_foreign(target.parent, [target.name], force, kind, alone=True)
 
 
 @contextlib.contextmanager
@@ -101,7 +107,19 @@ def writing(target: Path, kind: type[GtpinError] = GtpinError) -> Iterator[None]
         file, verb = target, "written"
         if error.filename is not None and not _is_of(target.absolute(), Path(os.fsdecode(error.filename))):
             file, verb = Path(os.fsdecode(error.filename)), "read"
-        raise kind(f"can't be {verb} ({reason})", file=file, hint="check the path and its rights") from None
+        locked = read_only_folder(error) if verb == "written" else None
+        hint = "check the path and its rights"
+        if locked is not None:
+            hint = f"the folder {_as_given(locked, target)} is read-only: change its rights, or name another place"
+        raise kind(f"can't be {verb} ({reason})", file=file, hint=hint) from None
+
+
+def _as_given(folder: Path, target: Path) -> Path:
+    """A folder in, at or above a target as it is named where the target's own name is relative."""
+    for given, whole in zip((target, *target.parents), (target.absolute(), *target.absolute().parents), strict=False):
+        if folder.is_relative_to(whole):
+            return given / folder.relative_to(whole)
+    return folder
 
 
 def _is_of(target: Path, file: Path) -> bool:

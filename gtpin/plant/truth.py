@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from gtpin.data import Commands, Dataset
 from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
 from gtpin.kinematics.poses import Poses
+from gtpin.output.ownership import foreign
 from gtpin.output.results import results_folder
 from gtpin.plant.machine import Machine
 from gtpin.plant.recipe import Recipe
@@ -119,6 +121,27 @@ class Case:
 def truth_names(name: str) -> tuple[str, str]:
     """Names of the two files that tell the truth about a dataset."""
     return f"{name}.truth.json", f"{name}.truth.csv"
+
+
+@contextlib.contextmanager
+def dataset_folder(dataset: Path, *, force: bool = False) -> Iterator[Path]:
+    """Give a folder to write a dataset to that no truth is written of.
+
+    The truth of the dataset that it replaces is taken away with that, if gtpin wrote it and nobody changed it since.
+    """
+    place = Path(os.path.abspath(dataset))
+    old = [name for name in truth_names(place.name) if _is_own(place.with_name(name))] if place.name else []
+    with contextlib.ExitStack() as stack:
+        if old:
+            stack.enter_context(results_folder(place.parent, old, force=force, key=old[0]))
+        yield stack.enter_context(results_folder(dataset, DATASET_FILES, force=force))
+
+
+def _is_own(file: Path) -> bool:
+    try:
+        return file.is_file() and foreign(file) is None
+    except OSError:
+        return False
 
 
 @contextlib.contextmanager

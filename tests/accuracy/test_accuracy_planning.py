@@ -11,9 +11,9 @@ from accuracy_machines import MODEL, ROBOT, commands
 import gtpin
 from gtpin.accuracy.planning import best_poses, plan_poses
 from gtpin.accuracy.signal import Signal, signal
-from gtpin.calibration.noise import Noise
 from gtpin.data import Dataset, Instrument
 from gtpin.errors import ModelError
+from gtpin.noise.noise import Noise
 
 NOISE = Noise(1.5e-5, 5e-5)
 

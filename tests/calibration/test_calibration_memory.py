@@ -13,10 +13,10 @@ import gtpin
 from gtpin import memory
 from gtpin.calibration import rounds
 from gtpin.calibration.calibrate import FIXED, PER_POSE
-from gtpin.calibration.noise import contrasts
 from gtpin.effects.active import with_effects
 from gtpin.errors import GtpinError
 from gtpin.kinematics import chunks
+from gtpin.noise.repeats import contrasts
 from gtpin.plant.case import make_case
 from gtpin.plant.simulate import simulate
 

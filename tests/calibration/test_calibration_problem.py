@@ -18,9 +18,10 @@ from virtual_gantry import (
 )
 
 import gtpin
-from gtpin.calibration.noise import Noise, line_of_sight
 from gtpin.calibration.problem import Problem, in_frame, measured_poses, rough_frame
 from gtpin.model.model import Frame, Model
+from gtpin.noise.noise import Noise
+from gtpin.noise.sight import line_of_sight
 from gtpin.robot.geometry import Geometry
 
 SCALES = {"plain": {}, "sixty": {"directions": "rod", "scale": "rod"}}

@@ -91,6 +91,7 @@ MISTAKES = {
     "centimetres": (in_units(0.01), "x y z look like centimetres; multiply x, y and z by 0.01"),
     "inches": (in_units(0.0254), "x y z look like inches; multiply x, y and z by 0.0254"),
     "feet": (in_units(0.3048), "x y z look like feet; multiply x, y and z by 0.3048"),
+    "yards": (in_units(0.9144), "x y z look like yards"),
     "millimetres": (in_units(0.001), "looks like millimetres"),
     "z in millimetres": (in_units(0.001, axes=(2,)), "z looks like millimetres beside metres; multiply z by 0.001"),
     "x reversed": (along(-1, 2, 3), "x looks reversed; change the sign of x"),
@@ -140,6 +141,16 @@ def test_an_instrument_elsewhere_is_recognised(robot):
     data = elsewhere(machine(robot, 613), 613, "robot")
     assert 'set frame = "free" under [instrument]' in (found(robot, data) or "")
     assert found(robot, replace(data, instrument=data.instrument.model_copy(update={"frame": "free"}))) is None
+
+
+@pytest.mark.parametrize("robot", ["gantry_tau", "gantry_tau_6dof", "stewart", "linear_delta"])
+@pytest.mark.parametrize("orientations", [True, False])
+def test_a_metre_along_x_may_always_be_another_frame(robot, orientations):
+    data = machine(robot, 616)
+    data = replace(data, position=data.position + np.array([1.0, 0.0, 0.0]))
+    text = refusal(data if orientations else replace(data, orientation=None))
+    assert "the instrument looks to stand elsewhere than in the base frame" in text
+    assert 'set frame = "free" under [instrument]' in text
 
 
 @pytest.mark.parametrize("robot", ["gantry_tau", "gantry_tau_6dof", "stewart"])

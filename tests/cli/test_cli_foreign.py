@@ -115,6 +115,53 @@ def test_a_file_of_a_user_s_is_refused_before_any_work(run, source, tmp_path, tr
     assert tree(tmp_path) == before
 
 
+@pytest.mark.parametrize("changed", [False, True])
+def test_the_truth_of_a_replaced_dataset_goes_with_it_unless_a_user_changed_it(run, source, tmp_path, tree, changed):
+    output = tmp_path / "set"
+    assert run(*arguments("scenario", source, output)).code == 0
+    names = {"set.truth.json", "set.truth.csv"}
+    assert names < set(tree(tmp_path))
+    (tmp_path / "other.truth.json").write_text("mine")
+    if changed:
+        (tmp_path / "set.truth.json").write_text("mine")
+    assert run("simulate", "-o", output, "--poses", "12").code == 0
+    kept = {"set.truth.json"} if changed else set()
+    assert names & set(tree(tmp_path)) == kept
+    assert all((tmp_path / name).read_text() == "mine" for name in kept | {"other.truth.json"})
+
+
+def test_the_truth_stays_where_the_new_dataset_fails(run, source, tmp_path, tree):
+    assert run(*arguments("scenario", source, tmp_path / "set")).code == 0
+    before = tree(tmp_path)
+    run("simulate", "-o", tmp_path / "set", "--robot", "no_such_robot").failed()
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("command", ["predict", "corrected"])
+def test_a_single_file_takes_no_place_of_a_dataset_s_but_by_force(run, source, tmp_path, tree, command):
+    output = tmp_path / "set"
+    assert run("simulate", "-o", output, "--poses", "12").code == 0
+    before = tree(tmp_path)
+    error = run(*arguments(command, source, output / "poses.csv")).failed()
+    assert f"{output / 'poses.csv'}: this is a part of what another command wrote here" in error
+    assert "--force" in error
+    assert tree(tmp_path) == before
+    assert run(*arguments(command, source, output / "poses.csv"), "--force").code == 0
+    after = tree(output)
+    assert after["poses.csv.old-1"] == before["set/poses.csv"]
+    assert after["poses.csv"] != before["set/poses.csv"]
+
+
+def test_a_single_file_is_replaced_by_its_own_command_beside_a_dataset_too(run, source, tmp_path):
+    output = tmp_path / "set"
+    for _ in range(2):
+        assert run("predict", "gantry_tau", source / "commands.csv", "-o", output / "p.csv").code == 0
+    assert run("simulate", "-o", output, "--poses", "12").code == 0
+    for name in ("p.csv", "q.csv", "p.csv", "q.csv"):
+        assert run("predict", "gantry_tau", source / "commands.csv", "-o", output / name).code == 0
+    assert not list(output.glob("*.old-*"))
+
+
 @pytest.mark.usefixtures("no_work")
 def test_the_truth_beside_a_dataset_is_not_written_over_something_else(run, source, tmp_path, tree):
     (tmp_path / "set.truth.json").write_text("mine")

@@ -137,6 +137,26 @@ def test_a_folder_that_may_not_be_written_is_one_line_and_stays(user, home):
     locked.chmod(0o755)
 
 
+READ_ONLY = {
+    "out/model": ["calibrate", "set", "-o", "out"],
+    "locked": ["simulate", "-o", "locked/new/deep"],
+    "set": ["predict", "gantry_tau", "c.csv", "-o", "set/new/p.csv"],
+}
+
+
+def test_the_folder_that_is_read_only_is_named_not_the_one_around_it(user, home):
+    made, other = user(READ_ONLY["out/model"], ["simulate", "-o", "locked", "--poses", "12"], cwd=home)
+    assert (made.code, other.code) == (0, 0)
+    for folder in READ_ONLY:
+        (home / folder).chmod(0o555)
+    before = everything(home)
+    for folder, ran in zip(READ_ONLY, user(*READ_ONLY.values(), cwd=home), strict=True):
+        assert f"the folder {folder} is read-only" in ran.failed()
+    assert everything(home) == before
+    for folder in READ_ONLY:
+        (home / folder).chmod(0o755)
+
+
 @pytest.fixture
 def mount(home: Path) -> Iterator[Callable[[str], Path]]:
     """Mount a small file system of its own in the home folder."""

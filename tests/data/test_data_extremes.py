@@ -9,8 +9,8 @@ import pytest
 
 import gtpin
 from gtpin import errors
-from gtpin.calibration.noise import line_of_sight
 from gtpin.data import Dataset
+from gtpin.noise.sight import line_of_sight
 from gtpin.output.json_text import json_text
 from gtpin.plant import simulate
 

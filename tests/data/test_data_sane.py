@@ -9,7 +9,7 @@ from gtpin.data import Conditions, Dataset, Instrument
 from gtpin.data.duplicates import counted_once
 from gtpin.data.extremes import check_extremes
 from gtpin.data.sane import sane_rows
-from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
 N = 60
 
@@ -178,3 +178,10 @@ def test_poses_at_the_same_commands_are_refused():
     data = day()
     with pytest.raises(DatasetError, match="all poses have the same commands"):
         check_extremes(replace(data, q=np.tile(data.q[:1], (N, 1))))
+
+
+def test_positions_beyond_any_unit_of_length_are_refused_with_their_column() -> None:
+    data = day()
+    with pytest.raises(GtpinError, match="half of the positions are"):
+        check_extremes(replace(data, position=data.position * [1.0, 1.0, 1e299]))
+    check_extremes(replace(data, position=1e9 * data.position))  # nanometres are named elsewhere

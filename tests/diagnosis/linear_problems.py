@@ -13,9 +13,10 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.calibration.problem import measured_poses
-from gtpin.diagnosis.inference.joint_fit import Observed
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import SCALE_SPREAD, Groups, Marginal
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
+from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.plant import make_case
 
 Floats = np.ndarray
@@ -37,10 +38,10 @@ class Dense:
         return Dense(y, 3.0 * rng.standard_normal((m, p)), E)
 
     @property
-    def groups(self) -> Groups:
-        groups = Groups(Marginal(self.B), self.y)
+    def groups(self) -> Groups[str]:
+        groups: Groups[str] = Groups(Marginal(self.B), self.y)
         for name, columns in self.E.items():
-            groups.set(name, columns)
+            groups.add(name, columns)
         return groups
 
     def covariance(self, scales: Mapping[str, float]) -> Floats:
@@ -50,7 +51,7 @@ class Dense:
         """Log of the density over that of no group, with the scales' log-normal priors."""
         nothing = np.zeros(len(self.y))
         both = [multivariate_normal(nothing, self.covariance(s)).logpdf(self.y) for s in (scales, {})]
-        return float(both[0] - both[1] - 0.5 * sum((np.log(s) / SCALE_SPREAD) ** 2 for s in scales.values()))
+        return float(both[0] - both[1] - 0.5 * sum((np.log(s) / PRIORS.scale_spread) ** 2 for s in scales.values()))
 
 
 def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Design:

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.data import Dataset
-from gtpin.diagnosis import diagnose
-from gtpin.diagnosis.inference import readmit_outliers as believed
+from gtpin.diagnosis.inference import readmit_outliers, settle
 from gtpin.plant import make_case
 from gtpin.report.residuals import Residuals
 
@@ -46,7 +45,7 @@ def test_poses_beyond_a_joint_near_a_tracks_end_are_a_step_and_no_gross_errors(s
 @pytest.mark.parametrize("seed", [1, 2])
 def test_of_more_poses_than_a_search_takes_they_are_given_back_as_well(seed, monkeypatch):
     """The same machine; a search takes 120 of its 200 poses."""
-    for module in (believed, diagnose):
+    for module in (readmit_outliers, settle):
         monkeypatch.setattr(module, "MOST_POSES", 120)
     dataset = make_case(seed, effects=[], poses=200).dataset
     beyond = np.argsort(dataset.q[:, 0])[-6:]

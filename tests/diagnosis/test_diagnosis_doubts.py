@@ -6,14 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnosed import LARGE, machine, said
+from every_effect import every_effect
 
 import gtpin
 from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
-from gtpin.diagnosis.hypotheses.propose import make_pool
+from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.decide import decide
-from gtpin.diagnosis.inference.joint_fit import Observed
 from gtpin.diagnosis.inference.predictive import without_idle
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
@@ -97,14 +98,14 @@ def test_a_cause_that_predicts_nothing_is_dropped():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
         baseline = calibrate_geometry(beside, gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
-    pool, _ = make_pool(Observed.of(beside, baseline).design(baseline.model), (), 0.01)
-    found = decide(pool)
+    hypotheses = propose(Observed.of(beside, baseline).design(baseline.model), every_effect()).hypotheses
+    found = decide(hypotheses)
     # The geometry's price of a moved base, and nothing else.
-    assert found.named.names == ("target_offset@platform",)
+    assert [str(cause) for cause in found.classes] == ["target_offset@platform"]
     each = list(np.array_split(np.arange(len(beside)), len(beside) // 4))
     blocks = [np.isin(np.arange(len(beside)), rows) for rows in each]
-    left = without_idle(pool, found, blocks)
-    assert (left.verdict, left.named.names) == ("none", ())
+    left = without_idle(hypotheses, found, blocks)
+    assert (left.verdict, left.model.terms) == ("none", ())
 
 
 def test_a_cause_that_predicts_stays():

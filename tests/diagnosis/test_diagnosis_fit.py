@@ -9,22 +9,23 @@ from linear_problems import calibrated
 from numpy.testing import assert_allclose
 from scipy.stats import binom, chi2
 
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
-from gtpin.diagnosis.inference.joint_fit import Observed, fit_together
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.linear.evidence import Groups, Marginal, fixed
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 from gtpin.robot.geometry import Geometry
 
 POSITION, ORIENTATION = 1.5e-5, 5e-5
 CAUSES = (
-    Candidate(catalogue()["servo_lag"], "cart1"),
-    Candidate(catalogue()["rack_periodic"], "cart2", 0.06),
-    Candidate(catalogue()["link_compliance"], "link2a"),
+    Hypothesis(catalogue()["servo_lag"], "cart1"),
+    Hypothesis(catalogue()["rack_periodic"], "cart2", 0.06),
+    Hypothesis(catalogue()["link_compliance"], "link2a"),
 )
 SCALES = (2.0, 1.5, 1.0)
 
@@ -43,9 +44,9 @@ def machine(seed: int, spread: float = 1.0) -> tuple[Model, Observed]:
     at = observed.situation(Model(geometry))
     active = []
     for cause, scale in zip(CAUSES, SCALES, strict=True):
-        size = cause.effect.basis(at, cause.site, cause.setting).sigma * scale
+        size = cause.basis(at).sigma * scale
         c = size * rng.standard_normal(len(size))
-        active.append(ActiveEffect(cause.effect, cause.site, cause.setting, c, np.diag(size**2), at.references))
+        active.append(ActiveEffect(cause.effect, cause.site, cause.nonlinear, c, np.diag(size**2), at.references))
     true = Model(geometry, effects=tuple(active))
     seen = true.predict(observed.measured.q, observed.covariates)
     T = seen.T + POSITION * rng.standard_normal(seen.T.shape)
@@ -60,13 +61,13 @@ def test_a_fit_about_its_own_result_is_the_linear_posterior():
     design = observed.design(replace(found, effects=()), references)
     groups = Groups(Marginal(design.B), design.y)
     for cause in CAUSES:
-        groups.set(cause.name, design.columns(cause.effect.basis(design.situation, cause.site, cause.setting)))
-    linear = fixed(groups, [c.name for c in CAUSES], SCALES)
+        groups.add(cause, design.columns(cause.basis(design.situation)))
+    linear = fixed(groups, CAUSES, SCALES)
     place = 0
     for cause, active in zip(CAUSES, found.effects, strict=True):
         own = slice(place, place + len(active.coefficients))
         place = own.stop
-        typical = cause.effect.basis(design.situation, cause.site, cause.setting).sigma
+        typical = cause.basis(design.situation).sigma
         sigma = np.sqrt(np.diag(linear.covariance[own, own]))
         assert_allclose(active.coefficients / typical, linear.mean[own], atol=0.02 * sigma.min())
         assert_allclose(

@@ -1,18 +1,19 @@
-"""The noise that is asked again is the one that the poses have, and only that which was not declared."""
+"""The noise that is re-estimated is the one that the poses have, and only that which was not declared."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from every_effect import every_effect
 from linear_problems import calibrated
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from gtpin.calibration.problem import Measured
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.inference.joint_fit import Observed
-from gtpin.diagnosis.inference.noise import asked_again, left_over
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.inference.noise import left_over, reestimate_noise
 from gtpin.diagnosis.linear.evidence import NOTHING, fixed
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.basis import Basis
 from gtpin.kinematics.rotations import exp
 
@@ -39,24 +40,24 @@ def measured(
     return replace(observed, measured=Measured(q, T, R), noise=noise, weight=np.ones(len(q)))
 
 
-def pool_of(observed: Observed) -> Pool:
-    return Pool(observed.design(calibrated(poses=120)[1].model), {}, (), (), 0.01)
+def hypotheses_of(observed: Observed) -> HypothesisSet:
+    return HypothesisSet(observed.design(calibrated(poses=120)[1].model), (), (), (), every_effect())
 
 
 def asked(observed: Observed, declared: tuple[bool, bool]) -> tuple[Observed, bool]:
-    found = asked_again(observed, pool_of(observed), NOTHING, declared)
+    found = reestimate_noise(observed, hypotheses_of(observed), NOTHING, declared)
     return found.observed, found.matters
 
 
 def test_what_a_model_leaves_is_what_least_squares_leaves():
     observed = measured(1)
-    pool = pool_of(observed)
-    design = pool.design
+    hypotheses = hypotheses_of(observed)
+    design = hypotheses.design
     waves = np.cos(np.pi * np.outer(design.situation.travel[:, 0], [3.0, 5.0, 7.0]))
-    pool.groups.set("waves", design.columns(Basis(np.full(3, 2e-5), command=(0, waves))))
-    left, taken = left_over(pool, fixed(pool.groups, ("waves",), (2.0,)))
+    hypotheses.groups.add("waves", design.columns(Basis(np.full(3, 2e-5), command=(0, waves))))
+    left, taken = left_over(hypotheses, fixed(hypotheses.groups, ("waves",), (2.0,)))
     # Ridge regression as ordinary least squares with a row for each prior, and its hat matrix.
-    J = np.hstack([design.B, 2.0 * pool.groups.columns["waves"]])
+    J = np.hstack([design.B, 2.0 * hypotheses.groups.columns["waves"]])
     rows = np.vstack([J, np.eye(J.shape[1])])
     x = np.linalg.lstsq(rows, np.concatenate([design.y, np.zeros(J.shape[1])]), rcond=None)[0]
     assert_allclose(left.ravel(), design.y - J @ x, atol=1e-7)
@@ -104,8 +105,8 @@ def test_the_farther_out_in_heavy_tails_the_less_a_pose_counts(seed):
     observed = measured(seed, tails=2.5)
     found, matters = asked(observed, (True, True))
     assert matters
-    pool = pool_of(observed)
-    norms = np.linalg.norm(left_over(pool, NOTHING)[0], axis=1)
+    hypotheses = hypotheses_of(observed)
+    norms = np.linalg.norm(left_over(hypotheses, NOTHING)[0], axis=1)
     order = np.argsort(norms)
     assert (np.diff(found.weight[order]) <= 1e-12).all()
     assert found.weight[order[-5:]].max() < 0.5 * found.weight[order[: len(order) // 2]].min()
@@ -124,8 +125,8 @@ def test_only_the_sigma_that_is_not_declared_changes():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
     observed = measured(seed, fast=5e-5)
-    found = asked_again(observed, pool_of(observed), NOTHING, (True, True))
-    assert found.fine == "cart2"
+    found = reestimate_noise(observed, hypotheses_of(observed), NOTHING, (True, True))
+    assert found.restless == "cart2"
     assert found.observed.noise.repeatability < 2e-5
 
 
@@ -133,4 +134,4 @@ def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
 @pytest.mark.parametrize("repeatability", [0.0, 1.3e-5, 2.5e-5])
 def test_what_errs_anew_at_every_visit_is_scatter(seed, repeatability):
     observed = measured(seed, repeatability=repeatability)
-    assert asked_again(observed, pool_of(observed), NOTHING, (True, True)).fine is None
+    assert reestimate_noise(observed, hypotheses_of(observed), NOTHING, (True, True)).restless is None

@@ -61,11 +61,11 @@ def problem(effect: Effect, setting: float, seed: int) -> Design:
     return replace(design, y=y)
 
 
-def beside_linearity(design: Design, groups: Groups) -> Posterior:
+def beside_linearity(design: Design, groups: Groups[object]) -> Posterior[object]:
     """A model that has smooth waves along the same track already."""
     at = design.situation
     waves = np.stack([np.cos(k * np.pi * at.travel[:, 1]) for k in (1, 2, 3)], axis=1)
-    groups.set("smooth", design.columns(Basis(np.full(3, 3e-5), command=(1, waves))))
+    groups.add("smooth", design.columns(Basis(np.full(3, 3e-5), command=(1, waves))))
     return fixed(groups, ("smooth",), (1.0,))
 
 
@@ -80,15 +80,16 @@ def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_mo
         monkeypatch.setattr(scan, "KEPT", 0)
         monkeypatch.setattr(scan, "BATCH", 7)
     design = problem(effect, setting, seed=1)
-    groups = Groups(Marginal(design.B), design.y)
+    groups: Groups[object] = Groups(Marginal(design.B), design.y)
     model = beside_linearity(design, groups) if with_model else NOTHING
     columns = groups.columns["smooth"] if with_model else np.zeros((len(design.y), 0))
     scanned = Scan(design, groups.marginal, effect, SITE)
     found = scanned.best(model, columns)
 
     def by_itself(setting: float) -> tuple[float, float]:
-        groups.set("tried", design.columns(effect.basis(design.situation, SITE, setting)), effect.form)
-        return gain(groups, model, "tried")
+        if setting not in groups.columns:
+            groups.add(setting, design.columns(effect.basis(design.situation, SITE, setting)), effect.form)
+        return gain(groups, model, setting)
 
     settings = np.sort(effect.settings(design.situation, SITE))
     gains = np.array([by_itself(s)[0] for s in settings])
@@ -107,7 +108,7 @@ def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_mo
 def test_what_is_kept_between_scans_changes_nothing(monkeypatch):
     effect = FrameWave()
     design = problem(effect, 0.13, seed=2)
-    groups = Groups(Marginal(design.B), design.y)
+    groups: Groups[object] = Groups(Marginal(design.B), design.y)
     model = beside_linearity(design, groups)
     first = Scan(design, groups.marginal, effect, SITE)
     alone = first.best(NOTHING, np.zeros((len(design.y), 0)))

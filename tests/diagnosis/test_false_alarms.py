@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from every_effect import every_effect
 from linear_problems import calibrated
 from scipy.stats import binom
 
-from gtpin.diagnosis.hypotheses.propose import make_pool
-from gtpin.diagnosis.inference.decide import rough_guess
+from gtpin.diagnosis.hypotheses.propose import propose
+from gtpin.diagnosis.inference.search import rough_guess
 
 MACHINES = 60
 
@@ -23,6 +24,6 @@ def test_noise_and_geometry_alone_raise_an_alarm_less_often_than_asked_for(rate,
     for _ in range(MACHINES):
         off = np.concatenate([rng.standard_normal(design.n_geometry), np.zeros(design.B.shape[1] - design.n_geometry)])
         y = design.B @ off + rng.standard_normal(len(design.y))
-        pool, _ = make_pool(replace(design, y=y), (), rate)
-        alarms += bool(rough_guess(pool).names)
+        hypotheses = propose(replace(design, y=y), every_effect(rate)).hypotheses
+        alarms += bool(rough_guess(hypotheses).terms)
     assert alarms <= binom.ppf(0.999, MACHINES, most)

@@ -12,14 +12,14 @@ from scipy.stats import multivariate_normal
 import gtpin
 from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import free_motions
-from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain, most_telling
 from gtpin.diagnosis.planning.map_unknown import trace
 from gtpin.diagnosis.planning.next_experiment import Experiment, Standing, plan
 from gtpin.diagnosis.planning.trials import Known, possible
-from gtpin.diagnosis.result import Considered
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.linearity import Linearity
 from gtpin.plant import Case, make_case, measure_at
@@ -33,9 +33,9 @@ PAIRS = [
 SCALES = np.geomspace(0.1, 20.0, 16)
 
 
-def candidate(name: str) -> Candidate:
+def candidate(name: str) -> Hypothesis:
     effect, _, site = name.partition("@")
-    return Candidate(catalogue()[effect], site)
+    return Hypothesis(catalogue()[effect], site)
 
 
 @cache
@@ -66,7 +66,7 @@ def class_of(*names: str) -> Standing:
 def proposed(
     known: Known, *standings: Standing, untestable: tuple[str, ...] = (), seed: int = 0
 ) -> tuple[Experiment, ...]:
-    rows = [Considered(*name.split("@"), 0.0, 0.0, False, "it can't be seen") for name in untestable]
+    rows = [Untested(candidate(name), "it can't be seen") for name in untestable]
     rng = np.random.default_rng(seed)
     return plan(
         known.observed,
@@ -276,7 +276,7 @@ class Twin(Linearity):
 
 def test_twins_are_not_promised_to_be_told_apart_by_poses() -> None:
     _, known = known_of("linearity@cart2", 0)
-    members = ((candidate("linearity@cart2"), 0.5), (Candidate(Twin(), "cart2"), 0.5))
+    members = ((candidate("linearity@cart2"), 0.5), (Hypothesis(Twin(), "cart2"), 0.5))
     (experiment,) = proposed(known, Standing(members[0][0], 1.0, members))
     assert experiment.poses.shape == (0, 3)
     assert experiment.expected_gain == pytest.approx(0.0, abs=1e-6)

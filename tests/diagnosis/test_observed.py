@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from every_effect import every_effect
 
 import gtpin
-from gtpin.diagnosis.inference.joint_fit import Observed
-from gtpin.diagnosis.inference.readmit_outliers import believed
+from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
+from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise
 
@@ -42,9 +44,9 @@ def test_a_command_out_of_reach_is_no_pose_to_believe() -> None:
     q[once] = [2.0, -2.0, 2.0]
     wild = replace(dataset, q=q)
     baseline = calibrated(wild)
-    believable, sure = believed(wild, baseline, (), 0.01)
-    assert not believable[once].any()
-    assert (believable == sure).all()
+    rows = readmit_outliers(Prepared(wild, wild, baseline), every_effect())
+    assert not rows.admitted[once].any()
+    assert not rows.readmitted
 
 
 def test_hysteresis_is_asked_for_its_direction_where_the_fit_knew_it() -> None:

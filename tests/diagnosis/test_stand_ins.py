@@ -170,19 +170,17 @@ class WithPeriod(OfOthers):
         return along_track(at, site, np.sin(2.0 * np.pi * q / setting), np.array([3e-5]))
 
 
-def diagnosed_beside(kind: type[Effect], monkeypatch) -> gtpin.Diagnosis:
-    known = {**catalogue(), "of_others": kind()}
-    for module in ("diagnosis.testable", "diagnosis.revealing"):
-        monkeypatch.setattr(f"gtpin.{module}.catalogue", lambda: known)
-    return gtpin.diagnose(machine(1, "rack_periodic", "cart2", ("payload", "session", "fx", "fy", "fz")).dataset)
+def diagnosed_beside(kind: type[Effect]) -> gtpin.Diagnosis:
+    dataset = machine(1, "rack_periodic", "cart2", ("payload", "session", "fx", "fy", "fz")).dataset
+    return gtpin.diagnose(dataset, effects=[*catalogue().values(), kind()])
 
 
-def test_an_effect_of_others_that_can_do_with_no_guess_is_warned_of_and_stands_in_no_class(monkeypatch):
+def test_an_effect_of_others_that_can_do_with_no_guess_is_warned_of_and_stands_in_no_class():
     with pytest.warns(gtpin.GtpinWarning, match="of_others can't be tried with a guess .*KeyError"):
-        found = diagnosed_beside(OfOthers, monkeypatch)
+        found = diagnosed_beside(OfOthers)
     assert ("rack_periodic", "cart2") in held(found)
     assert all(effect != "of_others" for effect, _ in held(found))
 
 
-def test_an_effect_with_a_period_is_not_guessed_under_loads(monkeypatch):
-    assert ("rack_periodic", "cart2") in held(diagnosed_beside(WithPeriod, monkeypatch))
+def test_an_effect_with_a_period_is_not_guessed_under_loads():
+    assert ("rack_periodic", "cart2") in held(diagnosed_beside(WithPeriod))

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from every_effect import every_effect
 
 import gtpin
-from gtpin.diagnosis.hypotheses.propose import make_pool
-from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.noise import left_over
 from gtpin.diagnosis.inference.two_groups import two_groups
 from gtpin.diagnosis.linear.evidence import NOTHING
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise
@@ -24,8 +25,7 @@ def groups_of(dataset: gtpin.Dataset):
         warnings.simplefilter("ignore", GtpinWarning)
         baseline = gtpin.calibrate(dataset)
     design = Observed.of(dataset, baseline).design(baseline.model)
-    pool, _ = make_pool(design, (), 0.01)
-    left, _ = left_over(pool, NOTHING)
+    left, _ = left_over(propose(design, every_effect()).hypotheses, NOTHING)
     return two_groups(design, left, (1.5e-5, 5e-5))
 
 

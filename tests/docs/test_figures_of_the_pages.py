@@ -12,9 +12,8 @@ import pandas as pd
 import pytest
 
 from gtpin.blind.judged import Judged
+from gtpin.diagnosis import priors
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses import hypothesis_set as pool
-from gtpin.diagnosis.inference import decide
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
 from gtpin.diagnosis.planning import discrimination as splitting
 
@@ -90,15 +89,15 @@ def test_the_first_sealed_cases_come_out_as_the_page_of_the_blind_check_says(tmp
 
 
 CONSTANTS = (
-    ("docs/diagnosis.md", "is ahead by {} % of what the free motions", 100 * decide.DEPARTURE),
-    ("docs/diagnosis.md", "({} % where they only say that a named cause bends)", 100 * decide.BENDING),
-    ("docs/diagnosis.md", "What has at least {} % of the leader's belongs to the class", 100 * decide.CLASS_SHARE),
-    ("docs/diagnosis.md", "each with a probability of {} % or more", 100 * decide.SURE),
-    ("docs/report.md", "each has a probability of {} % or more", 100 * decide.SURE),
-    ("docs/diagnosis.md", "divided by a temperature of {} to", decide.TEMPERATURE),
-    ("docs/diagnosis.md", "name: {} % at the same site over the same coordinates", 100 * pool.SAME),
-    ("docs/diagnosis.md", "{} % where it could pass for it", 100 * pool.RELATED),
-    ("docs/diagnosis.md", "or both by load), {} % elsewhere", 100 * pool.OTHER),
+    ("docs/diagnosis.md", "is ahead by {} % of what the free motions", 100 * priors.PRIORS.departure),
+    ("docs/diagnosis.md", "({} % where they only say that a named cause bends)", 100 * priors.PRIORS.modulation),
+    ("docs/diagnosis.md", "What has at least {} % of the leader's belongs to the class", 100 * priors.CLASS_SHARE),
+    ("docs/diagnosis.md", "each with a probability of {} % or more", 100 * priors.SURE),
+    ("docs/report.md", "each has a probability of {} % or more", 100 * priors.SURE),
+    ("docs/diagnosis.md", "divided by a temperature of {} to", priors.PRIORS.temperature),
+    ("docs/diagnosis.md", "name: {} % at the same site over the same coordinates", 100 * priors.PRIORS.same),
+    ("docs/diagnosis.md", "{} % where it could pass for it", 100 * priors.PRIORS.related),
+    ("docs/diagnosis.md", "or both by load), {} % elsewhere", 100 * priors.PRIORS.other),
     ("docs/diagnosis.md", "Above {} poses the search takes", f"{MOST_POSES:,}"),
     ("docs/next_experiment.md", "is expected to tell less than {} nats is not proposed", splitting.HOPELESS),
     ("docs/next_experiment.md", "Up to {} nats it says", splitting.SETTLED),

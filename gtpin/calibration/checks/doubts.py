@@ -6,21 +6,22 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gtpin.calibration import weights
 from gtpin.calibration.checks.bumped import check_bumped
+from gtpin.calibration.checks.coarse_commands import coarse_commands
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained
+from gtpin.calibration.checks.frame_scan import nominal_problem
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
-from gtpin.calibration.noise import Noise
-from gtpin.calibration.problem import Measured, Problem
+from gtpin.calibration.problem import Measured
 from gtpin.calibration.rounds import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.noise import weights
 
 WHOLE = 1e-3
 """Median error, m, of rows that were set aside from which they are another measurement's. A stated assumption: an effect that
@@ -59,19 +60,12 @@ def settled_in_doubt(
     try:
         settled = settled_or_explained(dataset, settle)
     except ConvergenceError:
-        problem, noise = _nominal_problem(start, measured, near, dataset.instrument)
+        problem, noise = nominal_problem(start, measured, near, dataset.instrument)
         check_bumped(dataset, problem, problem.point(np.zeros(problem.size), near), noise)
         raise
     check_convention(dataset, settled)
     check_bumped(dataset.take(settled.used), settled.fit.problem, settled.fit.point, settled.noise.take(settled.used))
     return settled
-
-
-def _nominal_problem(start: Model, measured: Measured, near: Poses, instrument: Instrument) -> tuple[Problem, Noise]:
-    """The problem about the nominal machine, under the noise as declared or a tracker's usual one."""
-    noise = Noise(instrument.position_sigma or 2e-5, instrument.orientation_sigma or 5e-5)
-    J = np.zeros((len(near), 6, measured.q.shape[1]))
-    return Problem(start, measured, noise.whitening(J, measured.components), instrument.frame == "free"), noise
 
 
 def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
@@ -145,7 +139,9 @@ def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
         )
     size = weights.robust_scale(settled.fit.residual)
     if size > MISFIT:
-        warn(f"residuals are {size:.0f} times the noise: the geometry does not explain these data")
+        coarse = coarse_commands(model, measured, point.poses)
+        why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
+        warn(f"residuals are {size:.0f} times the noise: {why}")
     x = point.x[: problem.n_geometry]
     # How a measured track is rolled about itself is guessed from where targets sat on carts: no tolerance of the machine's.
     rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])

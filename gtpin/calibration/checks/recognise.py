@@ -181,16 +181,20 @@ class Search:
         """All readings that are of any use, each after its misfit, m."""
         found = list(self._in_frame(self.free))
         yield from found
-        # Another frame is doubted last, since geometry within its tolerances moves poses much as it does.
+        # Another frame is doubted after those, since geometry within its tolerances moves poses much as it does. A target
+        # that sits elsewhere is doubted last: where the platform hardly turns, it moves poses as another frame does.
         if self.strayed and not self.free and all(m > self.fits or r.mistakes > 1 for m, r in found):
             yield from self._in_frame(True)
+            yield from (self._tried(reading, True) for reading in self._targets(True))
+        if self.strayed:
+            yield from (self._tried(reading, self.free) for reading in self._targets(self.free))
 
     def _in_frame(self, turned: bool) -> Iterator[tuple[float, Reading]]:
         for reading in self._measurements(turned):
             yield self._tried(reading, turned)
         # Poses that lie close together hardly tell other commands from a geometry within its tolerances.
         if self.strayed:
-            for reading in (*self._commands(), *self._shifted(turned), *self._targets(turned)):
+            for reading in (*self._commands(), *self._shifted(turned)):
                 yield self._tried(reading, turned)
 
     def _tried(self, reading: Reading, turned: bool) -> tuple[float, Reading]:

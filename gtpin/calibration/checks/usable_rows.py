@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.checks.mixed_units import check_mixed_units
+from gtpin.calibration.checks.moved_sessions import check_sessions
 from gtpin.calibration.checks.recognise import REACHED, Reading, recognised
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset, check_commands, check_measurements
@@ -33,6 +35,9 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         poses.T[outside], poses.R[outside] = poses.T[~outside][0], poses.R[~outside][0]
     if geometry.reduced:
         dataset = replace(dataset, orientation=None)
+    inside, seen = dataset.take(~outside), poses[~outside]
+    check_mixed_units(inside, seen)
+    check_sessions(inside, nominal, measured_poses(inside), seen)
     if poses.reached.mean() <= REACHED:
         _check_readings(dataset, nominal, poses, ~outside)
     try:

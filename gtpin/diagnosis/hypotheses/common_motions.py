@@ -8,8 +8,8 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Free
-from gtpin.diagnosis.hypotheses.smooth_terms import SHIFT
+from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
+from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
@@ -24,7 +24,7 @@ COMMON = ("field", "scale")
 """Names of these motions; a site has no share of the gap for them, since they are of no one site."""
 
 
-def common_motions(at: Situation, scaled: bool) -> Iterator[tuple[Free, Basis]]:
+def common_motions(at: Situation, priors: Priors, scaled: bool) -> Iterator[tuple[SmoothTerm, Basis]]:
     """Along all tracks together: over all commands, and each over its own in proportion.
 
     Parameters
@@ -34,9 +34,9 @@ def common_motions(at: Situation, scaled: bool) -> Iterator[tuple[Free, Basis]]:
     """
     if at.robot.n_actuators < 2:
         return
-    yield Free("frame", ("position",), "field"), _of_all(at, *_field(at))
+    yield SmoothTerm("frame", ("position",), "field"), _of_all(at, priors, *_field(at))
     if not scaled:
-        yield Free("frame", ("position",), "scale"), _of_all(at, np.zeros((len(at), 0)), np.zeros(0))
+        yield SmoothTerm("frame", ("position",), "scale"), _of_all(at, priors, np.zeros((len(at), 0)), np.zeros(0))
 
 
 def _field(at: Situation) -> tuple[Floats, Floats]:
@@ -49,12 +49,12 @@ def _field(at: Situation) -> tuple[Floats, Floats]:
     return np.stack(columns, axis=1), 1.5 * size / np.linalg.norm(size)
 
 
-def _of_all(at: Situation, columns: Floats, size: Floats) -> Basis:
+def _of_all(at: Situation, priors: Priors, columns: Floats, size: Floats) -> Basis:
     """The same functions along every track, and each in proportion to its own command and a little uneven."""
     total: list[Floats] = []
     for j, site in enumerate(at.robot.sites):
         own = at.travel[:, [j]]
         along = along_track(at, site, np.hstack([columns, own, own**2]), np.ones(columns.shape[1] + 2))
         total.append(along.displacement(at))
-    sizes = SHIFT * np.concatenate([size, [1.0, 0.2]])
+    sizes = priors.smooth_shift * np.concatenate([size, [1.0, 0.2]])
     return Basis(np.tile(sizes, len(total)), twist=np.concatenate(total, axis=2))

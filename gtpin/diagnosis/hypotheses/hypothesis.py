@@ -1,76 +1,83 @@
-"""What may explain a gap: effects of the catalogue at their sites, and free motions that belong to no effect."""
+"""What may explain a gap: effects of a catalogue at their sites, and smooth terms that belong to no effect."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
+from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 CLOCK = ("time", "session", "temp_frame", "temp_link")
-"""Coordinates that go by the clock: any of them may pass for another."""
+"""Coordinates that change with time: any of them may pass for another."""
 LOAD = ("load", "payload", "fx", "fy", "fz")
-"""Coordinates that go with forces."""
-
-
-class Explanation(Protocol):
-    """Something that may explain a gap."""
-
-    @property
-    def name(self) -> str:
-        """Of its group."""
-
-    @property
-    def site(self) -> str:
-        """Where it acts."""
-
-    def drivers(self, robot: Robot) -> frozenset[str]:
-        """What it goes with first of all, in the words of covariates and commands."""
+"""Coordinates that depend on forces."""
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """An effect at a site, with the setting of what is not linear in it, and the setting's sigma."""
+class Hypothesis:
+    """An effect at a site, with the value of its nonlinear parameter.
+
+    Parameters
+    ----------
+    effect, site
+        What acts, and where.
+    nonlinear
+        Value of the nonlinear parameter (a period, a place); None where the effect has none, or where it is not yet estimated.
+    sigma
+        Its standard deviation; no part of what the hypothesis is.
+    """
 
     effect: Effect
     site: str
-    setting: float | None = None
-    setting_sigma: float = 0.0
+    nonlinear: float | None = None
+    sigma: float = field(default=0.0, compare=False)
 
     @property
-    def name(self) -> str:
-        """``effect@site``."""
+    def place(self) -> tuple[str, str]:
+        """Id of the effect and site: the same for every value of the nonlinear parameter."""
+        return self.effect.id, self.site
+
+    @property
+    def template(self) -> Hypothesis:
+        """The hypothesis without a value of its nonlinear parameter."""
+        return Hypothesis(self.effect, self.site)
+
+    def __str__(self) -> str:
+        """``effect@site``, as messages have it."""
         return f"{self.effect.id}@{self.site}"
 
+    def basis(self, at: Situation) -> Basis:
+        """Displacements for unit coefficients."""
+        return self.effect.basis(at, self.site, self.nonlinear)
+
+    def covariates(self, robot: Robot) -> tuple[str, ...]:
+        """Covariates that the effect needs at the site."""
+        return self.effect.covariates(robot, self.site)
+
     def coordinates(self, robot: Robot) -> frozenset[str]:
-        """What it goes with, in the words of covariates and commands."""
+        """What it depends on, in the words of covariates and commands."""
         return frozenset(self.effect.coordinates(robot, self.site))
 
     def drivers(self, robot: Robot) -> frozenset[str]:
         """Its covariates, where it needs any; else its coordinates."""
-        return frozenset(self.effect.covariates(robot, self.site)) or self.coordinates(robot)
+        return frozenset(self.covariates(robot)) or self.coordinates(robot)
 
 
 @dataclass(frozen=True)
-class Free:
-    """A smooth motion at a site over some coordinates, which no effect has to account for.
+class SmoothTerm:
+    """A smooth nonparametric motion at a site over some coordinates, which no effect has to account for.
 
     Parameters
     ----------
     motion
-        Which way it goes: ``along``, ``across``, ``length``, ``twist``.
+        Its direction: ``along``, ``aside``, ``length``, ``twist``, ``shift``.
     """
 
     site: str
     over: tuple[str, ...]
     motion: str
-
-    @property
-    def name(self) -> str:
-        """Unlike every effect's."""
-        return f"{self.site}|{self.words}|{self.motion}"
 
     @property
     def words(self) -> str:
@@ -82,10 +89,13 @@ class Free:
         return frozenset(self.over)
 
 
-def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
-    """Whether a departure of one from its form could pass for the other.
+Explanation = Hypothesis | SmoothTerm
 
-    At the same place, where both go with commands and load, or with moves, or by the clock; elsewhere, where both go by the
+
+def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
+    """Whether a departure of one from its core could pass for the other.
+
+    At the same place, where both depend on commands and load, or on moves, or on time; elsewhere, where both depend on the
     same clock or load.
     """
     mine, others = a.drivers(robot), b.drivers(robot)
@@ -106,14 +116,11 @@ def _kind(word: str) -> str:
     return "moves" if word.startswith(("approach", "speed")) else "place"
 
 
-def same_motion(robot: Robot, free: Free, candidate: Candidate, basis: Basis) -> bool:
-    """Whether a free motion only says that a cause bends: at its site, the same way, over its own coordinates.
-
-    Parameters
-    ----------
-    basis
-        The cause's.
-    """
+def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool:
+    """Whether a smooth term is only a modulation of an effect: at its site, in its direction, over its own coordinates."""
+    if smooth.site != hypothesis.site:
+        return False
+    basis = hypothesis.basis(at)
     ways = {
         "along": basis.command,
         "aside": basis.seat,
@@ -121,8 +128,7 @@ def same_motion(robot: Robot, free: Free, candidate: Candidate, basis: Basis) ->
         "twist": basis.twist,
         "shift": basis.twist,
     }
-    same_way = ways.get(free.motion) is not None
-    return same_way and free.site == candidate.site and set(free.over) <= candidate.coordinates(robot)
+    return ways.get(smooth.motion) is not None and set(smooth.over) <= hypothesis.coordinates(at.robot)
 
 
 def _within(robot: Robot, site: str) -> tuple[str, ...]:

@@ -1,172 +1,208 @@
-"""All explanations that a search may choose from, and what each must be worth."""
+"""All explanations that a search may choose from, and the log prior odds that each must overcome."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate, Free, related, same_motion
-from gtpin.diagnosis.hypotheses.proxies import Hidden, stand_ins
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, modulates, related
+from gtpin.diagnosis.hypotheses.proxies import Proxy, proxies
+from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed
+from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed, tuned
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
 
-STRANGER = 5.0
-"""What a free motion must be worth beyond what an effect must: what is listed is listed because it is common."""
-SAME, RELATED, OTHER = 0.08, 0.05, 0.01
-"""Share of a stronger cause's evidence that a further explanation must be worth, because causes depart from their forms:
-at the same site over the same coordinates, where it could pass for the stronger one's departure, and elsewhere."""
-THIRD = 4.0
-"""What a third cause must be worth beyond that, and each further one: so many at once are rare."""
-
-Gain = tuple[float, Candidate | Free]
-"""Gain in log evidence, and what brings it: with its setting."""
+Term = Hypothesis | SmoothTerm | Proxy
+Model = Posterior[Term]
+"""Some explanations together."""
+Floats = npt.NDArray[np.float64]
+T = TypeVar("T", bound=Term)
 
 
-@dataclass
-class Pool:
-    """Explanations and the inner products of their displacements; settings are found as the search goes.
+class Gain(NamedTuple):
+    """Gain in log evidence by one more explanation, and that explanation with its nonlinear parameter estimated."""
+
+    value: float
+    term: Term
+
+
+class HypothesisSet:
+    """Explanations, and the inner products of their displacements.
+
+    Nothing that was found is changed afterwards: a hypothesis with another value of its nonlinear parameter is another
+    hypothesis, so that a model that a search gives up leaves no trace in those that it keeps.
 
     Parameters
     ----------
     design
         The linear problem.
-    candidates
-        By name; those with settings have the last one found.
+    linear
+        Hypotheses without a nonlinear parameter.
     scanned
-        Candidates whose setting must be scanned for.
-    frees
-        Free motions with their displacements.
-    false_alarm
-        Chance of naming a cause where there is none.
+        Hypotheses whose nonlinear parameter must be scanned for, without a value of it.
+    smooth
+        Smooth terms with their displacements.
+    scope
+        Its chance of a false alarm, and the priors.
     untestable
-        Effects that can't be tested: those that lack a covariate may stand in; see :mod:`~gtpin.diagnosis.hypotheses.proxies`.
+        Effects that can't be tested: those that lack a covariate may have a proxy.
     """
 
-    design: Design
-    candidates: dict[str, Candidate]
-    scanned: tuple[Candidate, ...]
-    frees: Iterable[tuple[Free, Basis]]
-    false_alarm: float
-    untestable: tuple[Candidate, ...] = ()
-    latest: dict[str, Candidate | Free] = field(default_factory=dict)
-    free: dict[str, Free] = field(default_factory=dict)
-    scans: dict[str, Scan] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.groups = Groups(Marginal(self.design.B), self.design.y)
-        self._to_scan = {c.name: c for c in self.scanned}
-        self._known: dict[object, dict[str, Gain]] = {}
-        for name, candidate in self.candidates.items():
-            basis = candidate.effect.basis(self.design.situation, candidate.site)
-            self.groups.set(name, self.design.columns(basis), candidate.effect.form)
-        for free, basis in self.frees:
-            self.free[free.name] = free
-            self.groups.set(free.name, self.design.columns(basis))
-        count = len(self.candidates) + len(self.scanned)
-        self.threshold = float(np.log(max(count, 1)) + np.log(1.0 / self.false_alarm))
-
-    @cached_property
-    def hidden(self) -> dict[str, Hidden]:
-        """Effects by a guess of what was not recorded; never in a model, only beside its causes."""
-        found = {h.name: h for h in stand_ins(self.design, self.untestable, self.candidates.values())}
-        for name, hidden in found.items():
-            self.groups.set(name, hidden.columns)
-        return found
-
-    def cost(self, name: str) -> float:
-        """Gain in log evidence that an explanation must bring, beside nothing."""
-        return self.threshold + (STRANGER if name in self.free else 0.0)
-
-    def share(self, name: str, stronger: str) -> float:
-        """Share of a stronger explanation's evidence that another must be worth beside it."""
-        robot, a, b = self.design.situation.robot, self.explanation(name), self.explanation(stronger)
-        if a.site == b.site and a.drivers(robot) & b.drivers(robot):
-            return SAME
-        return RELATED if related(robot, a, b) else OTHER
-
-    def explanation(self, name: str) -> Candidate | Free:
-        """What has a name."""
-        known = self.free.get(name) or self.candidates.get(name) or self._to_scan.get(name)
-        return known or self.hidden[name].candidate
-
-    def costs(self, names: Sequence[str]) -> dict[str, float]:
-        """What each explanation of a model must be worth in it."""
-        strength = self.gains(NOTHING, names)
-        found = {}
-        for name in names:
-            stronger = [self.share(name, n) * strength[n] for n in names if strength[n] > strength[name]]
-            found[name] = self.cost(name) + max(stronger, default=0.0) + (THIRD if len(stronger) > 1 else 0.0)
-        return found
-
-    def worth(self, model: Posterior) -> float:
-        """Log evidence, less what its explanations must be worth."""
-        return model.log_evidence - sum(self.costs(model.names).values())
-
-    def net_gains(self, model: Posterior, names: Iterable[str]) -> dict[str, float]:
-        """Gain in worth by adding each explanation to a model, to first order."""
-        before = sum(self.costs(model.names).values())
-        return {
-            name: value - sum(self.costs((*model.names, name)).values()) + before
-            for name, value in self.gains(model, names).items()
-        }
+    def __init__(
+        self,
+        design: Design,
+        linear: Sequence[Hypothesis],
+        scanned: Sequence[Hypothesis],
+        smooth: Iterable[tuple[SmoothTerm, Basis]],
+        scope: Scope,
+        untestable: Sequence[Hypothesis] = (),
+    ) -> None:
+        self.design, self.linear, self.scanned = design, tuple(linear), tuple(scanned)
+        self.untestable, self.priors = tuple(untestable), scope.priors
+        self.groups: Groups[Term] = Groups(Marginal(design.B), design.y, scope.priors)
+        for hypothesis in self.linear:
+            self._add(hypothesis)
+        found = []
+        for term, basis in smooth:
+            found.append(term)
+            self.groups.add(term, design.columns(basis))
+        self.smooth = tuple(found)
+        self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
+        self._scans: dict[Hypothesis, Scan] = {}
+        self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
 
     @property
-    def named(self) -> tuple[str, ...]:
-        """Names of all effects at their sites, scanned ones too."""
-        return (*(n for n in self.candidates if n not in self._to_scan), *self._to_scan)
+    def named(self) -> tuple[Hypothesis, ...]:
+        """All effects at their sites; those with a nonlinear parameter without a value of it."""
+        return (*self.linear, *self.scanned)
 
-    def gains(self, model: Posterior, names: Iterable[str]) -> dict[str, float]:
-        """Gain in log evidence by adding each explanation to a model, settings scanned for beside it."""
-        settings = tuple(self.candidates[n].setting if n in self.candidates else None for n in model.names)
-        known = self._known.setdefault((model.names, model.scale, settings), {})
-        wanted = [n for n in names if n not in model.names]
-        new = [n for n in wanted if n not in known]
-        plain = all_gains(self.groups, model, (n for n in new if n not in self._to_scan))
-        known |= {n: (value, self.explanation(n)) for n, (value, _) in plain.items()}
-        known |= {n: self._scanned(n, model) for n in new if n in self._to_scan}
-        found = {n: known[n] for n in wanted}
-        self.latest |= {n: what for n, (_, what) in found.items()}
-        return {n: value for n, (value, _) in found.items()}
+    @property
+    def every(self) -> tuple[Term, ...]:
+        """What a model may have."""
+        return (*self.named, *self.smooth)
 
-    def _scanned(self, name: str, model: Posterior) -> Gain:
-        candidate = self._to_scan[name]
-        if name not in self.scans:
-            self.scans[name] = Scan(self.design, self.groups.marginal, candidate.effect, candidate.site)
-        columns = self.groups.columns
-        together = np.hstack([np.zeros((len(self.design.y), 0)), *(columns[n] for n in model.names)])
-        best = self.scans[name].best(model, together)
-        return best.gain, replace(candidate, setting=best.setting, setting_sigma=best.sigma)
-
-    def bends(self, free: str, name: str) -> bool:
-        """Whether a free motion only says that a cause bends."""
-        at, candidate = self.design.situation, self.settled(name)
-        if self.free[free].site != candidate.site:
-            return False
-        basis = candidate.effect.basis(at, candidate.site, candidate.setting)
-        return same_motion(at.robot, self.free[free], candidate, basis)
-
-    def settled(self, name: str) -> Candidate:
-        """A candidate, with the setting that was found for it last."""
-        found = self.candidates.get(name) or self.latest.get(name)
-        found = found or next(h.candidate for h in self.hidden.values() if h.candidate.name == name)
-        assert isinstance(found, Candidate)
+    @cached_property
+    def proxies(self) -> tuple[Proxy, ...]:
+        """Effects by a proxy of what was not recorded; never in a model, only as alternatives to its causes."""
+        found = tuple(proxies(self.design, self.untestable, self.linear, self.priors))
+        for proxy in found:
+            self.groups.add(proxy, proxy.columns)
         return found
 
-    def adopt(self, name: str) -> None:
-        """Use the setting that the last scan found for a candidate."""
-        latest = self.latest.get(name)
-        if isinstance(latest, Candidate) and self.candidates.get(name) != latest:
-            basis = latest.effect.basis(self.design.situation, latest.site, latest.setting)
-            self.candidates[name] = latest
-            self.groups.set(name, self.design.columns(basis), latest.effect.form)
+    def _add(self, hypothesis: Hypothesis) -> None:
+        basis = hypothesis.basis(self.design.situation)
+        self.groups.add(hypothesis, self.design.columns(basis), hypothesis.effect.form)
 
-    def only(self, model: Posterior, names: Iterable[str]) -> Posterior:
+    def cost(self, term: Term) -> float:
+        """Log prior odds against an explanation, given nothing else: the gain in log evidence that it must bring."""
+        return self.threshold + (self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0)
+
+    def share(self, term: Term, stronger: Term) -> float:
+        """Share of a stronger explanation's evidence that another must be worth in addition."""
+        robot, a, b = self.design.situation.robot, explained_by(term), explained_by(stronger)
+        if a.site == b.site and a.drivers(robot) & b.drivers(robot):
+            return self.priors.same
+        return self.priors.related if related(robot, a, b) else self.priors.other
+
+    def costs(self, terms: Sequence[Term]) -> dict[Term, float]:
+        """What each explanation of a model must be worth in it."""
+        alone = {term: self.alone(term) for term in terms}
+        found = {}
+        for term in terms:
+            stronger = [self.share(term, t) * alone[t] for t in terms if alone[t] > alone[term]]
+            found[term] = (
+                self.cost(term) + max(stronger, default=0.0) + (self.priors.third if len(stronger) > 1 else 0.0)
+            )
+        return found
+
+    def alone(self, term: Term) -> float:
+        """Gain in log evidence of an explanation by itself, with the best value of its nonlinear parameter."""
+        open_ = self.without_value(term)
+        return self.gains(NOTHING, (open_,))[open_].value
+
+    def worth(self, model: Model) -> float:
+        """Log evidence, less what its explanations must be worth."""
+        return model.log_evidence - sum(self.costs(model.terms).values())
+
+    def net_gains(self, model: Model, terms: Iterable[T]) -> dict[T, Gain]:
+        """Gain in worth by adding each explanation to a model, to first order."""
+        before = sum(self.costs(model.terms).values())
+        return {
+            term: Gain(gain.value - sum(self.costs((*model.terms, gain.term)).values()) + before, gain.term)
+            for term, gain in self.gains(model, terms).items()
+        }
+
+    def gains(self, model: Model, terms: Iterable[T]) -> dict[T, Gain]:
+        """Gain in log evidence by adding each explanation to a model, nonlinear parameters estimated given the model.
+
+        Explanations that the model has, with whatever value of the nonlinear parameter, are left out.
+        """
+        known = self._gains.setdefault((model.terms, model.scale), {})
+        taken = {self.without_value(term) for term in model.terms}
+        wanted = [term for term in terms if self.without_value(term) not in taken]
+        new = [term for term in wanted if term not in known]
+        scanned = set(self.scanned)
+        plain = all_gains(self.groups, model, (t for t in new if t not in scanned))
+        known |= {term: Gain(value, term) for term, (value, _) in plain.items()}
+        known |= {t: self._scanned(t, model) for t in new if isinstance(t, Hypothesis) and t in scanned}
+        return {term: known[term] for term in wanted}
+
+    def without_value(self, term: Term) -> Term:
+        """A hypothesis of ``named``, whatever the value of its nonlinear parameter; other terms as they are."""
+        return term.template if isinstance(term, Hypothesis) else term
+
+    def _scanned(self, hypothesis: Hypothesis, model: Model) -> Gain:
+        if hypothesis not in self._scans:
+            self._scans[hypothesis] = Scan(
+                self.design, self.groups.marginal, hypothesis.effect, hypothesis.site, self.priors
+            )
+        best = self._scans[hypothesis].best(model, self.columns(model))
+        return Gain(best.gain, Hypothesis(hypothesis.effect, hypothesis.site, best.setting, best.sigma))
+
+    def extended(self, model: Model, term: Term) -> Model:
+        """A model with one more explanation, all scales estimated again."""
+        if isinstance(term, Hypothesis) and term not in self.groups.columns:
+            self._add(term)
+        return tuned(self.groups, (*model.terms, term), (*model.scale, 1.0))
+
+    def columns(self, model: Model) -> Floats:
+        """(N c, m) whitened displacements of a model's explanations for coefficients of typical size."""
+        none = np.zeros((len(self.design.y), 0))
+        return np.hstack([none, *(self.groups.columns[term] for term in model.terms)])
+
+    def modulates(self, smooth: SmoothTerm, model: Model | Collection[Hypothesis]) -> bool:
+        """Whether a smooth term is only a modulation of one of some hypotheses."""
+        terms = model.terms if isinstance(model, Posterior) else model
+        at = self.design.situation
+        return any(isinstance(term, Hypothesis) and modulates(at, smooth, term) for term in terms)
+
+    def only(self, model: Model, terms: Iterable[Term]) -> Model:
         """Some of a model's explanations, with their scales."""
-        wanted = set(names)
-        kept = [(n, s) for n, s in zip(model.names, model.scale, strict=True) if n in wanted]
-        return fixed(self.groups, [n for n, _ in kept], [s for _, s in kept]) if kept else NOTHING
+        wanted = set(terms)
+        kept = [(t, s) for t, s in zip(model.terms, model.scale, strict=True) if t in wanted]
+        return fixed(self.groups, [t for t, _ in kept], [s for _, s in kept]) if kept else NOTHING
+
+
+def explained_by(term: Term) -> Hypothesis | SmoothTerm:
+    """The hypothesis behind a proxy; other terms as they are."""
+    return term.hypothesis if isinstance(term, Proxy) else term
+
+
+def causes(model: Model) -> tuple[Hypothesis, ...]:
+    """A model's hypotheses, without its smooth terms."""
+    return tuple(term for term in model.terms if isinstance(term, Hypothesis))
+
+
+def smooth_terms(model: Model) -> tuple[SmoothTerm, ...]:
+    """A model's smooth terms."""
+    return tuple(term for term in model.terms if isinstance(term, SmoothTerm))
+
+
+def scales(model: Model) -> Mapping[Term, float]:
+    """Of each explanation of a model, over its typical size."""
+    return dict(zip(model.terms, model.scale, strict=True))

@@ -11,42 +11,40 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import CLOCK
-from gtpin.diagnosis.planning.measurement_conditions import WARMER
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.situation import Column, Situation
 
 Floats = npt.NDArray[np.float64]
 
-LIKELY_SPEED = 0.1
-"""Speed of a machine whose speed was not recorded, m/s or rad/s."""
-PAUSE, MOST_PAUSES = 10.0, 11
-"""Times the usual interval between visits from which it is a pause, after which a new session may have begun; and how many."""
+MOST_PAUSES = 11
+"""Pauses after which a new session may have begun."""
 SHORT = 0.95
 """Share of the waits, the shorter ones, that are no pauses."""
 BREAKS, TWO_BREAKS = 23, 7
 """Places in time at which one may have begun where there is no pause: where it is one, and where they are two."""
 CLOCKS = tuple(name for name in CLOCK if name != "session")
 """What goes by the clock in numbers."""
-PAYLOAD, SPELLS = 10.0, 12
-"""A usual payload, kg, and spells of the work in which another one may have been carried."""
+SPELLS = 12
+"""Spells of the work in which another payload may have been carried."""
 
 
-def guesses(at: Situation, name: str) -> Iterable[tuple[Column, ...]]:
+def guesses(at: Situation, name: str, priors: Priors = PRIORS) -> Iterable[tuple[Column, ...]]:
     """What a missing covariate may have been: one after the other, each a few (N,) that are taken together."""
     numbered = re.fullmatch(r"(approach|speed)(\d+)", name)
     if numbered:
         other = f"{'speed' if numbered[1] == 'approach' else 'approach'}{numbered[2]}"
         if not at.varies(other):
             return []
-        return [(np.sign(at.covariate(other)) * (1.0 if numbered[1] == "approach" else LIKELY_SPEED),)]
+        return [(np.sign(at.covariate(other)) * (1.0 if numbered[1] == "approach" else priors.likely_speed),)]
     if name == "session":
-        return _sessions(at)
+        return _sessions(at, priors)
     if name == "time":
         clocks: list[tuple[Column, ...]] = [(at.covariate(n),) for n in CLOCKS if n != name and at.varies(n)]
         if at.varies("session"):
             clocks.append((_order(at.covariates["session"]),))
         return clocks
     if name in CLOCKS:
-        return _temperatures(at, name)
+        return _temperatures(at, name, priors)
     return []
 
 
@@ -56,14 +54,14 @@ def _order(names: Column) -> Floats:
     return np.array([known.index(str(name)) for name in names], dtype=float)
 
 
-def _sessions(at: Situation) -> Iterator[tuple[Column, ...]]:
+def _sessions(at: Situation, priors: Priors) -> Iterator[tuple[Column, ...]]:
     """New beginnings after pauses; where there are none, one or two in the course of time."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if clock is None:
         return
     values = at.covariate(clock)
     begun: list[Floats] = [np.quantile(values, places) for places in _places()]
-    for since in [pauses(at)] if len(pauses(at)) else begun:
+    for since in [pauses(at, priors)] if len(pauses(at, priors)) else begun:
         yield (np.searchsorted(since, values, side="right").astype(str).astype(object),)
 
 
@@ -74,7 +72,7 @@ def _places() -> Iterator[Floats]:
     yield from (np.array(pair) for pair in combinations(twice, 2))
 
 
-def pauses(at: Situation) -> Floats:
+def pauses(at: Situation, priors: Priors = PRIORS) -> Floats:
     """Ends of the longest pauses between visits, s, in their order."""
     if not at.varies("time"):
         return np.zeros(0)
@@ -83,25 +81,25 @@ def pauses(at: Situation) -> Floats:
     longest = np.sort(np.argsort(-waits)[:MOST_PAUSES])
     # No median: clocks may show whole minutes, and most waits be none.
     usual = np.sort(waits)[: max(int(SHORT * len(waits)), 1)].mean()
-    return np.asarray(time[1:][longest[waits[longest] > PAUSE * max(float(usual), 1e-9)]])
+    return np.asarray(time[1:][longest[waits[longest] > priors.pause * max(float(usual), 1e-9)]])
 
 
-def _temperatures(at: Situation, name: str) -> Iterable[tuple[Column, ...]]:
+def _temperatures(at: Situation, name: str, priors: Priors) -> Iterable[tuple[Column, ...]]:
     """The other temperature, and slow changes over time."""
     reference = at.references.temperature
     together: list[Column] = [at.covariate(n) for n in CLOCKS[1:] if n != name and at.varies(n)]
     if at.varies("time"):
-        together += [reference + WARMER * at.time, reference + WARMER * at.time**2]
+        together += [reference + priors.warmer * at.time, reference + priors.warmer * at.time**2]
     return [tuple(together)] if together else []
 
 
-def loaded(at: Situation) -> list[Situation]:
+def loaded(at: Situation, priors: Priors = PRIORS) -> list[Situation]:
     """The situation with a payload in one spell of the work after the other; none where the payload was recorded."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if "payload" in at.covariates or clock is None:
         return []
     spell = np.argsort(np.argsort(at.covariate(clock))) * SPELLS // len(at)
-    return [with_column(at, "payload", np.where(spell == k, PAYLOAD, 0.0)) for k in range(SPELLS)]
+    return [with_column(at, "payload", np.where(spell == k, priors.payload, 0.0)) for k in range(SPELLS)]
 
 
 def with_column(at: Situation, name: str, values: Column) -> Situation:

@@ -2,70 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.common_motions import common_motions
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.hypotheses.smooth_terms import free_motions
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
-from gtpin.diagnosis.result import Considered
-from gtpin.effects.catalogue import catalogue
-from gtpin.effects.effect import Effect
-from gtpin.errors import ModelError
-from gtpin.robot.robot import Robot
-
-LARGE = 10.0
-"""Times its usual size, at which an effect that geometry absorbs nearly whole can't be shown."""
-SHOWS = 15.8
-"""Whitened energy past geometry that a matched filter needs for 95 % at 1 % false alarms."""
+from gtpin.diagnosis.priors import Priors
 
 
-def check_excluded(exclude: Collection[str], robot: Robot) -> Collection[str]:
-    """Words ``effect`` or ``effect@site`` as they are.
+@dataclass(frozen=True)
+class Untested:
+    """A hypothesis that these data can't test, and why."""
 
-    Raises
-    ------
-    ModelError
-        If there is no such effect, or it has no such site.
-    """
-    known = catalogue()
-    for word in exclude:
-        named, at, place = word.partition("@")
-        if named not in known or (at and not place):
-            raise ModelError(f"no effect is called {word!r}", hint=f"effects are {', '.join(known)}")
-        if place and place not in known[named].sites(robot):
-            sites = ", ".join(known[named].sites(robot))
-            raise ModelError(f"no effect is called {word!r}", hint=f"sites of {named} are {sites}")
-    return exclude
+    hypothesis: Hypothesis
+    reason: str
 
 
-def make_pool(design: Design, exclude: Collection[str], false_alarm: float) -> tuple[Pool, tuple[Considered, ...]]:
-    """Testable candidates, and what is said of the others."""
+@dataclass(frozen=True)
+class Proposal:
+    """What may explain the residuals of a linear problem, and what these data can't test."""
+
+    hypotheses: HypothesisSet
+    untested: tuple[Untested, ...]
+
+    @property
+    def design(self) -> Design:
+        """The linear problem."""
+        return self.hypotheses.design
+
+
+def propose(design: Design, scope: Scope) -> Proposal:
+    """Sort the effects of a scope, at all their sites, into those that the data can test and those that they can't."""
     at = design.situation
     marginal = Marginal(design.B)
-    plain, scanned, untestable, others = {}, [], [], []
-    for effect in catalogue().values():
-        for site in effect.sites(at.robot):
-            if effect.id in exclude or f"{effect.id}@{site}" in exclude:
-                continue
-            many = len(effect.settings(at, site)) if not effect.untestable(at, site) else 0
-            reason = effect.untestable(at, site) or ("" if many else _absorbed(design, marginal, effect, site))
-            if reason:
-                untestable.append(Considered(effect.id, site, 0.0, 0.0, False, reason))
-                others.append(Candidate(effect, site))
-            elif many:
-                scanned.append(Candidate(effect, site))
-            else:
-                plain[f"{effect.id}@{site}"] = Candidate(effect, site)
-    frees = (*free_motions(at), *common_motions(at, scaled="tracker_scale@frame" in plain))
-    return Pool(design, plain, tuple(scanned), frees, false_alarm, tuple(others)), tuple(untestable)
+    linear: list[Hypothesis] = []
+    scanned: list[Hypothesis] = []
+    untested: list[Untested] = []
+    for hypothesis in scope.hypotheses(at.robot):
+        effect, site = hypothesis.effect, hypothesis.site
+        reason = effect.untestable(at, site)
+        many = not reason and len(effect.settings(at, site)) > 0
+        if not reason and not many:
+            reason = _absorbed(design, marginal, hypothesis, scope.priors)
+        if reason:
+            untested.append(Untested(hypothesis, reason))
+        else:
+            (scanned if many else linear).append(hypothesis)
+    scaled = any(h.place == ("tracker_scale", "frame") for h in linear)
+    smooth = (*smooth_terms(at, scope.priors), *common_motions(at, scope.priors, scaled=scaled))
+    others: Sequence[Hypothesis] = [u.hypothesis for u in untested]
+    return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others), tuple(untested))
 
 
-def _absorbed(design: Design, marginal: Marginal, effect: Effect, site: str) -> str:
+def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> str:
     """Whether geometry takes nearly all of an effect far beyond its usual size."""
-    X = design.columns(effect.basis(design.situation, site)) * LARGE
-    return "" if float(np.trace(marginal.product(X, X))) > SHOWS else "geometric calibration absorbs it"
+    X = design.columns(hypothesis.basis(design.situation)) * priors.large
+    return "" if float(np.trace(marginal.product(X, X))) > priors.shows else "geometric calibration absorbs it"

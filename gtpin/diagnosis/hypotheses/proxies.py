@@ -1,4 +1,4 @@
-"""Effects that go with what was not recorded: what was recorded tells how well they could stand in for a cause."""
+"""Effects that depend on a covariate that was not recorded, by proxies: columns of what was recorded."""
 
 from __future__ import annotations
 
@@ -9,126 +9,121 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.missing_covariates import guesses, loaded, pauses, with_column
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, gain
+from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, all_gains
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
 from gtpin.errors import warn
 
 Floats = npt.NDArray[np.float64]
 
-USUAL, CONSTANT = 0.2, 0.05
-"""Odds that an effect is there although nobody recorded what it goes with, over those of one that can be tested; the second
-for sessions where nothing tells of a pause, and for payloads: a column that does not vary is often left out."""
 UNLOADED = "the payload may have varied without being recorded"
-"""Why an effect that goes with forces could be what it does not look like by gravity of the robot alone."""
+"""Why an effect that depends on forces could be what it does not look like by gravity of the robot alone."""
 
 
-@dataclass(frozen=True)
-class Hidden:
-    """An effect that could stand in.
+@dataclass(frozen=True, eq=False)
+class Proxy:
+    """A hypothesis with a proxy in the place of what was not recorded.
 
     Parameters
     ----------
     columns
-        (N c, m) whitened displacements by a guess of what was not recorded.
+        (N c, m) whitened displacements by the proxy.
     odds
-        How likely that is, over an effect of what was recorded.
+        Prior odds of the hypothesis, over one that what was recorded can test.
     reason
         Why it could be the cause, although it can be tested by what was recorded; empty where it can't.
     """
 
-    candidate: Candidate
+    hypothesis: Hypothesis
     columns: Floats
     odds: float
     reason: str = ""
 
-    @property
-    def name(self) -> str:
-        """Of its group; unlike that of the same effect by what was recorded."""
-        return f"{self.candidate.name} by what was not recorded"
 
-
-def stand_ins(design: Design, untestable: Iterable[Candidate], testable: Iterable[Candidate]) -> Iterator[Hidden]:
-    """Effects that lack a covariate, and effects of forces where the payload was not recorded, as far as there is a guess."""
+def proxies(
+    design: Design, untestable: Iterable[Hypothesis], testable: Iterable[Hypothesis], priors: Priors = PRIORS
+) -> Iterator[Proxy]:
+    """Effects that lack a covariate, and effects of forces where the payload was not recorded, as far as there is a proxy."""
     at, failed = design.situation, dict[str, str]()
-    for candidate in untestable:
-        columns = _tried(candidate, partial(stand_in, design, candidate), failed)
+    for hypothesis in untestable:
+        columns = _tried(hypothesis, partial(proxy_columns, design, hypothesis, priors), failed)
         if columns is not None:
-            yield Hidden(candidate, columns, odds(at, candidate))
-    spells = loaded(at)
-    for candidate in testable if spells else ():
-        if "payload" in candidate.coordinates(at.robot) and not candidate.effect.has_setting:
-            columns = _tried(candidate, partial(_under, design, candidate, spells), failed)
+            yield Proxy(hypothesis, columns, odds(at, hypothesis, priors))
+    spells = loaded(at, priors)
+    for hypothesis in testable if spells else ():
+        if "payload" in hypothesis.coordinates(at.robot) and not hypothesis.effect.has_setting:
+            columns = _tried(hypothesis, partial(_under, design, hypothesis, spells), failed)
             if columns is not None:
-                yield Hidden(candidate, columns, CONSTANT, UNLOADED)
+                yield Proxy(hypothesis, columns, priors.not_varied, UNLOADED)
     for effect, why in failed.items():
         text = f"{effect} can't be tried with a guess of what was not recorded ({why}): it stands in no class"
         warn(text)
 
 
-def _tried(candidate: Candidate, columns: Callable[[], Floats | None], failed: dict[str, str]) -> Floats | None:
-    """Displacements; None for an effect of others that can't do with values that nobody recorded, with why in ``failed``."""
+def _tried(hypothesis: Hypothesis, columns: Callable[[], Floats | None], failed: dict[str, str]) -> Floats | None:
+    """Displacements; None for an effect of a user's that can't do with values that nobody recorded, with why in ``failed``."""
     try:
         found = columns()
-    except Exception as error:  # a stranger's effect may fail in any way
-        if type(candidate.effect) in OWN:
+    except Exception as error:  # a user's effect may fail in any way
+        if type(hypothesis.effect) in OWN:
             raise
-        failed[candidate.effect.id] = f"{type(error).__name__}: {error}"
+        failed[hypothesis.effect.id] = f"{type(error).__name__}: {error}"
         return None
     return found if found is not None and np.isfinite(found).all() else None
 
 
-def _under(design: Design, candidate: Candidate, spells: list[Situation]) -> Floats:
+def _under(design: Design, hypothesis: Hypothesis, spells: list[Situation]) -> Floats:
     """An effect's displacements, and by how much more its form moves with a payload in each spell."""
-    effect, site = candidate.effect, candidate.site
+    effect, site = hypothesis.effect, hypothesis.site
     plain = design.columns(effect.basis(design.situation, site))
     form = list(effect.form) or list(range(plain.shape[1]))
     more = [design.columns(effect.basis(at, site))[:, form] - plain[:, form] for at in spells]
     return np.hstack([plain, *more])
 
 
-def odds(at: Situation, candidate: Candidate) -> float:
-    """How likely an effect is without what it goes with, over one that can be tested.
+def odds(at: Situation, hypothesis: Hypothesis, priors: Priors = PRIORS) -> float:
+    """Prior odds of an effect without its covariate, over one that can be tested.
 
     What was recorded and can't be used was there to vary, so nothing speaks against it.
     """
-    missing = _missing(at, candidate)
+    missing = _missing(at, hypothesis)
     if at.unusable.issuperset(missing):
         return 1.0
-    once = missing == ["session"] and not len(pauses(at))
-    return CONSTANT if once else USUAL
+    once = missing == ["session"] and not len(pauses(at, priors))
+    return priors.not_varied if once else priors.not_recorded
 
 
-def stand_in(design: Design, candidate: Candidate) -> Floats | None:
-    """(N c, m) whitened displacements of an effect whose covariate is missing, by what goes with that covariate.
+def proxy_columns(design: Design, hypothesis: Hypothesis, priors: Priors = PRIORS) -> Floats | None:
+    """(N c, m) whitened displacements of an effect whose covariate is missing, by the proxy of that covariate that fits best.
 
-    None where nothing recorded does, or something else than one missing covariate keeps it from being tested.
+    None where nothing recorded is one, or something else than one missing covariate keeps it from being tested.
     """
-    at, (effect, site) = design.situation, (candidate.effect, candidate.site)
-    missing = _missing(at, candidate)
+    at, (effect, site) = design.situation, (hypothesis.effect, hypothesis.site)
+    missing = _missing(at, hypothesis)
     if len(missing) != 1 or effect.has_setting:
         return None
     found = [
         np.hstack([design.columns(effect.basis(with_column(at, missing[0], values), site)) for values in together])
-        for together in guesses(at, missing[0])
+        for together in guesses(at, missing[0], priors)
     ]
     return _best(design, found) if found else None
 
 
-def _missing(at: Situation, candidate: Candidate) -> list[str]:
-    return [name for name in candidate.effect.covariates(at.robot, candidate.site) if not at.has(name)]
+def _missing(at: Situation, hypothesis: Hypothesis) -> list[str]:
+    return [name for name in hypothesis.effect.covariates(at.robot, hypothesis.site) if not at.has(name)]
 
 
 def _best(design: Design, found: list[Floats]) -> Floats:
     """The guess that fits best."""
     if len(found) == 1:
         return found[0]
-    groups = Groups(Marginal(design.B), design.y)
-    gains = []
-    for columns in found:
-        groups.set("guess", columns)
-        gains.append(gain(groups, NOTHING, "guess")[0])
-    return found[int(np.argmax(gains))]
+    groups: Groups[int] = Groups(Marginal(design.B), design.y)
+    for i, columns in enumerate(found):
+        groups.add(i, columns)
+    gains = all_gains(groups, NOTHING, range(len(found)))
+    best: int = max(gains, key=lambda i: gains[i])
+    return found[best]

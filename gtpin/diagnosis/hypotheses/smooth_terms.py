@@ -1,4 +1,4 @@
-"""Smooth free motions at every site: what any named cause has to beat, and what tells where an unknown one sits."""
+"""Smooth nonparametric terms at every site: what any named cause is compared with, and what localises an unknown one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Free
+from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
+from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.frames import frame_twist
 from gtpin.effects.sessions import session_columns
@@ -19,30 +20,26 @@ Floats = npt.NDArray[np.float64]
 Functions = Iterator[tuple[tuple[str, ...], Floats, Floats]]
 """Coordinates, functions (N, m) of them, and the functions' sizes (m,)."""
 
-SHIFT, TURN = 4e-5, 4e-5
-"""Sizes of free motions, m and rad."""
 CONDITIONS = ("time", "temp_frame", "temp_link", "payload")
-BENDS = 0.4
-"""Size of a slow change along a track, relative to what changes."""
 
 
-def free_motions(at: Situation) -> Iterator[tuple[Free, Basis]]:
-    """Every free motion that these data can show, and its displacements."""
-    yield from _of_carts(at)
-    yield from _of_links(at)
-    yield from _of_arm(at)
-    yield from _of_platform(at)
-    yield from _of_frame(at)
+def smooth_terms(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
+    """Every smooth term that these data can show, and its displacements."""
+    yield from _of_carts(at, priors)
+    yield from _of_links(at, priors)
+    yield from _of_arm(at, priors)
+    yield from _of_platform(at, priors)
+    yield from _of_frame(at, priors)
 
 
-def _of_carts(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_carts(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
     for j, site in enumerate(at.robot.sites):
         carried = any(rod.carrier == j for rod in at.robot.rods) and not at.robot.actuators[j].revolute
         for over, waves, size in _along_coordinates(at, j):
-            yield Free(site, over, "along"), along_track(at, site, waves, SHIFT * size)
+            yield SmoothTerm(site, over, "along"), along_track(at, site, waves, priors.smooth_shift * size)
         if carried:
-            for over, waves, size in _aside_coordinates(at, j):
-                yield Free(site, over, "aside"), _aside(at, site, waves, size)
+            for over, waves, size in _aside_coordinates(at, j, priors):
+                yield SmoothTerm(site, over, "aside"), _aside(at, site, waves, size, priors)
 
 
 def _along_coordinates(at: Situation, j: int) -> Functions:
@@ -56,14 +53,14 @@ def _along_coordinates(at: Situation, j: int) -> Functions:
     yield from _moves(at, j, 3)
 
 
-def _aside_coordinates(at: Situation, j: int) -> Functions:
+def _aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
     """Over what a cart may stray across its track and turn."""
     yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, 8, 1.0)
     for over, waves, size in _conditions(at):
         if over == ("session",):
             yield over, waves, size
         else:
-            yield over, *_changing(waves[:, :4], size[:4], at.travel[:, j])
+            yield over, *_changing(waves[:, :4], size[:4], at.travel[:, j], priors)
     yield from _load(at, j, 3)
     yield from _moves(at, j, 2)
 
@@ -100,9 +97,9 @@ def _conditions(at: Situation) -> Functions:
         yield ("session",), sessions, np.ones(sessions.shape[1])
 
 
-def _changing(waves: Floats, size: Floats, x: Floats) -> tuple[Floats, Floats]:
+def _changing(waves: Floats, size: Floats, x: Floats, priors: Priors) -> tuple[Floats, Floats]:
     """Functions, and the same changing linearly with a coordinate (N,)."""
-    return np.hstack([waves, waves * x[:, None]]), np.concatenate([size, BENDS * size])
+    return np.hstack([waves, waves * x[:, None]]), np.concatenate([size, priors.smooth_change * size])
 
 
 def _plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
@@ -115,43 +112,43 @@ def _plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
     return np.stack(columns, axis=1), np.array(sizes) / np.linalg.norm(sizes) * 2.0
 
 
-def _aside(at: Situation, site: str, waves: Floats, size: Floats) -> Basis:
+def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors) -> Basis:
     """Two shifts across the track and three turns about the mean of the joints."""
     rods = rods_of(at, site)
     lever = at.seats[:, rods] - at.seats[:, rods].mean(axis=1, keepdims=True)
     axis = at.robot.actuators[at.robot.sites.index(site)].axis
     ways = [np.broadcast_to(across, lever.shape) for across in rotation_axes(axis)[:2]]
-    sizes = [SHIFT, SHIFT]
+    sizes = [priors.smooth_shift, priors.smooth_shift]
     if len(rods) > 1:
         ways += [np.cross(turn, lever) for turn in np.eye(3)]
-        sizes += [TURN] * 3
+        sizes += [priors.smooth_turn] * 3
     moved = np.einsum("nkiw,nm->nkiwm", np.stack(ways, axis=3), waves).reshape(*lever.shape, -1)
     seat = np.zeros((len(at), len(at.robot.rods), 3, moved.shape[3]))
     seat[:, rods] = moved
     return Basis(np.outer(sizes, size).ravel(), seat=seat)
 
 
-def _of_links(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_links(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
     for i, rod in enumerate(at.robot.rods):
 
         def length(columns: Floats, size: Floats, i: int = i) -> Basis:
-            return of_lengths(at, [i], columns[:, None, :], SHIFT * size)
+            return of_lengths(at, [i], columns[:, None, :], priors.smooth_shift * size)
 
         load, size = cosines(np.clip(at.load[:, i] / 2.0, -1.5, 1.5), 1, 5, 1.0)
         sign = np.sign(at.force[:, i])[:, None]
-        yield Free(rod.site, ("load",), "length"), length(np.hstack([load, sign]), np.append(size, 1.0))
+        yield SmoothTerm(rod.site, ("load",), "length"), length(np.hstack([load, sign]), np.append(size, 1.0))
         a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
         parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), _plane(a, b, 5)]
         yield (
-            Free(rod.site, ("direction",), "length"),
+            SmoothTerm(rod.site, ("direction",), "length"),
             length(np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])),
         )
         moves = _all_moves(at)
         if moves is not None:
             both = np.hstack([moves, moves * a[:, None], moves * b[:, None], moves * load[:, :1]])
-            yield Free(rod.site, ("approach",), "length"), length(both, np.full(both.shape[1], 0.5))
+            yield SmoothTerm(rod.site, ("approach",), "length"), length(both, np.full(both.shape[1], 0.5))
         for over, waves, size in _conditions(at):
-            yield Free(rod.site, over, "length"), length(waves, size)
+            yield SmoothTerm(rod.site, over, "length"), length(waves, size)
 
 
 def _all_moves(at: Situation) -> Floats | None:
@@ -161,7 +158,7 @@ def _all_moves(at: Situation) -> Floats | None:
     return np.stack(columns, axis=1) if columns else None
 
 
-def _of_arm(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_arm(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
     """All links, each by itself."""
     n = len(at.robot.rods)
     functions = [*_conditions(at), (("position",), *_field(at, 2))]
@@ -170,10 +167,13 @@ def _of_arm(at: Situation) -> Iterator[tuple[Free, Basis]]:
         functions.append((("approach",), moves, np.full(moves.shape[1], 0.5)))
     for over, waves, size in functions:
         columns = np.einsum("nm,ij->nimj", waves, np.eye(n)).reshape(len(at), n, -1)
-        yield Free("arm", over, "length"), of_lengths(at, list(range(n)), columns, SHIFT * np.repeat(size, n))
+        yield (
+            SmoothTerm("arm", over, "length"),
+            of_lengths(at, list(range(n)), columns, priors.smooth_shift * np.repeat(size, n)),
+        )
 
 
-def _of_platform(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_platform(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
     """Motions of the target and tool on the plate, TCP frame."""
     functions = [*_conditions(at), (("position",), *_field(at, 2))]
     moves = _all_moves(at)
@@ -183,20 +183,20 @@ def _of_platform(at: Situation) -> Iterator[tuple[Free, Basis]]:
         twist = np.zeros((len(at), 6, 6, waves.shape[1]))
         twist[:, :3, :3] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
         twist[:, 3:, 3:] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
-        sigma = np.concatenate([np.full(3, SHIFT), np.full(3, TURN)])[:, None] * size
-        yield Free("platform", over, "twist"), Basis(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
+        sigma = np.concatenate([np.full(3, priors.smooth_shift), np.full(3, priors.smooth_turn)])[:, None] * size
+        yield SmoothTerm("platform", over, "twist"), Basis(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
 
 
-def _of_frame(at: Situation) -> Iterator[tuple[Free, Basis]]:
+def _of_frame(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
     freedoms, size6 = frame_twist(at)
     for over, waves, size in _conditions(at):
         columns = np.concatenate([freedoms * wave[:, None, None] for wave in waves.T], axis=2)
-        yield Free("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
+        yield SmoothTerm("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
     waves, size = _field(at, 3)
     twist = np.zeros((len(at), 6, 3, waves.shape[1]))
     twist[:, :3] = np.eye(3)[None, :, :, None] * waves[:, None, None, :]
-    sigma = np.tile(SHIFT * size, 3)
-    yield Free("frame", ("position",), "shift"), Basis(sigma, twist=twist.reshape(len(at), 6, -1))
+    sigma = np.tile(priors.smooth_shift * size, 3)
+    yield SmoothTerm("frame", ("position",), "shift"), Basis(sigma, twist=twist.reshape(len(at), 6, -1))
 
 
 def _field(at: Situation, orders: int) -> tuple[Floats, Floats]:

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.diagnosis.result import Cause, Member
 from gtpin.effects.active import ActiveEffect
-from gtpin.model.model import Model
+from gtpin.model.model import Model as FittedModel
 
 DRAWS = 150
 """Draws from a posterior behind a parameter's sigma, and as many opposite ones."""
 
 
-def cause(model: Model, candidate: Candidate, members: tuple[Member, ...], shrinkage: float) -> Cause:
-    """One cause, with the coefficients that the fitted model has for it."""
-    active = next(e for e in model.effects if e.name == candidate.name)
-    own = next(m for m in members if f"{m.effect}@{m.site}" == candidate.name)
-    parameters = _parameters(active, candidate.setting_sigma)
-    return Cause(candidate.effect.id, candidate.site, own.probability, members, parameters, shrinkage)
+def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, ...]) -> Cause:
+    """One cause, with the coefficients that the fitted model has for it; its share of the gap is not known yet."""
+    active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
+    own = next(m for m in members if m.hypothesis.place == hypothesis.place)
+    parameters = _parameters(active, hypothesis.sigma)
+    reported = tuple(Member(*m.hypothesis.place, m.probability, m.recorded) for m in members)
+    return Cause(*hypothesis.place, own.probability, reported, parameters, 0.0)
 
 
-def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[float, float, str]]:
+def _parameters(active: ActiveEffect, nonlinear_sigma: float) -> dict[str, tuple[float, float, str]]:
     """Named parameters with sigmas: middle and half width of the central 68 % over draws from the coefficients' posterior.
 
     A size, such as a curve's root mean square, is no linear function of coefficients: noise alone makes it larger than zero.
@@ -31,7 +33,7 @@ def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[f
     drawn = []
     for z in np.vstack([unit, -unit]):
         c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[:-1])
-        setting = None if active.setting is None else active.setting + setting_sigma * float(z[-1])
+        setting = None if active.setting is None else active.setting + nonlinear_sigma * float(z[-1])
         drawn.append([value for value, _ in active.effect.parameters(c, setting).values()])
     low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
     said = active.effect.parameters(active.coefficients, active.setting)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.data.rounding import EXACT
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.inference.decide import Decision
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.noise import left_over
+from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.evidence import NOTHING
 from gtpin.errors import warn
 
@@ -21,12 +19,9 @@ DIGITS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5)
 """Steps that commands may have been rounded to, m or rad, the coarsest first."""
 VARIOUS = 0.5
 """Share of different commands from which they are no grid that somebody chose."""
-FEW_STEPS = 3.0
-"""Position error over the step of the commands, up to which the step may be its reason: rounding of three drives makes less.
-A stated assumption."""
 
 
-def with_full_digits(found: Decision, pool: Pool, dataset: Dataset) -> Decision:
+def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
     """The decision; without causes where something unknown is of the size of the last digit that commands have.
 
     Parameters
@@ -42,15 +37,15 @@ def with_full_digits(found: Decision, pool: Pool, dataset: Dataset) -> Decision:
     step = next((s for s in DIGITS if _multiples(dataset.q, s)), None)
     if found.verdict != "unknown" or step is None:
         return found
-    left = left_over(pool, NOTHING)[0]
-    errors = np.linalg.solve(pool.design.whitening, left[..., None])[:, :3, 0]
-    if np.sqrt((errors**2).sum(axis=1).mean()) > FEW_STEPS * step:
+    left = left_over(hypotheses, NOTHING)[0]
+    errors = np.linalg.solve(hypotheses.design.whitening, left[..., None])[:, :3, 0]
+    if np.sqrt((errors**2).sum(axis=1).mean()) > hypotheses.priors.few_steps * step:
         return found
     warn(
         f"commands have steps of {1e3 * step:g} mm or mrad, and what is left is of that size: they look rounded or cut off; "
         "export more digits"
     )
-    return replace(found, named=pool.only(found.named, ()), classes={})
+    return found.only(hypotheses, [])
 
 
 def _multiples(q: Floats, step: float) -> bool:

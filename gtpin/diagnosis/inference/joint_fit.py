@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.noise import Noise, line_of_sight
-from gtpin.calibration.problem import Measured, in_frame, measured_poses
-from gtpin.calibration.result import Calibration
-from gtpin.data import Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.situation import Column, References, Situation
+from gtpin.effects.situation import References
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Frame, Model
@@ -30,108 +25,14 @@ SETTLED = 1e-3
 """Step, in tolerances and typical sizes, at which the fit has settled."""
 
 
-@dataclass(frozen=True)
-class Observed:
-    """The poses that a diagnosis works on.
-
-    Parameters
-    ----------
-    measured
-        Commands and poses, instrument's frame.
-    covariates
-        By name, (N,) each.
-    noise, weight
-        What the poses' noise is, and (N,) what each counts.
-    temperature
-        degC at which the geometry holds.
-    free_frame
-        Whether the instrument's pose is identified too.
-    unusable
-        Covariates that were recorded and can't be right.
-    """
-
-    measured: Measured
-    covariates: Mapping[str, Column]
-    noise: Noise
-    weight: Floats
-    temperature: float
-    free_frame: bool
-    unusable: frozenset[str] = frozenset()
-
-    @staticmethod
-    def of(dataset: Dataset, baseline: Calibration) -> Observed:
-        """The poses of a dataset with the noise that a calibration found, repeatability left out."""
-        measured, station = measured_poses(dataset), dataset.instrument.station
-        noise = _without_repeatability(dataset, baseline)
-        if noise.sight is not None and station is not None:
-            sight, reach = line_of_sight(measured.T, np.array(station))
-            noise = replace(noise, sight=sight, reach=reach)
-        return Observed(
-            measured=measured,
-            covariates=dataset.covariates,
-            noise=noise,
-            weight=np.ones(len(dataset)),
-            temperature=dataset.conditions.reference_temperature,
-            free_frame=dataset.instrument.frame == "free",
-            unusable=dataset.unusable,
-        )
-
-    def take(self, rows: npt.NDArray[np.generic] | slice) -> Observed:
-        """Some of the poses."""
-        return replace(
-            self,
-            measured=self.measured.take(rows),
-            covariates={name: values[rows] for name, values in self.covariates.items()},
-            noise=self.noise.take(rows),
-            weight=self.weight[rows],
-        )
-
-    def situation(self, model: Model, fixed: References | None = None, poses: Poses | None = None) -> Situation:
-        """The poses as a geometry has them: ``poses``, base frame, where they are known."""
-        kinematics = model.kinematics
-        assert isinstance(kinematics, RodKinematics)
-        poses = kinematics.forward(self.measured.q) if poses is None else poses
-        q = self.measured.q
-        return Situation(kinematics, q, poses, self.covariates, fixed, self.temperature, self.unusable)
-
-    def design(
-        self,
-        model: Model,
-        fixed: References | None = None,
-        poses: Poses | None = None,
-        pivot: Floats | None = None,
-    ) -> Design:
-        """The linear problem about a model's geometry; ``pivot`` as for :meth:`Design.of`."""
-        at = self.situation(model, fixed, poses)
-        return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame, pivot)
-
-
-def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:
-    """A calibration's noise without repeatability, which is told by visits that causes may have set apart.
-
-    Sigmas that were not declared carry all of the scatter then: what causes do to repeated visits makes the instrument's share
-    in it look small.
-    """
-    noise, instrument, model = baseline.noise, dataset.instrument, baseline.model
-    if noise.along_drives > 0.0:
-        poses = model.kinematics.forward(dataset.q)
-        J = in_frame(model.kinematics.command_jacobian(dataset.q, poses), model.frame)
-        own = noise.along_drives**2 * (J**2).sum(axis=2).mean(axis=0)
-        if instrument.position_sigma is None:
-            noise = replace(noise, position_sigma=float(np.sqrt(noise.position_sigma**2 + own[:3].mean())))
-        if instrument.orientation_sigma is None:
-            noise = replace(noise, orientation_sigma=float(np.sqrt(noise.orientation_sigma**2 + own[3:].mean())))
-    return replace(noise, repeatability=0.0, lack=0.0)
-
-
 def fit_together(
-    observed: Observed, start: Model, candidates: Sequence[Candidate], scale: Sequence[float], references: References
+    observed: Observed, start: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
 ) -> Model:
     """Gauss-Newton on geometry, instrument's pose and coefficients, from a calibrated model.
 
     Parameters
     ----------
-    candidates, scale
+    causes, scale
         The causes, and their scales over the typical size: with it the priors of their coefficients.
 
     Raises
@@ -143,20 +44,20 @@ def fit_together(
     p = len(model.geometry.parameters)
     c = np.zeros(0)
     for _ in range(MAX_STEPS):
-        now = _linear(observed, model, candidates, scale, references)
-        causes = len(now.gradient) - sum(now.widths)
+        now = _linear(observed, model, causes, scale, references)
+        first = len(now.gradient) - sum(now.widths)  # of the causes
         if not c.size:
             c = np.zeros(sum(now.widths))
         x = model.geometry.deviation / model.geometry.tolerance
-        prior = np.concatenate([np.ones(p), np.zeros(causes - p), np.ones(len(c))])
+        prior = np.concatenate([np.ones(p), np.zeros(first - p), np.ones(len(c))])
         A = now.information + np.diag(prior)
-        step = np.linalg.solve(A, now.gradient - prior * np.concatenate([x, np.zeros(causes - p), c]))
+        step = np.linalg.solve(A, now.gradient - prior * np.concatenate([x, np.zeros(first - p), c]))
         joint: Floats = np.asarray(np.linalg.inv(A), dtype=np.float64)
         tolerance = model.geometry.tolerance
-        c = c + step[causes:]
+        c = c + step[first:]
         geometry = model.geometry.with_values(model.geometry.values + tolerance * step[:p])
-        frame = _moved(model.frame, step[p:causes], now.pivot)
-        active = _active(candidates, now.sizes, now.widths, c, joint[causes:, causes:], references)
+        frame = _moved(model.frame, step[p:first], now.pivot)
+        active = _active(causes, now.sizes, now.widths, c, joint[first:, first:], references)
         model = Model(geometry, frame, active, joint[:p, :p] * np.outer(tolerance, tolerance))
         if np.abs(step).max(initial=0.0) <= SETTLED:
             return model
@@ -179,7 +80,7 @@ class _Linear:
 
 
 def _linear(
-    observed: Observed, model: Model, candidates: Sequence[Candidate], scale: Sequence[float], references: References
+    observed: Observed, model: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
 ) -> _Linear:
     """Sum up chunks of poses: all their derivatives at once would take kilobytes a pose."""
     kinematics, q = model.kinematics, observed.measured.q
@@ -191,7 +92,7 @@ def _linear(
     for rows in chunks(len(q)):
         part = observed.take(rows)
         design = part.design(model, references, poses[rows], pivot)
-        bases = [k.effect.basis(design.situation, k.site, k.setting) for k in candidates]
+        bases = [cause.basis(design.situation) for cause in causes]
         blocks = [design.columns(b) * s for b, s in zip(bases, scale, strict=True)]
         predicted = model.seen(with_effects(kinematics, q[rows], part.covariates, model.effects, poses[rows]))
         # y is against the geometry alone; the exact effects replace their linear part, which is put back.
@@ -203,7 +104,7 @@ def _linear(
 
 
 def _active(
-    candidates: Sequence[Candidate],
+    causes: Sequence[Hypothesis],
     sizes: Sequence[Floats],
     widths: Sequence[int],
     c: Floats,
@@ -211,14 +112,14 @@ def _active(
     references: References,
 ) -> tuple[ActiveEffect, ...]:
     found, place = [], 0
-    for candidate, size, width in zip(candidates, sizes, widths, strict=True):
+    for cause, size, width in zip(causes, sizes, widths, strict=True):
         own = slice(place, place + width)
         place += width
         found.append(
             ActiveEffect(
-                candidate.effect,
-                candidate.site,
-                candidate.setting,
+                cause.effect,
+                cause.site,
+                cause.nonlinear,
                 c[own] * size,
                 covariance[own, own] * np.outer(size, size),
                 references,

@@ -1,4 +1,4 @@
-"""The noise, asked again once the causes are known: what was taken for scatter may have been a cause, and the reverse."""
+"""The noise, re-estimated given the causes: what was taken for scatter may have been a cause, and the reverse."""
 
 from __future__ import annotations
 
@@ -6,33 +6,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
 
-from gtpin.calibration.noise import LEAST_CONTRASTS, SHOWN, SMALLEST, Noise, contrasts
-from gtpin.calibration.weights import Tails, gross, robust_scale, square_norms, t_likelihood
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, scales
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import Posterior
+from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.priors import Priors
+from gtpin.noise.likelihood import likeliest
+from gtpin.noise.noise import SMALLEST, Noise
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
+from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
 
 Floats = npt.NDArray[np.float64]
 
 MATTERS = 0.03
 """Change of the noise's variance, or mean change of a weight, from which on the search is worth another round."""
-DISBELIEVED = 10.8
-"""Twice the loss in log likelihood from which on a repeatability is not believed (chance of 1 in 1,000)."""
-RESTLESS = 6.0
-"""Standard deviations by which an actuator must err more than the noise before that is called a motion."""
-LEFT = 0.15
-"""Share of what is explained that forms leave at most."""
-ABSURD = 15.0
-"""Standard deviations of the bulk, beyond which a pose is set aside whatever the tails."""
 
 
-def left_over(pool: Pool, model: Posterior) -> tuple[Floats, float]:
-    """(N, c) whitened residuals of geometry and a model's groups together, and the degrees of freedom that these took."""
-    design, groups = pool.design, pool.groups
-    scaled = [groups.columns[n] * s for n, s in zip(model.names, model.scale, strict=True)]
+def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
+    """(N, c) whitened residuals of geometry and a model together, and the degrees of freedom that these took."""
+    design, groups = hypotheses.design, hypotheses.groups
+    scaled = [groups.columns[term] * s for term, s in scales(model).items()]
     J = np.hstack([design.B, *scaled])
     prior = np.ones(J.shape[1])
     prior[design.n_geometry : design.B.shape[1]] = 0.0
@@ -41,16 +34,16 @@ def left_over(pool: Pool, model: Posterior) -> tuple[Floats, float]:
     return (design.y - J @ both[:, 0]).reshape(-1, design.components), float(np.trace(both[:, 1:]))
 
 
-def gross_errors(pool: Pool, model: Posterior) -> npt.NDArray[np.bool_]:
+def gross_errors(hypotheses: HypothesisSet, model: Model) -> npt.NDArray[np.bool_]:
     """(N,) poses that neither a model nor any noise of the size and tails of the others explains."""
-    left, _ = left_over(pool, model)
-    absurd = square_norms(left) > (ABSURD * robust_scale(left)) ** 2
+    left, _ = left_over(hypotheses, model)
+    absurd = square_norms(left) > (hypotheses.priors.absurd * robust_scale(left)) ** 2
     return gross(left, ~absurd) | absurd
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What residuals say of the noise.
+class Reestimated:
+    """The noise that residuals show.
 
     Parameters
     ----------
@@ -58,17 +51,19 @@ class Asked:
         The poses, with that noise and their weights.
     matters
         Whether it differs enough for another search.
-    fine
+    restless
         Site of an actuator that errs more from pose to pose than repeated visits let it scatter: by something that changes
         too fast along its way for any smooth motion, and is no noise. None where there is none.
     """
 
     observed: Observed
     matters: bool
-    fine: str | None
+    restless: str | None
 
 
-def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tuple[bool, bool]) -> Asked:
+def reestimate_noise(
+    observed: Observed, hypotheses: HypothesisSet, model: Model, declared: tuple[bool, bool]
+) -> Reestimated:
     """Repeatability, sigmas that were not declared, and weights, from what a model leaves.
 
     Parameters
@@ -78,8 +73,8 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
     declared
         Whether the position's and the orientation's sigma are known.
     """
-    design = pool.design
-    left, taken = left_over(pool, model)
+    design, priors = hypotheses.design, hypotheses.priors
+    left, taken = left_over(hypotheses, model)
     visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
     colour = np.linalg.inv(design.whitening)
     scatter, rows = contrasts(visits, np.einsum("nij,nj->ni", colour, left))
@@ -87,24 +82,24 @@ def asked_again(observed: Observed, pool: Pool, model: Posterior, declared: tupl
     errors = np.einsum("nij,nj->ni", colour, left)
     J, c = design.command_jacobian, design.components
     even = np.ones(len(left))
-    found, weight = _likeliest(observed.noise, errors, even, design, declared), even
+    found, weight = _estimated(observed.noise, errors, even, design, declared), even
     whitened = _whitened(observed.noise, errors, design)
     tails = Tails.of(whitened)
     # Scatter that differs from pose to pose looks like tails, and the reverse: the likelier of the two it is.
     if tails.heavy and _of_tails(observed.noise, whitened, tails, design) > _of_scatter(found, errors, design):
         weight = tails.weigh(whitened)
-        found = _likeliest(observed.noise, errors, weight * tails.scale**2, design, declared)
-    fine = None
+        found = _estimated(observed.noise, errors, weight * tails.scale**2, design, declared)
+    restless = None
     if len(scatter) >= LEAST_CONTRASTS:
-        most = _most_repeatability(found.take(rows), scatter, J[rows])
+        most = _most_repeatability(found.take(rows), scatter, J[rows], priors)
         if found.repeatability > most:
             found = replace(found, repeatability=most)
-            fine = _most_restless(found, errors, design, model.log_evidence) if all(declared) else None
-            if fine is not None:
+            restless = _most_restless(found, errors, design, model.log_evidence, priors) if all(declared) else None
+            if restless is not None:
                 weight = even  # what is no noise has no tails either
     before, after = (np.trace(n.covariance(J, c)[:, :3, :3], axis1=1, axis2=2).mean() for n in (observed.noise, found))
     changed = abs(after / before - 1.0) > MATTERS or float(np.abs(weight - observed.weight).mean()) > MATTERS
-    return Asked(replace(observed, noise=found, weight=weight), bool(changed), fine)
+    return Reestimated(replace(observed, noise=found, weight=weight), bool(changed), restless)
 
 
 def _whitened(noise: Noise, errors: Floats, design: Design) -> Floats:
@@ -129,7 +124,7 @@ def _of_tails(noise: Noise, whitened: Floats, tails: Tails, design: Design) -> f
     return t_likelihood(square_norms(whitened), tails.freedom, whitened.shape[1])[0] + _log_volume(noise, design)
 
 
-def _most_repeatability(noise: Noise, scatter: Floats, J: Floats) -> float:
+def _most_repeatability(noise: Noise, scatter: Floats, J: Floats, priors: Priors) -> float:
     """The largest repeatability that the scatter (k, c) between visits allows."""
     grid = noise.repeatability * np.linspace(0.0, 1.0, 41)
     costs = []
@@ -137,11 +132,11 @@ def _most_repeatability(noise: Noise, scatter: Floats, J: Floats) -> float:
         covariance = replace(noise, repeatability=float(value)).covariance(J, scatter.shape[1])
         solved = np.linalg.solve(covariance, scatter[..., None])[..., 0]
         costs.append(float(np.linalg.slogdet(covariance)[1].sum() + (scatter * solved).sum()))
-    allowed = np.array(costs) <= min(costs) + DISBELIEVED
+    allowed = np.array(costs) <= min(costs) + priors.disbelieved
     return float(grid[allowed].max())
 
 
-def _most_restless(noise: Noise, errors: Floats, design: Design, explained: float) -> str | None:
+def _most_restless(noise: Noise, errors: Floats, design: Design, explained: float, priors: Priors) -> str | None:
     """The actuator whose motion the errors (N, c), m and rad, have more of than the noise, by a score test.
 
     Parameters
@@ -157,36 +152,12 @@ def _most_restless(noise: Noise, errors: Floats, design: Design, explained: floa
     excess = (score - size).sum(axis=0)
     z = excess / np.sqrt(2.0 * (size**2).sum(axis=0))
     best = int(np.argmax(z))
-    shown = z[best] > RESTLESS and excess[best] / size[:, best].mean() > LEFT * 2.0 * max(explained, 0.0)
+    shown = z[best] > priors.restless and excess[best] / size[:, best].mean() > priors.core_leaves * 2.0 * max(
+        explained, 0.0
+    )
     return design.situation.robot.sites[best] if shown else None
 
 
-def _likeliest(noise: Noise, errors: Floats, weight: Floats, design: Design, declared: tuple[bool, bool]) -> Noise:
-    """Noise that makes errors (N, c), m and rad, likeliest; repeatability only where they show it."""
-    J, c = design.command_jacobian, design.components
-    open_ = [i for i in range(2) if not declared[i] and (i == 0 or c == 6)]
-    gain = float(np.sqrt((J[:, :3] ** 2).sum(axis=(1, 2)).mean() / 3.0))
-    unit = noise.position_sigma / max(gain, 1e-12)
-
-    def trial(x: Floats) -> Noise:
-        sigmas = [noise.position_sigma, noise.orientation_sigma]
-        for value, i in zip(x[1:], open_, strict=True):
-            sigmas[i] *= float(np.exp(value))
-        return replace(
-            noise, position_sigma=sigmas[0], orientation_sigma=sigmas[1], repeatability=unit * float(np.sqrt(x[0]))
-        )
-
-    def cost(x: Floats) -> float:
-        lower = np.linalg.cholesky(trial(x).covariance(J, c))
-        whitened = np.linalg.solve(lower, errors[..., None])[..., 0]
-        logs = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
-        return float(logs + 0.5 * (weight * (whitened**2).sum(axis=1)).sum())
-
-    bounds = [(0.0, 1e3)] + [(-5.0, 5.0)] * len(open_)
-    starts = [np.array([0.02] + [0.0] * len(open_)), np.array([1.0] + [-0.7] * len(open_))]
-    with_it = min((minimize(cost, x, bounds=bounds, method="L-BFGS-B") for x in starts), key=lambda r: float(r.fun))
-    without = np.zeros(len(bounds))
-    if open_:
-        without = minimize(cost, without, bounds=[(0.0, 0.0)] + [(-5.0, 5.0)] * len(open_), method="L-BFGS-B").x
-    shown = 2.0 * (cost(without) - float(with_it.fun)) > SHOWN
-    return trial(with_it.x if shown else without).at_least(SMALLEST)
+def _estimated(noise: Noise, errors: Floats, weight: Floats, design: Design, declared: tuple[bool, bool]) -> Noise:
+    """The likeliest noise of errors (N, c), m and rad."""
+    return likeliest(noise, errors, design.command_jacobian, declared, weight).at_least(SMALLEST)

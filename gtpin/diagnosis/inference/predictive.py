@@ -2,58 +2,44 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.inference.decide import Decision, verdict_of
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import without
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-PREDICTED = 0.2
-"""Gain in log density of left-out poses over that in log evidence, below which a cause predicts nothing. The two are nearly
-the same for what a machine has (1.1 to 1.3 on eight machines of the plant with weak causes), and the first is less than one
-nat for a target offset that stands for a moved base (0.4 of 9.5, 0.7 of 62, -0.5 of 325).
-"""
 
-
-def without_idle(pool: Pool, found: Decision, blocks: list[Mask]) -> Decision:
+def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
     """Leave out causes that make left-out poses hardly likelier.
 
-    A cause of the machine is seen at other poses as well. What merely stands for a motion that geometry can make, at a price
-    by its tolerances, gains evidence and predicts nothing.
+    A cause of the machine is seen at other poses as well. What merely takes the place of a motion that geometry can make, at
+    a price by its tolerances, gains evidence and predicts nothing.
 
     Parameters
     ----------
     blocks
         (N,) masks of the poses left out together, a partition.
     """
-    names = list(found.named.names)
-    scale = dict(zip(names, found.named.scale, strict=True))
-    columns = {n: pool.groups.columns[n] * scale[n] for n in names}
-    kept = names
-    for name in names:
-        others = [columns[n] for n in kept if n != name]
-        gain = _log_density(pool, [*others, columns[name]], blocks) - _log_density(pool, others, blocks)
-        model = pool.only(found.named, kept)
-        evidence = model.log_evidence - without(pool.groups, model, name).log_evidence
-        if gain <= PREDICTED * max(evidence, 0.0):
-            kept = [n for n in kept if n != name]
-    if len(kept) == len(names):
-        return found
-    classes = {n: found.classes[n] for n in kept}
-    return replace(
-        found, named=pool.only(found.named, kept), classes=classes, verdict=verdict_of(found.unknown, classes)
-    )
+    design, groups = hypotheses.design, hypotheses.groups
+    columns = {cause: groups.columns[cause] * found.scale[cause] for cause in found.classes}
+    kept = list(found.classes)
+    for cause in found.classes:
+        others = [columns[c] for c in kept if c != cause]
+        gain = _log_density(design, [*others, columns[cause]], blocks) - _log_density(design, others, blocks)
+        model = hypotheses.only(found.model, kept)
+        evidence = model.log_evidence - without(groups, model, cause).log_evidence
+        if gain <= hypotheses.priors.predicted * max(evidence, 0.0):
+            kept = [c for c in kept if c != cause]
+    return found if len(kept) == len(found.classes) else found.only(hypotheses, kept)
 
 
-def _log_density(pool: Pool, causes: list[Floats], blocks: list[Mask]) -> float:
+def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:
     """Log density of each block given the others, summed; geometry and causes of the sizes that their priors have."""
-    design = pool.design
     J = np.hstack([design.B, *causes])
     prior = np.ones(J.shape[1])
     prior[design.n_geometry : design.B.shape[1]] = 0.0

@@ -3,58 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from gtpin.diagnosis.hypotheses.hypothesis import Free
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.inference.decide import Decision
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
+from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.result import Cause, Question
 from gtpin.effects.effect import Range
-
-DOUBT = 3.0
-"""Standard deviations by which a parameter must lie outside a range: a chance of 1.3 in 1,000."""
 
 
 @dataclass(frozen=True)
 class Questioned:
-    """What was asked of causes: ``impossible`` are not believed, of ``unusual`` ones the user is told."""
+    """What was asked of causes: ``impossible`` ones are not named, ``unusual`` ones are named and reported."""
 
     impossible: tuple[Question, ...]
     unusual: tuple[Question, ...]
 
 
-def questions(pool: Pool, causes: Iterable[Cause]) -> Questioned:
+def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> Questioned:
     """Compare parameters of causes with what their effects call plausible and usual."""
+    effects = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}
     impossible, unusual = [], []
     for cause in causes:
-        effect = pool.candidates[f"{cause.effect}@{cause.site}"].effect
-        found = [q for name, own in effect.plausible.items() if (q := _outside(cause, name, own, False))]
-        impossible += found
-        if not found:
-            unusual += [q for name, own in effect.usual.items() if (q := _outside(cause, name, own, True))]
+        effect = effects[cause.effect, cause.site]
+        wrong = [q for name, own in effect.plausible.items() if (q := _outside(cause, name, own, False, priors))]
+        impossible += wrong
+        if not wrong:
+            unusual += [q for name, own in effect.usual.items() if (q := _outside(cause, name, own, True, priors))]
     return Questioned(tuple(impossible), tuple(unusual))
 
 
-def without_impossible(pool: Pool, found: Decision, asked: Sequence[Question]) -> Decision:
-    """The verdict without causes that can't be: something is there, but it is not what it looks like."""
-    doubted = {f"{q.effect}@{q.site}" for q in asked}
-    kept = [n for n in found.named.names if n not in doubted]
-    first = asked[0]
-    over = tuple(sorted(pool.explanation(f"{first.effect}@{first.site}").drivers(pool.design.situation.robot)))
-    return replace(
-        found,
-        verdict="unknown",
-        named=pool.only(found.named, kept),
-        classes={n: found.classes[n] for n in kept},
-        strangers=(*found.strangers, Free(first.site, over, "impossible")),
-        unknown=1.0,
-    )
+def without_impossible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion:
+    """The conclusion without causes that can't be: something is there, but it is not what it looks like."""
+    places = {(q.effect, q.site) for q in asked}
+    wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
+    over = tuple(sorted(wrong.drivers(hypotheses.design.situation.robot)))
+    kept = found.only(hypotheses, [cause for cause in found.classes if cause.place not in places])
+    return kept.doubted(Doubt("impossible", wrong.site, over))
 
 
-def _outside(cause: Cause, name: str, own: Range, believed: bool) -> Question | None:
+def _outside(cause: Cause, name: str, own: Range, believed: bool, priors: Priors) -> Question | None:
     if name not in cause.parameters:
         return None
     value, sigma, unit = cause.parameters[name]
-    if own.low <= value + DOUBT * sigma and value - DOUBT * sigma <= own.high:
+    if own.low <= value + priors.implausible * sigma and value - priors.implausible * sigma <= own.high:
         return None
     return Question(cause.effect, cause.site, name, value, sigma, unit, own.low, own.high, own.why, believed)

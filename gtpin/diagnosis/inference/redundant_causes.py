@@ -1,46 +1,50 @@
-"""One cause that goes with what nobody recorded is not reported as two."""
+"""One cause whose covariate nobody recorded is not reported as two."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.linear.evidence import Posterior, without
-from gtpin.diagnosis.result import Member
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes
+from gtpin.diagnosis.hypotheses.proxies import Proxy
+from gtpin.diagnosis.inference.verdict import Contender
+from gtpin.diagnosis.linear.evidence import without
 
 
-def without_doubles(pool: Pool, named: Posterior, members: Callable[[Posterior, str], Iterable[Member]]) -> Posterior:
-    """Leave out causes that are not needed once an unrecorded effect stands in the place of a stronger one.
+def without_redundant(
+    hypotheses: HypothesisSet, named: Model, members: Callable[[Model, Hypothesis], Iterable[Contender]]
+) -> Model:
+    """Leave out causes that are not needed once the proxy of an unrecorded effect takes the place of a stronger one.
 
-    A stand-in's imitator leaves something that a second imitator takes. Where the first may be the stand-in, the second has
-    nothing to show for itself: nor where it may be the same stand-in, of which a guess does not tell all.
+    What imitates an unrecorded effect leaves a part that a second imitator takes. Where the first may be the unrecorded effect,
+    nothing is left for the second to explain: nor where it may be the same effect, of which a proxy does not show all.
 
     Parameters
     ----------
     members
         The class of a cause of a model.
     """
-    strength = {name: named.log_evidence - without(pool.groups, named, name).log_evidence for name in named.names}
-    for name in sorted(named.names, key=lambda n: -strength[n]):
-        if name not in named.names:
+    strength = {c: named.log_evidence - without(hypotheses.groups, named, c).log_evidence for c in causes(named)}
+    for cause in sorted(strength, key=lambda c: -strength[c]):
+        if cause not in named.terms:
             continue
-        unrecorded = {f"{m.effect}@{m.site}" for m in members(named, name) if not m.recorded}
-        for key in [key for key, hidden in pool.hidden.items() if hidden.candidate.name in unrecorded]:
-            same = pool.hidden[key].candidate.name
-            weaker = [n for n in named.names if strength[n] < strength[name]]
-            needless = [
-                n
-                for n in weaker
-                if same in {f"{m.effect}@{m.site}" for m in members(named, n)} or _needless(pool, named, name, key, n)
+        unrecorded = {m.hypothesis.place for m in members(named, cause) if not m.recorded}
+        for proxy in [proxy for proxy in hypotheses.proxies if proxy.hypothesis.place in unrecorded]:
+            weaker = [c for c in causes(named) if strength[c] < strength[cause]]
+            redundant = [
+                c
+                for c in weaker
+                if proxy.hypothesis.place in {m.hypothesis.place for m in members(named, c)}
+                or _redundant(hypotheses, named, cause, proxy, c)
             ]
-            named = pool.only(named, (n for n in named.names if n not in needless))
+            named = hypotheses.only(named, (t for t in named.terms if t not in redundant))
     return named
 
 
-def _needless(pool: Pool, named: Posterior, name: str, key: str, other: str) -> bool:
-    """Whether another cause is not worth its cost once a stand-in is in the place of a cause."""
-    rest = without(pool.groups, named, name)
-    less = without(pool.groups, rest, other)
-    with_other = rest.log_evidence + pool.gains(rest, (key,))[key]
-    alone = less.log_evidence + pool.gains(less, (key,))[key]
-    return with_other - alone < pool.costs(named.names)[other]
+def _redundant(hypotheses: HypothesisSet, named: Model, cause: Hypothesis, proxy: Proxy, other: Hypothesis) -> bool:
+    """Whether another cause is not worth its cost once a proxy is in the place of a cause."""
+    rest = without(hypotheses.groups, named, cause)
+    less = without(hypotheses.groups, rest, other)
+    with_other = rest.log_evidence + hypotheses.gains(rest, (proxy,))[proxy].value
+    alone = less.log_evidence + hypotheses.gains(less, (proxy,))[proxy].value
+    return with_other - alone < hypotheses.costs(named.terms)[other]

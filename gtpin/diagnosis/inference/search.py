@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.linear.evidence import NOTHING, Posterior, all_gains, tuned, without
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
+from gtpin.diagnosis.linear.evidence import NOTHING, without
 
 BEAM = 3
 """Beginnings that are grown side by side: the best single explanation need not be one of the best pair."""
@@ -13,59 +13,66 @@ MOST = 5
 """Explanations that a model has at most."""
 
 
-def search(pool: Pool, names: Sequence[str], singles: dict[str, float], beginnings: int = BEAM) -> Posterior:
+def rough_guess(hypotheses: HypothesisSet) -> Model:
+    """The model of everything that is no noise, as far as one search finds it."""
+    return search(hypotheses, hypotheses.every, hypotheses.gains(NOTHING, hypotheses.every), beginnings=1)
+
+
+def search(
+    hypotheses: HypothesisSet, terms: Sequence[Term], alone: Mapping[Term, Gain], beginnings: int = BEAM
+) -> Model:
     """The model that was found to be worth most, out of some explanations.
 
     Parameters
     ----------
-    names
-        Of the explanations that it may have.
-    singles
+    terms
+        The explanations that it may have.
+    alone
         Gain in log evidence of each by itself.
     beginnings
         How many are grown side by side.
     """
-    order = sorted(names, key=lambda n: -(singles.get(n, 0.0) - pool.cost(n)))
-    best = NOTHING
-    for name in order[:beginnings]:
-        if singles.get(name, 0.0) < pool.cost(name):
+    order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
+    best: Model = NOTHING
+    taken: set[Term] = set()  # of the best model, nonlinear parameters without their values
+    for term in order[:beginnings]:
+        if alone[term].value < hypotheses.cost(term):
             break
-        if name in best.names:
+        if term in taken:
             continue
-        pool.adopt(name)
-        grown = _grow(pool, tuned(pool.groups, (name,), (1.0,)), names)
-        if pool.worth(grown) > pool.worth(best):
+        grown = _grow(hypotheses, hypotheses.extended(NOTHING, alone[term].term), terms)
+        if hypotheses.worth(grown) > hypotheses.worth(best):
             best = grown
+            taken = {hypotheses.without_value(t) for t in best.terms}
     return best
 
 
-def _grow(pool: Pool, model: Posterior, names: Sequence[str]) -> Posterior:
-    while len(model.names) < MOST:
-        gains = pool.net_gains(model, names)
-        name = max(gains, key=lambda n: gains[n], default=None)
-        if name is None or gains[name] < 0.0:
+def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
+    while len(model.terms) < MOST:
+        gains = hypotheses.net_gains(model, terms)
+        best = max(gains.values(), key=lambda g: g.value, default=None)
+        if best is None or best.value < 0.0:
             return model
-        pool.adopt(name)
-        larger = tuned(pool.groups, (*model.names, name), (*model.scale, 1.0))
-        larger = _pruned(pool, _swapped(pool, larger, names))
-        if pool.worth(larger) <= pool.worth(model) + 1e-9:
+        larger = hypotheses.extended(model, best.term)
+        larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
+        if hypotheses.worth(larger) <= hypotheses.worth(model) + 1e-9:
             return model
         model = larger
     return model
 
 
-def _swapped(pool: Pool, model: Posterior, names: Sequence[str]) -> Posterior:
+def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
     """The model after every exchange of one explanation for another that raises its worth."""
     for _ in range(3):
         before = model
-        for name in model.names:
-            rest = without(pool.groups, model, name, sweeps=1)
-            others = [n for n in names if n in pool.groups.columns and n not in rest.names]
-            gains = {n: value - pool.cost(n) for n, (value, _) in all_gains(pool.groups, rest, others).items()}
-            other = max(gains, key=lambda n: gains[n])
-            if other != name and gains[other] > gains[name] + 0.5:
-                trial = tuned(pool.groups, (*rest.names, other), (*rest.scale, 1.0))
-                if pool.worth(trial) > pool.worth(model):
+        for term in model.terms:
+            rest = without(hypotheses.groups, model, term, sweeps=1)
+            found = hypotheses.gains(rest, terms)
+            gains = {t: gain.value - hypotheses.cost(t) for t, gain in found.items()}
+            own, other = hypotheses.without_value(term), max(gains, key=lambda t: gains[t])
+            if other != own and gains[other] > gains[own] + 0.5:
+                trial = hypotheses.extended(rest, found[other].term)
+                if hypotheses.worth(trial) > hypotheses.worth(model):
                     model = trial
                     break
         if model is before:
@@ -73,12 +80,12 @@ def _swapped(pool: Pool, model: Posterior, names: Sequence[str]) -> Posterior:
     return model
 
 
-def _pruned(pool: Pool, model: Posterior) -> Posterior:
+def _pruned(hypotheses: HypothesisSet, model: Model) -> Model:
     """The model without the explanations that are not worth their cost."""
-    while model.names:
-        smaller = [without(pool.groups, model, n, sweeps=1) for n in model.names]
-        best = max(smaller, key=pool.worth)
-        if pool.worth(best) < pool.worth(model):
+    while model.terms:
+        smaller = [without(hypotheses.groups, model, t, sweeps=1) for t in model.terms]
+        best = max(smaller, key=hypotheses.worth)
+        if hypotheses.worth(best) < hypotheses.worth(model):
             return model
         model = best
     return model

@@ -13,16 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.kinematics.rotations import skew
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-RATIO = 5.0
-"""Power left by one frame over that left by two, from which there are two groups. Noise of one direction alone, the worst
-case, gives 1 / (1 - 2/pi) = 2.75; a stated assumption beyond that."""
-LEAST_SHARE = 0.1
-"""Share of the rows that the smaller group has at least: fewer are gross errors."""
 SWEEPS = 30
 
 
@@ -34,7 +30,7 @@ class Groups:
     apart: float
 
 
-def two_groups(design: Design, left: Floats, sigma: tuple[float, float]) -> Groups | None:
+def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors: Priors = PRIORS) -> Groups | None:
     """Two groups of rows; None where one frame does nearly as well.
 
     Parameters
@@ -57,12 +53,12 @@ def two_groups(design: Design, left: Floats, sigma: tuple[float, float]) -> Grou
             break
         first = now
     smaller = first if first.mean() <= 0.5 else ~first
-    if smaller.mean() < LEAST_SHARE:
+    if smaller.mean() < priors.least_group:
         return None
     (one, a), (two, b) = (_left_by(F, y, group) for group in (smaller, ~smaller))
     both = np.where(smaller[:, None], one, two)
     whole, _ = _left_by(F, y, np.ones(len(y), dtype=bool))
-    if (whole**2).sum() < RATIO * (both**2).sum():
+    if (whole**2).sum() < priors.two_groups * (both**2).sum():
         return None
     apart = np.linalg.norm((F @ (a - b))[:, :3] * scale[:3], axis=1)
     return Groups(smaller, float(np.median(apart)))

@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from gtpin.calibration.checks.declared_noise import SIGMAS, Sigma
-from gtpin.calibration.noise import LEAST_CONTRASTS, Noise, contrasts, from_repeats
 from gtpin.calibration.result import Calibration
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
-from gtpin.diagnosis.inference.decide import rough_guess
-from gtpin.diagnosis.inference.joint_fit import Observed
-from gtpin.diagnosis.inference.noise import asked_again
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.hypotheses.propose import propose
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.inference.noise import reestimate_noise
+from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
+from gtpin.diagnosis.inference.search import rough_guess
+from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.preparation.prepare import Prepared
+from gtpin.errors import warn
+from gtpin.noise.noise import Noise
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 
-MISFIT = 1.8
-"""Chi-square per degree of freedom of a calibration below which declared noise is not doubted. A stated assumption: it only
-saves a second look."""
-LARGER = 1.5
-"""Noise that the data show over the declared one from which the declared value is not used. A stated assumption: less makes
-at most a third of the noise look like structure."""
-UNREPEATED = 2.0
-"""The same where there are too few repeated visits to say what noise is."""
 LOOKS = 2
 """Searches, each with the noise that the last one left: with too little noise, some of it is explained away."""
 
 
-def understated(
-    observed: Observed, baseline: Calibration, pool_of: Callable[[Design], Pool]
-) -> dict[Sigma, tuple[float, float]]:
+def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[float, float]]:
     """Sigmas that are declared too small: declared, and what the data show.
 
     A residual that no search explains is noise where it is larger than declared in every component alike, and where visits
@@ -38,33 +31,45 @@ def understated(
 
     Parameters
     ----------
-    observed
-        The poses, with the noise as declared.
-    pool_of
-        Gives the hypotheses for a linear problem.
+    prepared
+        The data, and their calibration with the noise as declared.
+    scope
+        The effects that may explain part of the residuals.
     """
+    baseline = prepared.baseline
     declared = {
         key: getattr(baseline.instrument, key) for key, kind in SIGMAS if kind.start < baseline.residual.shape[1]
     }
     declared = {key: value for key, value in declared.items() if value is not None}
-    if not declared or baseline.chi2_per_dof < MISFIT:
+    if not declared or baseline.chi2_per_dof < scope.priors.misfit:
         return {}
+    sure = prepared.dataset.take(baseline.used(prepared.dataset))
+    observed = Observed.of(sure, baseline).take(np.arange(len(sure))[:: 1 + len(sure) // MOST_POSES])
     noise = replace(observed.noise.scaled(float(np.sqrt(baseline.chi2_per_dof))), repeatability=0.0)
     for _ in range(LOOKS):
         now = replace(observed, noise=noise)
-        pool = pool_of(now.design(baseline.model))
-        noise = asked_again(now, pool, rough_guess(pool), (False, False)).observed.noise
+        hypotheses = propose(now.design(baseline.model), scope).hypotheses
+        noise = reestimate_noise(now, hypotheses, rough_guess(hypotheses), (False, False)).observed.noise
     repeats = _of_repeats(observed, baseline)
     found = {}
     for key, value in declared.items():
         seen = [getattr(n, key) for n in (noise, repeats) if n is not None]
-        if min(seen) > (UNREPEATED if repeats is None else LARGER) * value:
+        if min(seen) > (scope.priors.understated_once if repeats is None else scope.priors.understated) * value:
             found[key] = (value, float(min(seen)))
     return found
 
 
+def warn_of_noise(small: dict[Sigma, tuple[float, float]]) -> None:
+    """Say which sigmas are not used as they were declared."""
+    for key, (declared, seen) in small.items():
+        ratio = seen / declared
+        warn(
+            f"{key} is {declared:.2g}, but these data show a noise of {seen:.2g}, {ratio:.2g} times more, which is used"
+        )
+
+
 def _of_repeats(observed: Observed, baseline: Calibration) -> Noise | None:
-    """The noise that repeated visits show beside the drives' scatter; None where there are few."""
+    """The noise that repeated visits show without the drives' scatter; None where there are few."""
     visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
     model = baseline.model
     left = observed.measured.minus(model.predict(observed.measured.q))

@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.common_motions import COMMON
-from gtpin.diagnosis.hypotheses.hypothesis_set import Pool
+from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, Term
+from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.linear.design import Design
 
 Floats = npt.NDArray[np.float64]
@@ -26,7 +28,7 @@ class Where:
     rod, site, axis
         By name; each sums to 1, or is all zero where there is no gap.
     covariate
-        By name, the share that goes with a smooth function of it at some site.
+        By name, the share that a smooth function of it at some site explains.
     region
         Boxes (2, 3), m, base frame, and the share in each.
     """
@@ -38,16 +40,14 @@ class Where:
     region: tuple[tuple[Floats, float], ...]
 
 
-def where(
-    design: Design, left: Floats, pool: Pool, gains: Mapping[str, float], blocks: list[npt.NDArray[np.bool_]]
-) -> Where:
+def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list[npt.NDArray[np.bool_]]) -> Where:
     """Share the gap out.
 
     Parameters
     ----------
     left
         (N c,) whitened residual after the geometry alone was fitted.
-    gains
+    alone
         Gain in log evidence of each explanation by itself.
     blocks
         (N,) masks of the poses of each region.
@@ -62,7 +62,7 @@ def where(
     boxes = tuple(
         (np.stack([T[b].min(axis=0), T[b].max(axis=0)]), regions[str(k)]) for k, b in enumerate(blocks) if b.any()
     )
-    return Where(_rods(design, whitened), _sites(pool, gains), axis, _covariates(pool, gains), boxes)
+    return Where(_rods(design, whitened), _sites(alone), axis, _covariates(alone), boxes)
 
 
 def _rods(design: Design, whitened: Floats) -> dict[str, float]:
@@ -74,22 +74,21 @@ def _rods(design: Design, whitened: Floats) -> dict[str, float]:
     return _shares(dict(zip(at.robot.rod_sites, power, strict=True)))
 
 
-def _sites(pool: Pool, gains: Mapping[str, float]) -> dict[str, float]:
+def _sites(alone: Mapping[Term, Gain]) -> dict[str, float]:
     """How well the best motion at each site explains the gap, whether it has a name or not."""
     best: dict[str, float] = {}
-    for name, gain in gains.items():
-        if name in pool.free and pool.free[name].motion in COMMON:
+    for term, gain in alone.items():
+        if isinstance(term, Proxy) or (isinstance(term, SmoothTerm) and term.motion in COMMON):
             continue
-        site = pool.free[name].site if name in pool.free else name.partition("@")[2]
-        best[site] = max(best.get(site, 0.0), gain)
+        best[term.site] = max(best.get(term.site, 0.0), gain.value)
     return _shares(best)
 
 
-def _covariates(pool: Pool, gains: Mapping[str, float]) -> dict[str, float]:
+def _covariates(alone: Mapping[Term, Gain]) -> dict[str, float]:
     best: dict[str, float] = {}
-    for name, free in pool.free.items():
-        for coordinate in free.over:
-            best[coordinate] = max(best.get(coordinate, 0.0), gains[name])
+    for term, gain in alone.items():
+        for coordinate in term.over if isinstance(term, SmoothTerm) else ():
+            best[coordinate] = max(best.get(coordinate, 0.0), gain.value)
     top = max(best.values(), default=0.0)
     return {name: (gain / top if top > 0.0 else 0.0) for name, gain in best.items()}
 

@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.noise import Noise
 from gtpin.calibration.problem import Measured, in_frame
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal, Posterior, best_scales
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.effect import Effect
 
 Floats = npt.NDArray[np.float64]
@@ -63,9 +65,9 @@ class _Displacements:
 class Scan:
     """An effect at a site with every setting that is worth a try, prepared once for all scans beside other models."""
 
-    def __init__(self, design: Design, marginal: Marginal, effect: Effect, site: str) -> None:
+    def __init__(self, design: Design, marginal: Marginal, effect: Effect, site: str, priors: Priors = PRIORS) -> None:
         """Prepare the inner products with the geometry marginalised."""
-        self.design, self.marginal = design, marginal
+        self.design, self.marginal, self.priors = design, marginal, priors
         self.effect, self.site = effect, site
         self.settings = np.array(effect.settings(design.situation, site))
         self._half_y = marginal.half(design.y[:, None])
@@ -101,7 +103,7 @@ class Scan:
         moments = displacements.across(self.design.y[:, None]) - half.T @ self._half_y
         return halves, grams, moments.reshape(count, width)
 
-    def best(self, model: Posterior, columns: Floats) -> Found:
+    def best(self, model: Posterior[Any], columns: Floats) -> Found:
         """Best setting beside a model.
 
         Parameters
@@ -140,7 +142,7 @@ class Scan:
         self,
         displacements: _Displacements | None,
         products: Sequence[Floats],
-        model: Posterior,
+        model: Posterior[Any],
         columns: Floats,
         half: Floats,
     ) -> tuple[Floats, Floats]:
@@ -152,4 +154,4 @@ class Scan:
             moments = moments - (across @ model.mean).reshape(count, width)
             by_setting = across.reshape(count, width, -1)
             grams = grams - by_setting @ model.covariance @ by_setting.transpose(0, 2, 1)
-        return best_scales(grams, moments, self.effect.form)
+        return best_scales(grams, moments, self.effect.form, self.priors)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal
 from gtpin.diagnosis.linear.evidence import gain as best_gain
 from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain, most_telling
@@ -47,9 +47,9 @@ class Standing:
         Its class with probabilities, itself among them.
     """
 
-    cause: Candidate
+    cause: Hypothesis
     scale: float
-    members: tuple[tuple[Candidate, float], ...]
+    members: tuple[tuple[Hypothesis, float], ...]
 
 
 def split(known: Known, standings: Sequence[Standing], which: int, poses: int, rng: np.random.Generator) -> Experiment:
@@ -59,19 +59,19 @@ def split(known: Known, standings: Sequence[Standing], which: int, poses: int, r
     """
     robot = known.robot
     members = sorted(standings[which].members, key=lambda member: -member[1])[: RIVALS + 1]
-    words = {word for candidate, _ in members for word in concerns(candidate, robot)}
+    words = {word for hypothesis, _ in members for word in concerns(hypothesis, robot)}
     trials = possible(known, words, POOL, rng)
     others = beside(trials, [s for i, s in enumerate(standings) if i != which], words)
-    predictions = [_prediction(trials, others, candidate) for candidate, _ in members]
+    predictions = [_prediction(trials, others, hypothesis) for hypothesis, _ in members]
     weights = [p for _, p in members[1:]]
     if not weights:
         predictions.append(Prediction.of(trials, others))
         weights = [1.0]
     rivalries = [Rivalry(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
     rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
-    names = tuple(candidate.name for candidate, _ in members)
+    names = tuple(str(hypothesis) for hypothesis, _ in members)
     told = f"{names[0]} from {listed(names[1:] or ('no effect',))}"
-    instead = watch([candidate.site for candidate, _ in members], robot)
+    instead = watch([hypothesis.site for hypothesis, _ in members], robot)
     if gain < HOPELESS:
         measure = f"No poses within reach tell {told}: {instead}."
         return Experiment(measure, names, np.zeros((0, robot.n_actuators)), {}, gain, random)
@@ -85,10 +85,9 @@ def split(known: Known, standings: Sequence[Standing], which: int, poses: int, r
     return Experiment(measure, names, trials.q[rows], set_too, gain, random)
 
 
-def concerns(candidate: Candidate, robot: Robot) -> tuple[str, ...]:
-    """Covariates and coordinates that a candidate goes with."""
-    effect, site = candidate.effect, candidate.site
-    return (*effect.covariates(robot, site), *effect.coordinates(robot, site))
+def concerns(hypothesis: Hypothesis, robot: Robot) -> tuple[str, ...]:
+    """Covariates and coordinates that a hypothesis goes with."""
+    return (*hypothesis.covariates(robot), *hypothesis.effect.coordinates(robot, hypothesis.site))
 
 
 def beside(trials: Trials, standings: Sequence[Standing], words: set[str]) -> Floats:
@@ -97,19 +96,17 @@ def beside(trials: Trials, standings: Sequence[Standing], words: set[str]) -> Fl
     Nothing changes in between where sessions themselves are asked about.
     """
     at = trials.design.situation
-    columns = [
-        trials.design.columns(s.cause.effect.basis(at, s.cause.site, s.cause.setting)) * s.scale for s in standings
-    ]
+    columns = [trials.design.columns(s.cause.basis(at)) * s.scale for s in standings]
     return np.hstack([np.zeros((len(trials.design.y), 0)) if "session" in words else trials.since, *columns])
 
 
-def _prediction(trials: Trials, others: Floats, candidate: Candidate) -> Prediction:
-    """What a candidate beside other causes expects, as large as what was measured has it."""
+def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis) -> Prediction:
+    """What a hypothesis beside other causes expects, as large as what was measured has it."""
     design, old = trials.design, trials.old
-    X = design.columns(candidate.effect.basis(design.situation, candidate.site, candidate.setting))
-    groups = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
-    groups.set(candidate.name, X[old])
-    scale = best_gain(groups, NOTHING, candidate.name)[1]
+    X = design.columns(hypothesis.basis(design.situation))
+    groups: Groups[Hypothesis] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
+    groups.add(hypothesis, X[old])
+    scale = best_gain(groups, NOTHING, hypothesis)[1]
     return Prediction.of(trials, np.hstack([others, X * scale]))
 
 

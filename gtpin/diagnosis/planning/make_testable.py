@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Candidate
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.planning.discrimination import LEAST, Standing, beside, best_rows, chosen, concerns, watch
 from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain
 from gtpin.diagnosis.planning.experiment import Experiment, listed, settings
 from gtpin.diagnosis.planning.measurement_conditions import FORCES, kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
-from gtpin.diagnosis.result import Considered
-from gtpin.effects.catalogue import catalogue
 from gtpin.effects.situation import Situation
 
 Floats = npt.NDArray[np.float64]
@@ -46,7 +45,7 @@ class _Group:
         Why the first of them can't be tested.
     """
 
-    members: tuple[Candidate, ...]
+    members: tuple[Hypothesis, ...]
     lacking: tuple[str, ...]
     missing: bool
     reason: str
@@ -55,7 +54,7 @@ class _Group:
 def reveal(
     known: Known,
     standings: Sequence[Standing],
-    untestable: Sequence[Considered],
+    untestable: Sequence[Untested],
     poses: int,
     rng: np.random.Generator,
 ) -> list[Experiment]:
@@ -68,15 +67,14 @@ def reveal(
     return sorted(found, key=lambda e: -(e.expected_gain or 0.0) if len(e.poses) else 1.0)
 
 
-def _groups(at: Situation, untestable: Sequence[Considered]) -> list[_Group]:
-    effects = catalogue()
-    groups: dict[tuple[object, bool], list[tuple[Candidate, list[str], str]]] = {}
+def _groups(at: Situation, untestable: Sequence[Untested]) -> list[_Group]:
+    groups: dict[tuple[object, bool], list[tuple[Hypothesis, list[str], str]]] = {}
     for row in untestable:
-        effect = effects[row.effect]
-        lacking = [name for name in effect.covariates(at.robot, row.site) if not at.varies(name)]
+        effect, site = row.hypothesis.effect, row.hypothesis.site
+        lacking = [name for name in effect.covariates(at.robot, site) if not at.varies(name)]
         missing = [name for name in lacking if name not in at.covariates]
-        remedy = tuple(sorted({kind(name) for name in lacking})) or effect.untestable(at, row.site)
-        groups.setdefault((remedy, bool(missing)), []).append((Candidate(effect, row.site), lacking, row.reason))
+        remedy = tuple(sorted({kind(name) for name in lacking})) or effect.untestable(at, site)
+        groups.setdefault((remedy, bool(missing)), []).append((row.hypothesis, lacking, row.reason))
     return [
         _Group(
             tuple(candidate for candidate, _, _ in members),
@@ -114,19 +112,19 @@ def _experiments(
         set_too = chosen(trials, rows, words)
         told = settings(set_too, robot.sites, known.observed.temperature)
         measure = f"{_remedy(group)}{len(rows)} poses reveal {in_words(shown)}{told}."
-        revealed = Experiment(measure, tuple(c.name for c in shown), trials.q[rows], set_too, gain, random)
+        revealed = Experiment(measure, tuple(str(c) for c in shown), trials.q[rows], set_too, gain, random)
         return [revealed, *_hidden(group, [c for c in group.members if c not in shown], known)]
     return _hidden(group, group.members, known)
 
 
-def _hidden(group: _Group, candidates: Sequence[Candidate], known: Known) -> list[Experiment]:
+def _hidden(group: _Group, candidates: Sequence[Hypothesis], known: Known) -> list[Experiment]:
     """What to do about effects that no poses reveal."""
     if not candidates:
         return []
     robot = known.robot
     instead = watch([candidate.site for candidate in candidates], robot)
     measure = f"No poses within reach reveal {in_words(candidates)}, because {group.reason}: {instead}."
-    return [Experiment(measure, tuple(c.name for c in candidates), np.zeros((0, robot.n_actuators)))]
+    return [Experiment(measure, tuple(str(c) for c in candidates), np.zeros((0, robot.n_actuators)))]
 
 
 def _remedy(group: _Group) -> str:
@@ -141,7 +139,7 @@ def _remedy(group: _Group) -> str:
     return f"{what} {listed(group.lacking)}: these "
 
 
-def in_words(candidates: Sequence[Candidate]) -> str:
+def in_words(candidates: Sequence[Hypothesis]) -> str:
     """Effects, each with its sites."""
     sites: dict[str, list[str]] = {}
     for candidate in candidates:
@@ -149,7 +147,7 @@ def in_words(candidates: Sequence[Candidate]) -> str:
     return listed([f"{effect} ({', '.join(names)})" for effect, names in sites.items()])
 
 
-def _testable(group: _Group, trials: Trials) -> list[Candidate]:
+def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
     """The members that rows measured and possible would together let be tested, one of each effect first."""
     at = trials.design.situation
     able = [c for c in group.members if not c.effect.has_setting and not c.effect.untestable(at, c.site)]
@@ -157,10 +155,10 @@ def _testable(group: _Group, trials: Trials) -> list[Candidate]:
     return [able[i] for i in np.argsort(seen, kind="stable")]
 
 
-def _prediction(trials: Trials, others: Floats, candidate: Candidate, group: _Group) -> Prediction:
+def _prediction(trials: Trials, others: Floats, candidate: Hypothesis, group: _Group) -> Prediction:
     """What a candidate of its typical size expects beside the causes."""
     design = trials.design
-    X = design.columns(candidate.effect.basis(design.situation, candidate.site))
+    X = design.columns(candidate.basis(design.situation))
     if group.missing:
         # What was not recorded may have been anything, and what it did is not known.
         X[trials.old] = 0.0

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.situation import Column, References
 
 Floats = npt.NDArray[np.float64]
@@ -27,9 +28,8 @@ PUSH = 50.0
 """Push on the tool that a machine takes, N, where the data show none."""
 FAST = 0.2
 """Speed that a machine reaches, m/s or rad/s, where the data show none."""
-WARMER = 5.0
-"""By how much a machine warms up in use, K, where the data show less than LEAST_WARMER."""
 LEAST_WARMER = 1.0
+"""Variation of a temperature, K, below which the data do not say by how much the machine warms up in use."""
 FORCES = ("fx", "fy", "fz")
 OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
 """What goes with the pose, or with several covariates, and is none itself."""
@@ -199,7 +199,7 @@ def payloads(known: Floats, effort: float = 1.0) -> Floats:
 def warm(known: Floats, reference: float) -> float:
     """degC of a machine at work, from temperatures known (N,) and the one at which the geometry holds."""
     farthest = float(known[np.abs(known - reference).argmax()])
-    return farthest if abs(farthest - reference) >= LEAST_WARMER else reference + WARMER
+    return farthest if abs(farthest - reference) >= LEAST_WARMER else reference + PRIORS.warmer
 
 
 def _pushes(known: Mapping[str, Column], ways: Floats, effort: float, rng: np.random.Generator) -> Floats:

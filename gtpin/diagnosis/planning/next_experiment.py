@@ -6,26 +6,32 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.diagnosis.inference.joint_fit import Observed
+from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.discrimination import Standing, split
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.make_testable import reveal
 from gtpin.diagnosis.planning.map_unknown import trace
 from gtpin.diagnosis.planning.trials import Known
-from gtpin.diagnosis.result import Considered
+from gtpin.diagnosis.priors import SURE
+from gtpin.diagnosis.result import Cause
 from gtpin.effects.situation import References
 from gtpin.model.model import Model
 
 POSES = 20
 """Poses of an experiment: some ten minutes of work."""
-SURE = 0.95
-"""Probability from which a cause that has no rivals needs no further measurements."""
 LARGEST = 2000
 """Measured poses, beyond which so many of them are taken for all: gains come out a little too small."""
 CLASSES = 3
 """Classes that are split at most, those of the largest causes."""
 
-__all__ = ["Experiment", "Standing", "plan"]
+
+def standings(found: Conclusion, causes: Sequence[Cause]) -> list[Standing]:
+    """Causes with their classes, the largest first."""
+    by_place = {hypothesis.place: hypothesis for hypothesis in found.classes}
+    named = [by_place[c.effect, c.site] for c in causes]
+    return [Standing(h, found.scale[h], tuple((m.hypothesis, m.probability) for m in found.classes[h])) for h in named]
 
 
 def plan(
@@ -34,7 +40,7 @@ def plan(
     references: References,
     *,
     standings: Sequence[Standing],
-    untestable: Sequence[Considered],
+    untestable: Sequence[Untested],
     unknown: tuple[str, str] | None,
     rng: np.random.Generator,
     poses: int = POSES,

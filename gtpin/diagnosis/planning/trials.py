@@ -11,8 +11,8 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from gtpin.calibration.problem import Measured
-from gtpin.diagnosis.inference.joint_fit import Observed
 from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.measurement_conditions import Circumstances, draw
 from gtpin.effects.basis import Basis
 from gtpin.effects.frames import frame_twist

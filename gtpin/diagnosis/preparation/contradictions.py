@@ -5,19 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.data import Dataset
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import warn
 
-AGREE = 0.95
-"""Share of the rows in motion whose direction of approach is that of the speed (or, by the other sign, is not), from which the
-two columns agree. A drive that moves while it is measured comes from where its speed points away from: the rest are slips."""
-INTERLEAVED = 4
-"""Times the changes of session that there are at least, from which sessions are in no order. A session is a stretch of the
-work; a few rows out of their place are let through."""
-FEWEST = 8
-"""Rows in motion below which nothing is said: that many would agree, or disagree, by chance in 1 of 128 columns."""
 
-
-def without_contradictions(dataset: Dataset) -> Dataset:
+def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
     """The dataset without ``approach`` and ``speed`` of actuators for which the two contradict each other, and without
     sessions that are stretches neither of time nor of the file.
 
@@ -36,17 +28,17 @@ def without_contradictions(dataset: Dataset) -> Dataset:
             continue
         approach, speed = (np.asarray(dataset.covariates[name], dtype=float) for name in names)
         moving = speed != 0.0
-        if moving.sum() < FEWEST:
+        if moving.sum() < priors.fewest_moving:
             continue
         same = float((np.sign(speed[moving]) == approach[moving]).mean())
-        if 1.0 - AGREE < same < AGREE:
+        if 1.0 - priors.agree < same < priors.agree:
             wrong += names
             text = (
                 f"{names[0]} and {names[1]} contradict each other in {100.0 * (1.0 - same):.0f} % of the rows in motion"
             )
             hint = "one of them belongs to other rows or another drive, so that neither is used"
             warn(f"{dataset.file}: {text}: {hint}" if dataset.file else f"{text}: {hint}")
-    if _interleaved(dataset):
+    if _interleaved(dataset, priors):
         wrong.append("session")
         text = "the column session is in order neither of time nor of the rows, so that it is not used"
         warn(f"{dataset.file}: {text}" if dataset.file else text)
@@ -55,7 +47,7 @@ def without_contradictions(dataset: Dataset) -> Dataset:
     return dataset.without(wrong)
 
 
-def _interleaved(dataset: Dataset) -> bool:
+def _interleaved(dataset: Dataset, priors: Priors) -> bool:
     """Whether sessions are no stretches: neither in the order of the file nor in that of time, as far as it is known."""
     if "session" not in dataset.covariates or "time" not in dataset.covariates:
         return False
@@ -63,4 +55,4 @@ def _interleaved(dataset: Dataset) -> bool:
     least = max(len(names) - 1, 1)
     orders = (np.argsort(dataset.row, kind="stable"), np.argsort(dataset.covariates["time"], kind="stable"))
     changes = [int((np.diff(session[order]) != 0).sum()) for order in orders]
-    return len(names) > 1 and min(changes) > max(INTERLEAVED * least, FEWEST)
+    return len(names) > 1 and min(changes) > max(priors.interleaved * least, priors.fewest_moving)

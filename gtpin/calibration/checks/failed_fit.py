@@ -1,0 +1,35 @@
+"""Why a fit has failed, where the data say it better than the fit."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+from gtpin.calibration.checks.coarse_commands import coarse_commands
+from gtpin.calibration.checks.frame_scan import nominal_problem
+from gtpin.calibration.checks.moved_sessions import check_sessions_linear
+from gtpin.calibration.problem import Measured
+from gtpin.data import Dataset
+from gtpin.errors import ConvergenceError, DatasetError
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
+
+
+@contextlib.contextmanager
+def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses) -> Iterator[None]:
+    """Say of a fit that fails whether sessions with frames of their own, or coarse commands, are the reason.
+
+    Errors that name rows are left as they are.
+    """
+    try:
+        yield
+    except (ConvergenceError, DatasetError) as error:
+        if error.row is not None:
+            raise
+        check_sessions_linear(dataset, *nominal_problem(start, measured, poses, dataset.instrument), poses)
+        coarse = coarse_commands(start, measured, poses)
+        if coarse is None:
+            raise
+        hint = f"give commands with more digits; if they are exact: {error.what}"
+        columns = f"q1 .. q{measured.q.shape[1]}"
+        raise DatasetError(coarse, file=dataset.file, column=columns, hint=hint) from None

@@ -1,0 +1,106 @@
+"""Positions of which a part of the rows is in another unit than metres: which rows, and which unit."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.data import Dataset
+from gtpin.data.readings import UNITS
+from gtpin.errors import DatasetError
+from gtpin.kinematics.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+FITS, ALLOWED = 0.1, 5e-3
+"""Share of the workspace's size, and error of a machine, m, up to which a row fits: see :mod:`.recognise`."""
+BETTER = 4.0
+"""How many times nearer to the nominal model another unit must bring a row. A stated assumption."""
+FEWEST, SHARE = 6, 0.1
+"""Rows, and share of all rows, below which a part in one unit is left to the search for gross errors. A stated assumption."""
+REST = 0.75
+"""Share of the other rows that must fit in metres. A stated assumption."""
+ENOUGH = 300
+"""Rows, evenly over the file, that are enough to guess a free frame."""
+TRIPLES = 400
+"""Sets of three rows that a free frame is guessed from: of two units in equal parts, every eighth is in metres alone."""
+
+
+def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
+    """Refuse positions of which a part is in another unit.
+
+    Parameters
+    ----------
+    poses
+        (N) by the nominal model at the rows of the dataset, base frame; NaN where it can't reach.
+
+    Raises
+    ------
+    DatasetError
+        If so; it says how many rows, and names the first and the last by their lines in the file.
+    """
+    there = poses.reached
+    found = _part(dataset.position[there], poses[there], dataset.instrument.frame == "free") if there.any() else None
+    if found is None:
+        return
+    rows, unit, factor = found
+    lines = dataset.row[there][rows]
+    raise DatasetError(
+        f"x y z look like {unit} in {rows.sum()} of {len(dataset)} rows, the first in line {lines.min()} and the last in line "
+        f"{lines.max()} of the file, and like metres in the others",
+        file=dataset.file,
+        row=int(lines.min()),
+        column="x y z",
+        hint=f"multiply x, y and z of these rows by {factor:g}",
+    )
+
+
+def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float] | None:
+    """The rows in another unit, and which it is; None where there is no such part."""
+    least = max(FEWEST, int(np.ceil(SHARE * len(T))))
+    if len(T) < 2 * least:
+        return None
+    near = FITS * float(np.median(np.linalg.norm(poses.T - np.median(poses.T, axis=0), axis=1))) + ALLOWED
+    seen = _seen(T, poses, near) if free else poses.T
+    off = _off(T, seen)
+    fits = off[0] <= near
+    for (unit, factor), left in sorted(
+        zip(UNITS, off[1:], strict=True), key=lambda pair: -int((pair[1] <= near).sum())
+    ):
+        rows = (left <= near) & (off[0] > BETTER * left)
+        if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= REST:
+            return rows, unit, factor
+    return None
+
+
+def _off(T: Floats, seen: Floats) -> Floats:
+    """(1 + units, N) distances, m, of positions read in metres and in each other unit from where they should be."""
+    return np.stack([np.linalg.norm(f * T - seen, axis=1) for f in (1.0, *(factor for _, factor in UNITS))])
+
+
+def _seen(T: Floats, poses: Poses, near: float) -> Floats:
+    """(N, 3) where a free instrument should see the poses, by the frame in which most rows fit in some unit."""
+    some = np.linspace(0, len(T) - 1, min(len(T), ENOUGH)).astype(int)
+    everywhere, T, poses = poses, T[some], poses[some]
+    rng = np.random.default_rng(0)
+    rows = np.argsort(rng.random((TRIPLES, len(T))), axis=1)[:, :3]
+    a, b = poses.T[rows], T[rows]
+    centre_a, centre_b = a.mean(axis=1), b.mean(axis=1)
+    U, _, Vt = np.linalg.svd(np.einsum("kni,knj->kij", b - centre_b[:, None], a - centre_a[:, None]))
+    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
+    R = U @ Vt
+    tried = [
+        poses.T @ turn.T + shift for turn, shift in zip(R, centre_b - np.einsum("kij,kj->ki", R, centre_a), strict=True)
+    ]
+    off = [_off(T, seen) for seen in tried]
+    best = max(
+        range(TRIPLES), key=lambda k: (int((off[k].min(axis=0) <= near).sum()), -float(np.median(off[k].min(axis=0))))
+    )
+    good = off[best][0] <= near
+    if good.sum() < FEWEST:  # no frame
+        return np.full_like(everywhere.T, np.inf)
+    # Three rows tell a frame roughly; all that fit in it tell it well.
+    frame = rough_frame(poses[good], Measured(np.zeros((int(good.sum()), 0)), T[good], None))
+    return np.asarray(everywhere.moved(frame.T, frame.R).T)

@@ -1,0 +1,161 @@
+"""An instrument that was set up elsewhere in each labelled session: each session fits by a frame of its own, not by one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.checks.frame_scan import Scan, nominal_problem
+from gtpin.calibration.problem import Measured, Problem, rough_frame
+from gtpin.calibration.rounds import ENOUGH
+from gtpin.data import Dataset
+from gtpin.errors import DatasetError
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Frame, Model
+from gtpin.noise.noise import Noise
+
+Floats = npt.NDArray[np.float64]
+
+FEWEST = 6
+"""Rows below which a session tells no frame."""
+FAR = 0.01
+"""Motion, m, from which data are refused before a fit. A stated assumption: no diagnosis is linear about one frame then, and
+nobody calls two such setups one."""
+FAILED = 1e-3
+"""The same where a fit has failed."""
+CLEAR = 4.0
+"""Motion over the misfit that frames of their own leave, from which it is a motion. A stated assumption."""
+EXPECTED = 3.0
+"""Motion over the nominal model's expected error from which it is a motion: a frame in a part of the workspace follows such
+errors. A stated assumption."""
+BEYOND = 0.1
+"""Motion, m, from which no error of a geometry is mistaken for it."""
+LINE = 0.1
+"""Width of a session's poses over the length of the workspace, below which positions tell no turn. A stated assumption."""
+RATIO = 4.0
+"""Power of the residuals without motions over that with them from which motions are why a fit failed. A stated assumption."""
+NAMED = 5
+"""Sessions that are named."""
+
+
+def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -> None:
+    """Refuse data in which the instrument stood elsewhere in some sessions.
+
+    Parameters
+    ----------
+    measured, poses
+        (N) what was measured at the rows of the dataset, and what the nominal model has there, base frame; NaN where it can't
+        reach.
+
+    Raises
+    ------
+    DatasetError
+        If so; it names the sessions, and how far each is from the one with the most rows.
+    """
+    there = np.flatnonzero(poses.reached)
+    if not len(there):
+        return
+    part, measured, poses = dataset.take(there), measured.take(there), poses[there]
+    moved = _moved(part, nominal, measured, poses)
+    if FAR <= max(moved.values(), default=0.0) < BEYOND:
+        frame = rough_frame(poses, measured) if dataset.instrument.frame == "free" else Frame()
+        start = replace(nominal, frame=frame)
+        moved = _moved_linear(part, *nominal_problem(start, measured, poses, dataset.instrument), poses)
+    _refuse(dataset, moved, FAR)
+
+
+def check_sessions_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses) -> None:
+    """The same where a fit has failed, with a geometry that each session shares: it tells smaller motions.
+
+    Parameters
+    ----------
+    problem, noise, near
+        The problem about the nominal machine, its noise, and the machine's poses, base frame.
+
+    Raises
+    ------
+    DatasetError
+        If motions of the frame between sessions account for all but a small part of the residuals.
+    """
+    _refuse(dataset, _moved_linear(dataset, problem, noise, near), FAILED)
+
+
+def _moved_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses) -> dict[str, float]:
+    """As `_moved`, by a linear fit of one geometry and of each session's frame."""
+    sessions, names = _sessions(dataset)
+    if len(names) < 2:
+        return {}
+    rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
+    thin = replace(problem, measured=problem.measured.take(rows), whitening=problem.whitening[rows])
+    scan = Scan.of(thin, thin.point(np.zeros(thin.size), near[rows]), noise)
+    columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
+    if scan.left(()) < RATIO * scan.left_by(columns):
+        return {}
+    return dict(zip(names, [0.0, *(float(size) for size in scan.moved_by(columns))], strict=True))
+
+
+def _refuse(dataset: Dataset, moved: dict[str, float], least: float) -> None:
+    """Raise an error where a session, of those after the first, moved by so much, m."""
+    first, *others = moved or [""]
+    far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
+    if not far:
+        return
+    said = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[:NAMED])
+    more = f" and {len(far) - NAMED} more sessions" if len(far) > NAMED else ""
+    raise DatasetError(
+        f"the instrument moved between sessions: from where it stood in session {first} by {said}{more}",
+        file=dataset.file,
+        column="session",
+        hint="make a dataset of each session, or register the sessions to common marks and give all poses in one frame",
+    )
+
+
+def _sessions(dataset: Dataset) -> tuple[npt.NDArray[np.str_], list[str]]:
+    """The session of each row, and the names of sessions with enough rows, that of the most rows first."""
+    if "session" not in dataset.covariates:
+        return np.full(len(dataset), ""), []
+    sessions = np.array([str(name) for name in dataset.covariates["session"]])
+    names, counts = np.unique(sessions, return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return sessions, [str(names[k]) for k in order if counts[k] >= FEWEST]
+
+
+def _moved(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -> dict[str, float]:
+    """By session, how far the instrument stood from where it stood in the largest, m; nothing where that is not clear."""
+    sessions, names = _sessions(dataset)
+    names = [name for name in names if _tells_frame(measured, poses, sessions == name)]
+    if len(names) < 2:
+        return {}
+    places, left = {}, np.full(len(poses), np.nan)
+    for name in names:
+        own = sessions == name
+        frame = rough_frame(poses[own], measured.take(np.flatnonzero(own)))
+        places[name] = frame
+        left[own] = np.linalg.norm(measured.T[own] - poses[own].moved(frame.T, frame.R).T, axis=1)
+    first = places[names[0]]
+    moved = {}
+    for name, frame in places.items():
+        apart = poses.T[sessions == name] @ (frame.R - first.R).T + (frame.T - first.T)
+        moved[name] = float(np.median(np.linalg.norm(apart, axis=1)))
+    clear = max(CLEAR * float(np.nanmedian(left)), EXPECTED * _expected(nominal, measured, poses))
+    return moved if max(moved.values()) > clear else {}
+
+
+def _tells_frame(measured: Measured, poses: Poses, own: npt.NDArray[np.bool_]) -> bool:
+    """Whether a session's rows tell a frame: by orientations, or by positions that do not lie on a line."""
+    if measured.R is not None:
+        return True
+    wide = [
+        np.linalg.svd(part - part.mean(axis=0), compute_uv=False) / np.sqrt(len(part))
+        for part in (poses.T, poses.T[own])
+    ]
+    return bool(wide[1][1] > LINE * wide[0][0])
+
+
+def _expected(nominal: Model, measured: Measured, poses: Poses) -> float:
+    """The nominal model's error by its tolerances, m, in the median."""
+    some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
+    J = nominal.kinematics.geometry_jacobian(measured.q[some], poses[some])[:, :3] * nominal.geometry.tolerance
+    return float(np.median(np.sqrt((J**2).sum(axis=(1, 2)))))

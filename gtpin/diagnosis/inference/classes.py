@@ -1,0 +1,52 @@
+"""The class of a cause: every hypothesis that could be the cause in its place, with its probability."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, Term
+from gtpin.diagnosis.inference.verdict import Contender
+from gtpin.diagnosis.linear.evidence import without
+from gtpin.diagnosis.priors import CLASS_SHARE, Priors
+
+
+def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tuple[Contender, ...]:
+    """The class of a cause, the likeliest first; a smooth term only takes probability away.
+
+    What only a proxy shows is at most as likely as the likeliest that recorded covariates show.
+    """
+    rest = without(hypotheses.groups, model, cause, sweeps=1)
+    gains = hypotheses.gains(rest, hypotheses.named)
+    mine = cause.template
+    own = max(gains[mine].value, 0.0)
+    priors = hypotheses.priors
+    heat = temperature(own, priors)
+    found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
+    found[mine] = cause
+    log = {h: gain.value / heat for h, gain in gains.items()}
+    likeliest, by_proxy = max(log.values()), set()
+    for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
+        value = gain.value / heat + float(np.log(proxy.odds))
+        if value > log.get(proxy.hypothesis, -np.inf):
+            log[proxy.hypothesis] = min(value, likeliest)
+            by_proxy.add(proxy.hypothesis)
+    dear = priors.unnamed + priors.departure * own
+    smooth = [(gain.value - dear) / heat for gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).values()]
+    whole = np.logaddexp.reduce([*log.values(), max(smooth, default=-np.inf)])
+    probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
+    least = CLASS_SHARE * max(probability.values())
+    members = [
+        Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items() if p >= least or h == mine
+    ]
+    return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+
+
+def temperature(evidence: float, priors: Priors) -> float:
+    """What gains in log evidence are divided by, where so much evidence is at stake."""
+    return min(priors.temperature + priors.warming * evidence, priors.warmest)
+
+
+def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
+    """Smooth terms that are not only a modulation of a cause."""
+    return [s for s in hypotheses.smooth if not (isinstance(cause, Hypothesis) and hypotheses.modulates(s, (cause,)))]

@@ -1,0 +1,18 @@
+"""The third step of a diagnosis: from hypotheses to a conclusion."""
+
+from __future__ import annotations
+
+from gtpin.diagnosis.inference.decide import decide, with_restless
+from gtpin.diagnosis.inference.noise import reestimate_noise
+from gtpin.diagnosis.inference.settle import Settled
+from gtpin.diagnosis.inference.verdict import Conclusion
+
+
+def infer(settled: Settled) -> Conclusion:
+    """Search, compare named causes with smooth terms, and look for an actuator that errs faster than these can follow."""
+    hypotheses = settled.hypotheses
+    found = decide(hypotheses)
+    if found.doubts:
+        return found
+    site = reestimate_noise(settled.observed, hypotheses, found.model, settled.declared).restless
+    return found if site is None else with_restless(hypotheses, found, site)

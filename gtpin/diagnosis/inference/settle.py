@@ -1,0 +1,110 @@
+"""The second step of a diagnosis: hypotheses for the rows of the bulk, with the noise that a first search leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Dataset
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.propose import Proposal, propose
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.inference.noise import gross_errors, reestimate_noise
+from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
+from gtpin.diagnosis.inference.search import rough_guess
+from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.preparation.prepare import Prepared
+
+Mask = npt.NDArray[np.bool_]
+
+ROUNDS = 2
+"""Times that the noise is re-estimated: a first search with too little noise explains some of it away."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What a search is made on.
+
+    Parameters
+    ----------
+    kept
+        The rows that were not set aside.
+    everything
+        These, as they were observed.
+    searched, observed
+        Those of them that the search is made on, likewise.
+    declared
+        Whether the position's and the orientation's sigma are known.
+    proposal
+        The hypotheses.
+    """
+
+    kept: Dataset
+    everything: Observed
+    searched: Dataset
+    observed: Observed
+    declared: tuple[bool, bool]
+    proposal: Proposal
+
+    @property
+    def hypotheses(self) -> HypothesisSet:
+        """The hypotheses that the data can test."""
+        return self.proposal.hypotheses
+
+
+def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator) -> Settled:
+    """Settle which of some rows (N,) belong to the bulk, how large their noise is, and what may explain them.
+
+    Of more rows than ``MOST_POSES`` a random part is searched; of rows that the calibration had set aside as many as half of it
+    has room for, so that their cause is there to be found and they to be judged again.
+    """
+    kept, baseline = prepared.dataset.take(rows), prepared.baseline
+    readmitted = ~baseline.used(prepared.dataset)[rows]
+    drawn = rng.permutation(len(kept))
+    first = drawn[readmitted[drawn]][: MOST_POSES // 2]
+    some = np.sort(np.concatenate([first, drawn[~readmitted[drawn]]])[:MOST_POSES])
+    everything = Observed.of(kept, baseline)
+    instrument = kept.instrument
+    declared = (instrument.position_sigma is not None, instrument.orientation_sigma is not None)
+    observed, used, proposal = _reestimated(everything.take(some), prepared, scope, declared)
+    if len(kept) <= MOST_POSES:
+        searched = kept.take(some[used])
+        return Settled(searched, observed, searched, observed, declared, proposal)
+    searched = kept.take(some[used])
+    good = ~np.isin(np.arange(len(kept)), some[~used])
+    told = observed.noise
+    noise = replace(
+        everything.noise,
+        position_sigma=told.position_sigma,
+        orientation_sigma=told.orientation_sigma,
+        repeatability=told.repeatability,
+    )
+    everything = replace(everything, noise=noise).take(good)
+    return Settled(kept.take(good), everything, searched, observed, declared, proposal)
+
+
+def _reestimated(
+    observed: Observed, prepared: Prepared, scope: Scope, declared: tuple[bool, bool]
+) -> tuple[Observed, Mask, Proposal]:
+    """Outliers and noise, re-estimated given a first search; which (N,) are no outliers, and the hypotheses for these."""
+    model = prepared.baseline.model
+    proposal = propose(observed.design(model), scope)
+    guess = rough_guess(proposal.hypotheses)
+    # Given a large cause, a calibration can't see them.
+    used = ~gross_errors(proposal.hypotheses, guess)
+    if not used.all() and guess.terms:
+        observed = observed.take(used)
+        proposal = propose(observed.design(model), scope)
+        guess = rough_guess(proposal.hypotheses)
+    else:
+        used[:] = True
+    for _ in range(ROUNDS):
+        noise = reestimate_noise(observed, proposal.hypotheses, guess, declared)
+        if not noise.matters:
+            break
+        observed = noise.observed
+        proposal = propose(observed.design(model), scope)
+        guess = rough_guess(proposal.hypotheses)
+    return observed, used, proposal

@@ -1,0 +1,93 @@
+"""Scatter of a drive that takes two values: play whose direction of approach is not known, and no lack of repeatability.
+
+Scatter of a machine that does not repeat is Gaussian. Play leaves each drive at one of two places, by the side that it came
+from; where the column ``approach`` is missing, or belongs to other rows, that looks like scatter. Two normal densities a
+width apart then describe a drive's errors far better than one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+from scipy.special import logsumexp
+
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.inference.noise import left_over
+from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
+from gtpin.noise.noise import Noise
+
+Floats = npt.NDArray[np.float64]
+
+WIDTHS = np.linspace(0.3, 2.0, 18)
+"""Half the distance of the two values, over the errors' standard deviation, that are tried."""
+REST = np.linspace(0.0, 1.0, 9)
+"""Standard deviations about each value beyond the instrument's, likewise."""
+SHARES = (0.3, 0.5, 0.7)
+"""Shares of the upper value."""
+
+
+def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Noise) -> Conclusion:
+    """The conclusion; doubted, and without the causes of the drive, where a drive's errors take two values.
+
+    Parameters
+    ----------
+    noise
+        Of the poses; its repeatability is in question.
+    """
+    errors = drive_errors(hypotheses, found, noise)
+    if errors is None or found.doubts:
+        return found
+    priors, sites = hypotheses.priors, hypotheses.design.situation.robot.sites
+    gains = [two_values(e, v) for e, v in zip(errors[0].T, errors[1].T, strict=True)]
+    best = int(np.argmax(gains))
+    if gains[best] < max(priors.surely, priors.two_valued * len(errors[0])):
+        return found
+    kept = found.only(hypotheses, [cause for cause in found.sure() if cause.site != sites[best]])
+    return kept.doubted(Doubt("two_valued", sites[best], (f"approach{best + 1}",)))
+
+
+def drive_errors(hypotheses: HypothesisSet, found: Conclusion, noise: Noise) -> tuple[Floats, Floats] | None:
+    """(N, n) error of each drive that a conclusion leaves, and its variance by the instrument's noise; m or rad.
+
+    None where poses have too few numbers to tell the drives apart.
+    """
+    design = hypotheses.design
+    c = design.components
+    J = design.command_jacobian[:, :c]
+    if J.shape[2] > c:
+        return None
+    left = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, found.model)[0])
+    instrument = replace(noise, repeatability=0.0, lack=0.0).covariance(design.command_jacobian, c)
+    seen = np.linalg.solve(instrument, J)
+    information = np.swapaxes(J, 1, 2) @ seen
+    if np.linalg.cond(information).max() > 1e12:
+        return None
+    covariance = np.linalg.inv(information)
+    errors = np.einsum("nij,ncj,nc->ni", covariance, seen, left)
+    return errors, np.diagonal(covariance, axis1=1, axis2=2)
+
+
+def two_values(errors: Floats, variance: Floats) -> float:
+    """Gain in log likelihood by two values over one, for errors (N,) of known variances (N,) and further scatter."""
+    spread = max(float(errors.std()), 1e-300)
+    e, v = (errors - errors.mean()) / spread, variance / spread**2
+
+    def one(rest: float) -> float:
+        total = v + rest**2
+        return float(0.5 * (np.log(total) + e**2 / total).sum())
+
+    single = -float(minimize_scalar(one, bounds=(0.0, 2.0), method="bounded").fun)
+    total = v + REST[:, None] ** 2  # (r, N)
+    best = -np.inf
+    for share in SHARES:
+        # The mean stays where it is: the values lie about it by their shares.
+        places = [2.0 * (1.0 - share) * WIDTHS, -2.0 * share * WIDTHS]
+        logs = [
+            np.log(part) - 0.5 * (np.log(total) + (e - place[:, None, None]) ** 2 / total)
+            for part, place in zip((share, 1.0 - share), places, strict=True)
+        ]
+        best = max(best, float(logsumexp(logs, axis=0).sum(axis=2).max()))
+    return best - single

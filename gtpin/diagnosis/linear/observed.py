@@ -1,0 +1,116 @@
+"""The poses that a diagnosis works on, with their noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import Measured, in_frame, measured_poses
+from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
+from gtpin.diagnosis.linear.design import Design
+from gtpin.effects.situation import Column, References, Situation
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
+from gtpin.noise.sight import line_of_sight
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The poses that a diagnosis works on.
+
+    Parameters
+    ----------
+    measured
+        Commands and poses, instrument's frame.
+    covariates
+        By name, (N,) each.
+    noise, weight
+        What the poses' noise is, and (N,) what each counts.
+    temperature
+        degC at which the geometry holds.
+    free_frame
+        Whether the instrument's pose is identified too.
+    unusable
+        Covariates that were recorded and can't be right.
+    """
+
+    measured: Measured
+    covariates: Mapping[str, Column]
+    noise: Noise
+    weight: Floats
+    temperature: float
+    free_frame: bool
+    unusable: frozenset[str] = frozenset()
+
+    @staticmethod
+    def of(dataset: Dataset, baseline: Calibration) -> Observed:
+        """The poses of a dataset with the noise that a calibration found, repeatability left out."""
+        measured, station = measured_poses(dataset), dataset.instrument.station
+        noise = _without_repeatability(dataset, baseline)
+        if noise.sight is not None and station is not None:
+            sight, reach = line_of_sight(measured.T, np.array(station))
+            noise = replace(noise, sight=sight, reach=reach)
+        return Observed(
+            measured=measured,
+            covariates=dataset.covariates,
+            noise=noise,
+            weight=np.ones(len(dataset)),
+            temperature=dataset.conditions.reference_temperature,
+            free_frame=dataset.instrument.frame == "free",
+            unusable=dataset.unusable,
+        )
+
+    def take(self, rows: npt.NDArray[np.generic] | slice) -> Observed:
+        """Some of the poses."""
+        return replace(
+            self,
+            measured=self.measured.take(rows),
+            covariates={name: values[rows] for name, values in self.covariates.items()},
+            noise=self.noise.take(rows),
+            weight=self.weight[rows],
+        )
+
+    def situation(self, model: Model, fixed: References | None = None, poses: Poses | None = None) -> Situation:
+        """The poses as a geometry has them: ``poses``, base frame, where they are known."""
+        kinematics = model.kinematics
+        assert isinstance(kinematics, RodKinematics)
+        poses = kinematics.forward(self.measured.q) if poses is None else poses
+        q = self.measured.q
+        return Situation(kinematics, q, poses, self.covariates, fixed, self.temperature, self.unusable)
+
+    def design(
+        self,
+        model: Model,
+        fixed: References | None = None,
+        poses: Poses | None = None,
+        pivot: Floats | None = None,
+    ) -> Design:
+        """The linear problem about a model's geometry; ``pivot`` as for :meth:`Design.of`."""
+        at = self.situation(model, fixed, poses)
+        return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame, pivot)
+
+
+def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:
+    """A calibration's noise without repeatability, which is told by visits that causes may have set apart.
+
+    Sigmas that were not declared carry all of the scatter then: what causes do to repeated visits makes the instrument's share
+    in it look small.
+    """
+    noise, instrument, model = baseline.noise, dataset.instrument, baseline.model
+    if noise.along_drives > 0.0:
+        poses = model.kinematics.forward(dataset.q)
+        J = in_frame(model.kinematics.command_jacobian(dataset.q, poses), model.frame)
+        own = noise.along_drives**2 * (J**2).sum(axis=2).mean(axis=0)
+        if instrument.position_sigma is None:
+            noise = replace(noise, position_sigma=float(np.sqrt(noise.position_sigma**2 + own[:3].mean())))
+        if instrument.orientation_sigma is None:
+            noise = replace(noise, orientation_sigma=float(np.sqrt(noise.orientation_sigma**2 + own[3:].mean())))
+    return replace(noise, repeatability=0.0, lack=0.0)

@@ -1,0 +1,62 @@
+"""The first step of a diagnosis: rows and columns that can be used, and a calibration of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.result import Calibration
+from gtpin.calibration.rounds import Progress
+from gtpin.data import Dataset
+from gtpin.data.sane import sane_rows
+from gtpin.diagnosis.preparation.contradictions import without_contradictions
+from gtpin.diagnosis.preparation.filled_in import without_filled_in
+from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.errors import ModelError
+from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model.model import Model
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Data that a diagnosis can use, and their calibration.
+
+    Parameters
+    ----------
+    recorded
+        All rows, in the order of the file.
+    dataset
+        The rows and columns that can be right, in an order that does not depend on the file's.
+    baseline
+        The calibration of these.
+    """
+
+    recorded: Dataset
+    dataset: Dataset
+    baseline: Calibration
+
+    def undeclared(self, sigmas: Collection[str]) -> Dataset:
+        """The recorded rows without some of the declared sigmas."""
+        instrument = self.recorded.instrument.model_copy(update=dict.fromkeys(sigmas))
+        return replace(self.recorded, instrument=instrument)
+
+
+def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
+    """Check a dataset against the nominal robot, leave out what can't be right, and calibrate the rest.
+
+    Raises
+    ------
+    GtpinError
+        If the dataset can't be read as one of this robot, or the robot has no rods.
+    """
+    recorded = prepared(dataset, Model(Geometry.nominal(nominal)))
+    usable = without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors)
+    baseline = calibrate(usable, nominal, progress=progress)
+    if not isinstance(baseline.model.kinematics, RodKinematics):
+        raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
+    # What is drawn from rows must not depend on the order that they came in.
+    return Prepared(recorded, replace(usable, instrument=baseline.instrument).in_order(), baseline)

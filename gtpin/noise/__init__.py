@@ -1,0 +1,1 @@
+"""The noise of measured poses, by one likelihood: from repeated visits, from residuals, with heavy tails."""

@@ -1,0 +1,92 @@
+"""The likelihood of a noise, and the noise that makes errors likeliest: one for calibration and diagnosis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+
+from gtpin.distributions import chi2
+from gtpin.noise.noise import SMALLEST, Noise
+
+Floats = npt.NDArray[np.float64]
+
+SHOWN = 3.84
+"""Twice the gain in log likelihood from which on repeatability is believed (chance of 2.5 % where there is none): what
+scatter alone mimics would make every noise look larger than it is.
+"""
+
+STARTS = ((0.05, 0.0), (1.0, -0.6))
+"""From where the likelihood is climbed: variance of repeatability in units of the position's noise, and log of the other sigmas
+over the first estimate: hardly any repeatability, and as much as noise."""
+MOST = (1e4, 5.0)
+"""Bounds of both."""
+
+
+def likeliest(
+    noise: Noise, errors: Floats, command_jacobian: Floats, declared: tuple[bool, bool], weight: Floats | None = None
+) -> Noise:
+    """The noise that makes errors likeliest: repeatability, and the sigmas that were not declared.
+
+    Repeatability is left at zero where the errors do not show it.
+
+    Parameters
+    ----------
+    noise
+        First estimate of the sigmas.
+    errors
+        (N, c) measured less predicted, m and rad.
+    command_jacobian
+        (N, 6, n) derivative of the poses by the commands.
+    declared
+        Whether the position's and the orientation's sigma are known.
+    weight
+        (N,) by which squares are counted, as of heavy tails; 1 where left out.
+    """
+    J, c = command_jacobian, errors.shape[1]
+    open_ = [i for i in range(2) if not declared[i] and (i == 0 or c == 6)]
+    counted = np.ones(len(errors)) if weight is None else weight
+    # A unit of repeatability: what would move the TCP by the position's noise.
+    gain = float(np.sqrt((J[:, :3] ** 2).sum(axis=(1, 2)).mean() / 3.0))
+    unit = noise.position_sigma / max(gain, 1e-12)
+
+    def trial(x: Floats) -> Noise:
+        sigmas = [noise.position_sigma, noise.orientation_sigma]
+        for value, i in zip(x[1:], open_, strict=True):
+            sigmas[i] *= float(np.exp(value))
+        repeatability = unit * float(np.sqrt(x[0]))
+        return replace(noise, position_sigma=sigmas[0], orientation_sigma=sigmas[1], repeatability=repeatability)
+
+    def cost(x: Floats) -> float:
+        lower = np.linalg.cholesky(trial(x).covariance(J, c))
+        whitened = np.linalg.solve(lower, errors[..., None])[..., 0]
+        logs = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
+        return float(logs + 0.5 * (counted * (whitened**2).sum(axis=1)).sum())
+
+    free = [(-MOST[1], MOST[1])] * len(open_)
+    starts = [np.array([first] + [other] * len(open_)) for first, other in STARTS]
+    found = [minimize(cost, start, bounds=[(0.0, MOST[0]), *free], method="L-BFGS-B") for start in starts]
+    best = min(found, key=lambda result: float(result.fun))
+    without = np.zeros(1 + len(open_))
+    if open_:
+        without = minimize(cost, without, bounds=[(0.0, 0.0), *free], method="L-BFGS-B").x
+    return trial(best.x if 2.0 * (cost(without) - float(best.fun)) > SHOWN else without)
+
+
+def roughly(noise: Noise, values: Floats, declared: tuple[bool, bool]) -> Noise:
+    """Noise whose sigmas that were not declared are told by medians, which neither gross errors nor heavy tails move.
+
+    Parameters
+    ----------
+    values
+        (N, c) measured less predicted, m and rad.
+    declared
+        Whether the position's and the orientation's sigma are known.
+    """
+    sigmas = [noise.position_sigma, noise.orientation_sigma]
+    for i, kind in enumerate((slice(0, 3), slice(3, 6))):
+        if not declared[i]:
+            sigmas[i] = max(SMALLEST, float(np.sqrt(np.median((values[:, kind] ** 2).sum(axis=1)) / chi2.median(3))))
+    return replace(noise, position_sigma=sigmas[0], orientation_sigma=sigmas[1])

@@ -1,0 +1,124 @@
+"""The noise of measured poses: the instrument's, and the machine's own repeatability."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.kinematics.chunks import chunks
+
+Floats = npt.NDArray[np.float64]
+
+SMALLEST = 1e-7
+"""Sigma, m and rad, that no noise goes below: rounding takes over, and the fit creeps along curved valleys for ever."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One-sigma noise of every measured pose.
+
+    Parameters
+    ----------
+    position_sigma
+        Per axis, m; with a station, the root mean square over its axes at the mean range.
+    orientation_sigma
+        Per axis, rad.
+    repeatability
+        Of every actuator, in units of its command: the scatter of the machine itself.
+    sight
+        (N, 3) unit vectors from the instrument to the poses, or None where the station is not known.
+    reach
+        (N,) distance from the instrument over its mean, with ``sight``.
+    range_ratio
+        Noise along the line of sight over noise across it at the mean range.
+    source
+        Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
+    dof
+        Degrees of freedom that the sigmas were estimated with; infinite where they are declared.
+    estimated
+        Whether the position's and the orientation's sigma were estimated from the data.
+    lack
+        Like repeatability, of what the model lacks along the motions of single drives: alike at neighbouring poses, so no
+        scatter, but it weighs like one.
+    """
+
+    position_sigma: float
+    orientation_sigma: float
+    repeatability: float = 0.0
+    sight: Floats | None = None
+    reach: Floats | None = None
+    range_ratio: float = 1.0
+    source: str = "declared"
+    dof: float = np.inf
+    estimated: tuple[bool, bool] = (False, False)
+    lack: float = 0.0
+
+    def covariance(self, command_jacobian: Floats, components: int) -> Floats:
+        """(N, c, c) covariance of the measured pose: position alone (c = 3) or with the rotation vector (c = 6).
+
+        Parameters
+        ----------
+        command_jacobian
+            (N, 6, n) derivative of the pose by the commands, in the frame that was measured in.
+        """
+        count = len(command_jacobian)
+        covariance = np.zeros((count, components, components))
+        covariance[:, :3, :3] = self.position_sigma**2 * self.shape(count)
+        if components == 6:
+            covariance[:, 3:, 3:] = self.orientation_sigma**2 * np.eye(3)
+        if self.along_drives > 0.0:
+            J = command_jacobian[:, :components]
+            covariance += self.along_drives**2 * (J @ np.swapaxes(J, 1, 2))
+        return covariance
+
+    @property
+    def along_drives(self) -> float:
+        """Of every actuator, in units of its command: repeatability and lack together."""
+        return float(np.hypot(self.repeatability, self.lack))
+
+    def whitening(self, command_jacobian: Floats, components: int) -> Floats:
+        """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view of one where all are alike."""
+        count = len(command_jacobian)
+        if self.along_drives == 0.0 and self.sight is None:
+            sigma = np.array([self.position_sigma] * 3 + [self.orientation_sigma] * 3)[:components]
+            return np.broadcast_to(np.diag(1.0 / sigma), (count, components, components))
+        whitening = np.empty((count, components, components))
+        for rows in chunks(count):
+            covariance = self.take(rows).covariance(command_jacobian[rows], components)
+            whitening[rows] = np.linalg.inv(np.linalg.cholesky(covariance))
+        return whitening
+
+    def scaled(self, factor: float) -> Noise:
+        """The same noise, every sigma larger by a factor."""
+        return replace(
+            self,
+            position_sigma=self.position_sigma * factor,
+            orientation_sigma=self.orientation_sigma * factor,
+            repeatability=self.repeatability * factor,
+            lack=self.lack * factor,
+        )
+
+    def at_least(self, sigma: float) -> Noise:
+        """The same noise, its sigmas no smaller than one (m and rad)."""
+        return replace(
+            self,
+            position_sigma=max(self.position_sigma, sigma),
+            orientation_sigma=max(self.orientation_sigma, sigma),
+        )
+
+    def take(self, rows: npt.NDArray[np.generic] | slice) -> Noise:
+        """The noise of some of the poses."""
+        if self.sight is None or self.reach is None:
+            return self
+        return replace(self, sight=self.sight[rows], reach=self.reach[rows])
+
+    def shape(self, count: int) -> Floats:
+        """(N, 3, 3) covariance of a position over position_sigma^2."""
+        if self.sight is None or self.reach is None:
+            return np.broadcast_to(np.eye(3), (count, 3, 3))
+        along = self.sight[:, :, None] * self.sight[:, None, :]
+        across = np.eye(3) - along
+        level = 3.0 / (self.range_ratio**2 + 2.0)
+        return np.asarray(level * (self.range_ratio**2 * along + self.reach[:, None, None] ** 2 * across))

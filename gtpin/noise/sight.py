@@ -1,0 +1,49 @@
+"""The line of sight of an instrument: noise along it differs from noise across it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+
+from gtpin.noise.noise import Noise
+
+Floats = npt.NDArray[np.float64]
+
+FARTHEST = 10.0
+"""Distance from the instrument, over the median, beyond which a position counts as a gross error: an assumption. Poses of one
+machine are not spread over ten times their distance, since the instrument does not stand among them.
+"""
+
+
+def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
+    """Unit vectors (N, 3) from a station to positions (N, 3), and the distances (N,) over their mean.
+
+    Gross errors of position are not in the mean, and count as ``FARTHEST`` times as far away as it at most.
+    """
+    sight = position - station
+    size = np.abs(sight).max(axis=1, keepdims=True)  # the square of a gross error need not be a number
+    unit = sight / size
+    length = np.linalg.norm(unit, axis=1)
+    distance = length * size[:, 0]
+    near = distance[distance <= FARTHEST * np.median(distance)].mean()
+    return unit / length[:, None], np.minimum(distance / near, FARTHEST)
+
+
+def range_ratio(noise: Noise, residual: Floats) -> float:
+    """Noise along the line of sight over noise across it, by maximum likelihood from residuals (N, 3), m.
+
+    The level stays as declared: only residuals' directions are asked, which an unmodelled effect hardly steers.
+    """
+
+    def cost(log_ratio: float) -> float:
+        trial = replace(noise, range_ratio=float(np.exp(log_ratio)))
+        shape = trial.shape(len(residual))
+        mahalanobis = np.einsum("ni,nij,nj->n", residual, np.linalg.inv(shape), residual).sum()
+        # The level is profiled out, so that a lack of fit does not pose as a ratio.
+        return float(1.5 * len(residual) * np.log(mahalanobis) + 0.5 * np.linalg.slogdet(shape)[1].sum())
+
+    found = minimize_scalar(cost, bounds=(np.log(0.05), np.log(3.0)), method="bounded")
+    return float(np.exp(found.x))

@@ -1,0 +1,27 @@
+"""Which folder keeps something from being written."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+REASONS = (errno.EACCES, errno.EPERM, errno.EROFS)
+
+
+def read_only_folder(error: OSError) -> Path | None:
+    """The folder that may not be written and so caused an error; None where another thing did, or it can't be told.
+
+    A folder that is moved must be writable itself; of all else the folder that it lies in.
+    """
+    if error.errno not in REASONS:
+        return None
+    for name in (error.filename, error.filename2):
+        if name is None:
+            continue
+        path = Path(os.fsdecode(name)).absolute()
+        there = [folder for folder in (path, *path.parents) if folder.is_dir() and not folder.is_symlink()]
+        for folder in there[: 2 if there[:1] == [path] else 1]:
+            if not os.access(folder, os.W_OK | os.X_OK):
+                return folder
+    return None

@@ -1,0 +1,40 @@
+"""Commands that were rounded or truncated are named as the reason where residuals are of the size that this makes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_recognise import machine, refusal
+
+import gtpin
+from gtpin.errors import GtpinWarning
+
+
+def test_truncated_commands_are_named_as_multiples_of_their_step():
+    data = machine("gantry_tau", 2)
+    text = refusal(replace(data, q=np.trunc(data.q / 0.01) * 0.01))
+    assert "column q1 .. q3: all commands are multiples of 0.01 m, and poses are off by" in text
+    assert "give commands with more digits" in text
+
+
+@pytest.mark.filterwarnings("ignore:parameters more than", "ignore:set aside as gross errors")
+@pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
+@pytest.mark.parametrize("step", [0.01, 0.001])
+def test_a_calibration_by_rounded_commands_warns_of_their_step(robot, step):
+    data = machine(robot, 661)
+    with pytest.warns(GtpinWarning, match=f"all commands are multiples of {step:g} m, and poses are off by"):
+        gtpin.calibrate(replace(data, q=np.round(data.q / step) * step))
+
+
+@pytest.mark.filterwarnings("default::gtpin.errors.GtpinWarning")
+def test_exact_commands_on_a_grid_are_not_blamed_for_another_error(recwarn):
+    data = machine("gantry_tau", 662)
+    gridded = replace(data, q=np.round(data.q / 0.01) * 0.01)
+    robot = gtpin.load_robot("gantry_tau")
+    exact = gtpin.calibrate(data).model.predict(gridded.q)  # what that machine does at these very commands
+    rng = np.random.default_rng(662)
+    right = replace(gridded, position=exact.T + rng.normal(0, 2e-5, exact.T.shape), orientation=None)
+    assert gtpin.calibrate(right, robot).chi2_per_dof < 2.0
+    wrong = replace(right, position=right.position + rng.normal(0, 0.1, exact.T.shape))
+    assert "multiples" not in refusal(wrong)
+    assert not [w for w in recwarn if "multiples" in str(w.message)]

@@ -1,0 +1,10 @@
+"""All effects of the catalogue, as a diagnosis takes them."""
+
+from __future__ import annotations
+
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.effects.catalogue import catalogue
+
+
+def every_effect(false_alarm: float = 0.01) -> Scope:
+    return Scope(tuple(catalogue().values()), frozenset(), false_alarm)
