@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core, as the figures say
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # SciPy on one core, as gtpin does it
 
 from collections.abc import Callable
 

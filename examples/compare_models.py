@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from gtpin.calibration.compare import compare
+from gtpin.comparison.compare import compare
 
 sys.path.insert(0, str(Path(__file__).parent / "dressler2010"))
 from measure import measure

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     app: typer.Typer
 
+NOT_LOADED = "a library can't be loaded ({}); there may be too little memory, or it is not installed whole"
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
@@ -36,10 +37,7 @@ def main() -> None:
     try:
         import gtpin.commands.app  # noqa: F401
     except (ImportError, OSError, MemoryError) as error:  # a library that is broken, or that does not fit into memory
-        _say(
-            "error",
-            f"a library can't be loaded ({error}); there may be too little memory, or it is not installed whole",
-        )
+        _say("error", NOT_LOADED.format(error))
         sys.exit(2)
 
     # Processes at work for this one end with it, as by Ctrl-C.
@@ -74,9 +72,11 @@ def _run() -> int:
     import typer
 
     from gtpin.commands.app import app
+    from gtpin.threads import one_thread
 
     try:
-        code = app(standalone_mode=False) or 0
+        with one_thread():
+            code = app(standalone_mode=False) or 0
         if code == INTERRUPTED:  # typer makes a code of the exception
             raise KeyboardInterrupt
         return int(code)
@@ -95,6 +95,9 @@ def _run() -> int:
         return INTERRUPTED
     except BrokenPipeError:
         return 0
+    except ImportError as error:  # some libraries are loaded when they are needed
+        _say("error", NOT_LOADED.format(error))
+        return 2
     except MemoryError:
         _say("error", "there is too little memory: take fewer rows, or give it more (ulimit -v, a container's limit)")
         return 2

@@ -13,17 +13,17 @@ from pathlib import Path
 
 import numpy as np
 from measure import measure
+from paper_blocks import Block, compare_frame_angles, compare_orientation, compare_table1, compare_table3
+from paper_figures import cost_and_position, orientation_along_grid, orientation_change
+from paper_grid import RECOVERED, Grid, recover_grid
+from paper_peaks import peak_ranks
+from paper_steps import drawn_measurements, step_change
+from paper_tables import tables
 from seeds import PAIRS, Draws, draw, markdown, order, printed_rods, turning_alone
 
 import gtpin
-from gtpin.accuracy.changes import drawn_measurements, step_change
-from gtpin.accuracy.figures import cost_and_position, orientation_along_grid, orientation_change
-from gtpin.calibration.compare import compare
-from gtpin.calibration.figures import along_and_across, linearity, orientation_errors
-from gtpin.paper.compare import Block, compare_frame_angles, compare_orientation, compare_table1, compare_table3
-from gtpin.paper.grid import RECOVERED, Grid, recover_grid
-from gtpin.paper.peak import peak_ranks
-from gtpin.paper.tables import tables
+from gtpin.comparison.compare import compare
+from gtpin.comparison.figures import along_and_across, linearity, orientation_errors
 
 DRAWS = 24
 """Draws of the twin's errors, seeds 0 to 23; the default seed, 2010, is one more and was not chosen."""

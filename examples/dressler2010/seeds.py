@@ -14,16 +14,16 @@ import numpy as np
 import numpy.typing as npt
 from machine import Twin
 from measure import POSES, measure
+from paper_grid import RECOVERED
+from paper_tables import tables
 
 import gtpin
-from gtpin.calibration.closure_fit import fit_closures
-from gtpin.calibration.compare import compare, within_tracks
 from gtpin.calibration.paper_models import model_geometry
+from gtpin.comparison.closure_fit import fit_closures
+from gtpin.comparison.compare import compare, within_tracks
 from gtpin.data import random
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions
-from gtpin.paper.grid import RECOVERED
-from gtpin.paper.tables import tables
 
 Floats = npt.NDArray[np.float64]
 

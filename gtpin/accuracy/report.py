@@ -13,15 +13,17 @@ import numpy.typing as npt
 
 from gtpin.accuracy import figures
 from gtpin.accuracy.dexterity import dexterity
-from gtpin.accuracy.euler import well_told, zyz
 from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error, mean_length, response
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, workspace
 from gtpin.errors import GtpinError, ModelError, warn
+from gtpin.kinematics.euler import well_told, zyz
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.output.figure import new_figure
 from gtpin.output.json_text import json_text
 from gtpin.output.results import results_folder
+from gtpin.threads import one_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,6 +105,7 @@ class Accuracy:
         }
 
 
+@one_thread()
 def analyse(
     model: Model,
     q: Floats | None = None,
@@ -180,7 +183,7 @@ def write_sensitivity(
         told = json_text(found.to_json())
         (new / "accuracy.json").write_text(told, encoding="utf-8")
         try:
-            figures.new_figure(1.0, 1.0)
+            new_figure(1.0, 1.0)
         except GtpinError as error:
             warn(f"no figures: {error}")
             return found

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 from scipy.special import ndtr
 
-from gtpin.accuracy.euler import well_told, zyz_change, zyz_rates
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep, poses_after, rod_step
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
+from gtpin.kinematics.euler import well_told, zyz_change, zyz_rates
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Floats = npt.NDArray[np.float64]
 
@@ -70,6 +72,8 @@ class Sensitivity:
 
         ``cost_m4`` is NaN where residuals are not known. A rod whose carrier has no track has no rows ``vx vy vz``.
         """
+        import pandas as pd
+
         sums = self.exact if way == "exact" else self.linear
         cost = np.full(sums.position.shape, np.nan) if sums.cost is None else sums.cost
         table = pd.DataFrame(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 from gtpin.accuracy.dexterity import Dexterity, dexterity
 from gtpin.accuracy.rods import rod_kinematics
@@ -129,6 +128,8 @@ def default_commands(model: Model, count: int = 180) -> Floats:
 
 def _fit_to_work(model: Model, lower: Floats, upper: Floats, count: int) -> Floats:
     """Up to count commands of a box that are reached and well conditioned, as far as a few tries for each find them."""
+    from scipy.stats import qmc
+
     kinematics, home_q = rod_kinematics(model), model.robot.home_q[None]
     at_home = np.linalg.norm(kinematics.command_jacobian(home_q, kinematics.forward(home_q)))
     sequence = qmc.Halton(model.robot.n_actuators, scramble=False)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import norm
 
 from gtpin.blind.judged import Judged
 from gtpin.blind.rates import Rate, rate
+from gtpin.distributions import norm
 
 EDGES = (2.0, 8.0, 16.0, 32.0, 63.0, 125.0, 250.0)
 """Of the energies that are counted together."""

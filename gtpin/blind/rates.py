@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 Z = 1.959963984540054
 """Standard normal quantile of 0.975."""
@@ -32,12 +33,9 @@ def rate(hits: Iterable[bool]) -> Rate:
     n = len(values)
     if not n:
         return Rate(None, None, None, 0)
-    p = sum(values) / n
-    middle, half = (
-        (p + Z**2 / (2 * n)) / (1 + Z**2 / n),
-        Z / (1 + Z**2 / n) * (p * (1 - p) / n + Z**2 / (4 * n**2)) ** 0.5,
-    )
-    return Rate(p, max(middle - half, 0.0), min(middle + half, 1.0), n)
+    found = binomtest(sum(values), n)
+    bounds = found.proportion_ci(method="wilson")
+    return Rate(float(found.statistic), float(bounds.low), float(bounds.high), n)
 
 
 def mean(values: Iterable[float]) -> Rate:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2, f
 
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Measured, Problem, in_frame
 from gtpin.calibration.scatter import independent
 from gtpin.data import Instrument
+from gtpin.distributions import chi2, f
 from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses

@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import cdist
-from scipy.stats import norm
 
 from gtpin.calibration.problem import Measured, Point, Problem
+from gtpin.distributions import norm
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from gtpin.calibration.compare import compare as run_comparison
-from gtpin.calibration.comparison import Comparison
-from gtpin.calibration.figures import FILES, write_comparison
 from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, tell
+from gtpin.comparison.compare import compare as run_comparison
+from gtpin.comparison.figures import FILES, write_comparison
+from gtpin.comparison.result import Comparison
 from gtpin.data import Dataset
 from gtpin.output.results import results_folder
 from gtpin.report.comparison_page import comparison_page

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from gtpin.compensation.corrections import Correction
 from gtpin.errors import warn
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TRIPLETS = 256
 """Largest number of lines that LinuxCNC takes for a joint."""
@@ -18,6 +21,8 @@ COARSE = 1e-6
 
 def correction_table(tables: Sequence[Correction]) -> pd.DataFrame:
     """Columns ``actuator nominal forward reverse``: what to command for the actuator to be at ``nominal``, m or rad."""
+    import pandas as pd
+
     rows = [
         pd.DataFrame({"actuator": t.site, "nominal": t.nominal, "forward": t.forward, "reverse": t.reverse})
         for t in tables

@@ -7,8 +7,13 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
+
 from gtpin.data.names import kind_of
 from gtpin.errors import DatasetError
+
+Floats = npt.NDArray[np.float64]
 
 _MISSING = {"", "na", "n/a", "nan", "<na>", "null", "none", "-"}
 _INFINITE = {"inf", "infinity"}
@@ -23,6 +28,18 @@ def number(text: str) -> float:
         return math.nan
     # float() also takes Python's 1_000 and other scripts' digits, which nobody means in a table.
     return value if math.isfinite(value) and "_" not in text and text.isascii() else math.nan
+
+
+def numbers(texts: Sequence[str]) -> Floats:
+    """Read many at once, (N,); see :func:`number`."""
+    joined = "".join(texts)
+    try:
+        read = number if "_" in joined or not joined.isascii() else float
+        values = np.fromiter(map(read, texts), np.float64, len(texts))
+    except ValueError:
+        values = np.fromiter(map(number, texts), np.float64, len(texts))
+    values[~np.isfinite(values)] = np.nan
+    return values
 
 
 def is_missing(text: str) -> bool:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from gtpin.data.ids import Ids, normal_id, normal_ids
@@ -130,6 +129,8 @@ class Rows:
 
     def same_commands(self, pose: Ids, q: Floats) -> None:
         """Raise `DatasetError` where rows that share a pose id differ in their commands."""
+        import pandas as pd
+
         visit, _ = pd.factorize(pose)
         _, first = np.unique(visit, return_index=True)
         with np.errstate(over="ignore"):

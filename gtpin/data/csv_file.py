@@ -1,20 +1,17 @@
-"""Reading CSV: at once where the file is clean, line by line where it is not."""
+"""Reading CSV with Python's `csv`, to columns of ids and numbers; the first bad cell is named by its line and column."""
 
 from __future__ import annotations
 
 import codecs
 import csv
 import io
-import math
 from array import array
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 
-from gtpin.data.cells import bad_cell, number
+from gtpin.data.cells import bad_cell, numbers
 from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import kind_of
 from gtpin.data.separator import check_separator
@@ -22,8 +19,11 @@ from gtpin.data.table import Column, Table, check_header
 from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
 
-THREADED = 1 << 24
-"""Bytes from which on several threads read a table: each takes 64 MB of addresses, and a small table is read at once."""
+TOGETHER = 256
+"""Rows that are turned into columns together."""
+
+Row = tuple[int, list[str]]
+"""The number of a line, from 1, and its cells."""
 
 
 def read_csv(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table:
@@ -33,12 +33,34 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table:
     Columns of words are left out.
     """
     _check_text(file, data)
-    header = data[: _end_of_line(data)].decode("utf-8-sig")
-    check_separator(header, file)
-    names = _split(header, file, 1)
-    check_header(names, file)
-    wanted = [name for name in names if name not in ignore]
-    return _at_once(file, data, names, wanted) or _line_by_line(file, data, names, wanted)
+    names = _names(file, data)
+    wanted = {column: name for column, name in enumerate(names) if name not in ignore}
+    values = {column: array("d") for column, name in wanted.items() if kind_of(name) == "number"}
+    texts: dict[int, list[str]] = {column: [] for column in wanted if column not in values}
+    lines = array("q")
+    for chunk in _chunks(_rows(file, data, len(names))):
+        lines.extend(line for line, _ in chunk)
+        cells = list(zip(*(cells for _, cells in chunk), strict=True))
+        for column, found in _numbers(file, names, chunk, {column: cells[column] for column in values}).items():
+            values[column].frombytes(found.tobytes())
+        for column, text in texts.items():
+            text.extend(cells[column])
+    if not lines:
+        raise DatasetError("no rows under the header", file=file, hint="it needs at least one")
+    columns: dict[str, Column] = {}
+    for column, name in wanted.items():
+        if column in values:
+            columns[name] = np.array(values[column])
+        elif kind_of(name) == "id":
+            columns[name] = _ids(file, name, texts[column], lines)
+        else:
+            read = numbers_or_words(texts[column])
+            if isinstance(read, int):
+                row = next(row for row in _rows(file, data, len(names)) if row[0] == lines[read])
+                raise bad_cell(file, names, row[1], column, row[0])
+            if read is not None:
+                columns[name] = read
+    return Table(file, tuple(names), np.array(lines, dtype=np.int64), columns)
 
 
 def _check_text(file: Path, data: bytes) -> None:
@@ -62,120 +84,86 @@ def _line_of(data: bytes, at: int) -> int:
     return len(data[: at + 1].splitlines())
 
 
-def _end_of_line(data: bytes) -> int:
-    ends = [end for end in (data.find(b"\n"), data.find(b"\r")) if end >= 0]
-    return min(ends, default=len(data))
+def _names(file: Path, data: bytes) -> list[str]:
+    header = next(_text(data)).rstrip("\n")
+    check_separator(header, file)
+    _, names = next(_cells(file, iter([header])), (1, [""]))
+    check_header(names, file)
+    return names
 
 
-def _split(line: str, file: Path, row: int) -> list[str]:
-    line = line.rstrip("\n")
-    if '"' not in line:
-        return line.split(",")
+def _text(data: bytes) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig", newline=None)
+
+
+def _cells(file: Path, lines: Iterator[str]) -> Iterator[Row]:
+    """The cells of each line; raises `DatasetError` where a quoted cell goes on in the next line or is followed by more."""
+    reader = csv.reader(lines, strict=True)
+    row = 0
     try:
-        return next(csv.reader([line], strict=True))
-    except csv.Error:
-        hint = "close every quote on its own line; a row is one line"
-        raise DatasetError("a quoted cell is not closed as it should be", file=file, row=row, hint=hint) from None
-
-
-def _at_once(file: Path, data: bytes, names: list[str], wanted: list[str]) -> Table | None:
-    """Read a table in which nothing is out of the ordinary; None where anything is."""
-    # In a single column a blank cell looks like a blank line; and Arrow is lenient about stray quotes.
-    if len(names) == 1 or data.find(b'"', _end_of_line(data)) >= 0:
-        return None
-    types = {name: pa.string() if kind_of(name) == "id" else pa.float64() for name in names}
-    try:
-        table = pa.csv.read_csv(
-            pa.BufferReader(data),
-            read_options=pa.csv.ReadOptions(column_names=names, skip_rows=1, use_threads=len(data) > THREADED),
-            convert_options=pa.csv.ConvertOptions(column_types=types, null_values=[], include_columns=wanted),
-            memory_pool=pa.system_memory_pool(),  # Arrow's own takes a gigabyte of addresses at once
+        for cells in reader:
+            if reader.line_num > row + 1:
+                raise csv.Error
+            row += 1
+            yield row, cells
+    except csv.Error as error:
+        what, hint = (
+            "a quoted cell is not closed as it should be",
+            "close every quote on its own line; a row is one line",
         )
-    except pa.ArrowException:
-        return None
-    # Blank or broken lines in the middle would shift the line numbers.
-    if table.num_rows == 0 or _count_lines(data) != table.num_rows + 1:
-        return None
-    columns: dict[str, Column] = {}
-    for name in wanted:
-        if kind_of(name) == "id":
-            encoded = table[name].combine_chunks().dictionary_encode()
-            try:
-                ids = normal_ids(encoded.dictionary.to_pylist())
-            except ValueError:
-                return None
-            columns[name] = ids[encoded.indices.to_numpy()]
-        else:
-            columns[name] = table[name].to_numpy()
-            if not np.isfinite(columns[name]).all():
-                return None
-    return Table(file, tuple(names), np.arange(2, table.num_rows + 2), columns)
+        if "field limit" in str(error):
+            what, hint = f"a cell has more than {csv.field_size_limit()} characters", "shorten it"
+        raise DatasetError(what, file=file, row=row + 1, hint=hint) from None
 
 
-def _count_lines(data: bytes) -> int:
-    end = len(data)
-    while end and data[end - 1] in b"\r\n":
-        end -= 1
-    return data.count(b"\n", 0, end) + data.count(b"\r", 0, end) - data.count(b"\r\n", 0, end) + 1
-
-
-def _line_by_line(file: Path, data: bytes, names: list[str], wanted: list[str]) -> Table:
-    rows = array("q")
-    numbers = {names.index(name): array("d") for name in wanted if kind_of(name) == "number"}
-    texts: dict[int, list[str]] = {names.index(name): [] for name in wanted if kind_of(name) != "number"}
-    for row, cells in _rows(file, data, len(names)):
-        rows.append(row)
-        for column, values in numbers.items():
-            value = number(cells[column])
-            if math.isnan(value):
-                raise bad_cell(file, names, cells, column, row)
-            values.append(value)
-        for column, text in texts.items():
-            text.append(cells[column])
-    if not rows:
-        raise DatasetError("no rows under the header", file=file, hint="it needs at least one")
-    columns: dict[str, Column] = {}
-    for column, name in enumerate(names):
-        if column in numbers:
-            columns[name] = np.array(numbers[column])
-        elif column in texts and kind_of(name) == "id":
-            columns[name] = _ids(file, name, texts[column], rows)
-        elif column in texts:
-            found = numbers_or_words(texts[column])
-            if isinstance(found, int):
-                raise bad_cell(file, names, _cells_at(file, data, len(names), rows[found]), column, rows[found])
-            if found is not None:
-                columns[name] = found
-    return Table(file, tuple(names), np.array(rows, dtype=np.int64), columns)
-
-
-def _rows(file: Path, data: bytes, width: int) -> Iterator[tuple[int, list[str]]]:
-    lines = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig", newline=None)
-    next(lines)
-    for row, line in enumerate(lines, 2):
-        if line.isspace():
+def _rows(file: Path, data: bytes, width: int) -> Iterator[Row]:
+    """The rows under the header without the blank lines between them."""
+    for row, cells in _cells(file, _text(data)):
+        if row == 1 or not cells or (len(cells) == 1 and not cells[0].strip()):
             continue
-        cells = _split(line, file, row)
         if len(cells) != width:
             hint = "give every row one cell for each column of the header"
             hint += ", and write a decimal point, not a comma" if len(cells) > width else ""
-            what = f"the row has {len(cells)} cells, the header {width}"
-            raise DatasetError(what, file=file, row=row, hint=hint)
+            raise DatasetError(f"the row has {len(cells)} cells, the header {width}", file=file, row=row, hint=hint)
         yield row, cells
 
 
-def _cells_at(file: Path, data: bytes, width: int, row: int) -> list[str]:
-    return next(cells for line, cells in _rows(file, data, width) if line == row)
+def _chunks(rows: Iterator[Row]) -> Iterator[list[Row]]:
+    """So many rows together, and those before a row that can't be read before its error."""
+    chunk: list[Row] = []
+    try:
+        for row in rows:
+            chunk.append(row)
+            if len(chunk) == TOGETHER:
+                yield chunk
+                chunk = []
+    except DatasetError:
+        if chunk:
+            yield chunk
+        raise
+    if chunk:
+        yield chunk
 
 
-def _ids(file: Path, name: str, texts: list[str], rows: array[int]) -> Ids:
+def _numbers(file: Path, names: list[str], chunk: list[Row], cells: dict[int, tuple[str, ...]]) -> dict[int, Column]:
+    """Columns that have to hold numbers, by their place; raises `DatasetError` for the first row where one does not."""
+    found = {column: numbers(texts) for column, texts in cells.items()}
+    bad = [(int(np.argmax(np.isnan(values))), column) for column, values in found.items() if np.isnan(values).any()]
+    if bad:
+        index, column = min(bad)
+        row, texts = chunk[index]
+        raise bad_cell(file, names, texts, column, row)
+    return found
+
+
+def _ids(file: Path, name: str, texts: list[str], lines: array[int]) -> Ids:
     try:
         return normal_ids(texts)
     except ValueError as error:
-        for text, row in zip(texts, rows, strict=True):
+        for text, line in zip(texts, lines, strict=True):
             try:
                 normal_id(text)
             except ValueError:
                 hint = f"give every row a {name}"
-                raise DatasetError(str(error), file=file, row=row, column=name, hint=hint) from None
+                raise DatasetError(str(error), file=file, row=line, column=name, hint=hint) from None
         raise

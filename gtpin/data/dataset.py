@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from gtpin.data import columns
@@ -126,6 +125,8 @@ class Dataset:
     @cached_property
     def visits(self) -> NDArray[np.intp]:
         """(N,) index of each row's pose among the dataset's sorted pose ids; visits to one pose share it."""
+        import pandas as pd
+
         visit, _ = pd.factorize(self.pose, sort=True)
         return visit
 
@@ -155,6 +156,8 @@ class Dataset:
 
     def in_order(self) -> Dataset:
         """Give the rows by pose, and the visits of a pose by what was measured: the same whatever order they came in."""
+        import pandas as pd
+
         keys = [pd.factorize(values, sort=True)[0] for values in self.covariates.values()]
         measured = self.position if self.orientation is None else np.hstack([self.position, self.orientation])
         return self.take(np.lexsort([*keys, *measured.T[::-1], self.visits]))

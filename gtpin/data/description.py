@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from gtpin.data.files import read_bytes
@@ -84,29 +85,15 @@ def read_description(file: Path) -> Description:
 
 def write_description(file: Path, description: Description) -> None:
     """Write a dataset.toml from which `read_description` gives the same again; what is not known is left out."""
-    lines = [f"schema = {_toml(SCHEMA)}", f"robot = {_toml(description.robot)}"]
-    sections = {
+    values = {
+        "schema": SCHEMA,
+        "robot": description.robot,
         "instrument": description.instrument.model_dump(exclude_none=True),
         "conditions": description.conditions.model_dump(),
         "tolerance": description.tolerance,
     }
-    for section, values in sections.items():
-        if values:
-            lines += ["", f"[{section}]", *(f"{_key(key)} = {_toml(value)}" for key, value in values.items())]
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _toml(key)
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, str):
-        escaped = (f"\\U{ord(c):08x}" if not c.isprintable() else "\\" + c if c in '"\\' else c for c in value)
-        return '"' + "".join(escaped) + '"'
-    if isinstance(value, tuple):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return repr(float(value)) if isinstance(value, float) else repr(value)
+    text = tomli_w.dumps({key: value for key, value in values.items() if value != {}})
+    file.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _explained(file: Path | None, error: ValidationError) -> DatasetError:

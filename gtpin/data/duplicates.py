@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from gtpin.data.dataset import Dataset
@@ -39,6 +38,8 @@ def counted_once(dataset: Dataset) -> Dataset:
 
 def _copies(dataset: Dataset) -> NDArray[np.bool_]:
     """(N,) rows that are copies of an earlier one."""
+    import pandas as pd
+
     parts = [dataset.q, dataset.position]
     if dataset.orientation is not None:
         parts.append(dataset.orientation)

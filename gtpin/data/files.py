@@ -9,10 +9,7 @@ import uuid
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-import pandas as pd
-
 from gtpin.data.csv_file import read_csv
-from gtpin.data.parquet_file import read_parquet
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError
 from gtpin.memory import require
@@ -69,12 +66,17 @@ def read_table(file: Path, ignore: Collection[str] = ()) -> Table:
     """
     with contextlib.suppress(OSError, ValueError):  # which reading names
         require(f"reading {file}", READING + file.stat().st_size * READING_A_BYTE)
-    read = read_parquet if file.suffix.lower() == ".parquet" else read_csv
-    return read(file, read_bytes(file), ignore)
+    if file.suffix.lower() == ".parquet":
+        from gtpin.data.parquet_file import read_parquet
+
+        return read_parquet(file, read_bytes(file), ignore)
+    return read_csv(file, read_bytes(file), ignore)
 
 
 def write_table(file: Path, columns: Mapping[str, Column]) -> None:
     """Write columns as CSV, or as Parquet by the file's suffix, so that reading gives the same bits again."""
+    import pandas as pd
+
     frame = pd.DataFrame(dict(columns))
     if file.suffix.lower() == ".parquet":
         frame.to_parquet(file, index=False)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 Ids = NDArray[np.object_]
@@ -56,8 +55,3 @@ def normal_ids(values: Iterable[Any]) -> Ids:
     array = np.empty(len(result), dtype=object)
     array[:] = result
     return array
-
-
-def among(ids: Ids, some: Collection[str]) -> NDArray[np.bool_]:
-    """(N,) which ids are some of those given."""
-    return np.asarray(pd.Index(ids).isin(list(some)), dtype=bool)

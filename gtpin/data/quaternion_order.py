@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from itertools import permutations
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gtpin.data.table import Floats
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 _AS_NAMED = "wxyz"
 _OFF = 0.05
@@ -32,6 +35,8 @@ def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, F
     free
         Of an instrument that stood elsewhere: (N, 3) measured and predicted positions, which tell how it was turned.
     """
+    from scipy.spatial.transform import Rotation
+
     expected = Rotation.from_matrix(predicted)
     if free is not None:
         turned = _turn(*free)
@@ -64,6 +69,8 @@ def _off(quaternion: Floats, wanted: Floats, order: str) -> float:
 
 def _turn(measured: Floats, predicted: Floats) -> Rotation | None:
     """Rotation that takes predicted positions to measured ones; None where they lie so that they do not tell it."""
+    from scipy.spatial.transform import Rotation
+
     a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
     near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))  # a gross error would turn it
     if near.sum() < 3 or np.linalg.svd(a[near], compute_uv=False)[1] < 0.01:

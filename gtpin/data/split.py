@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from gtpin.data.dataset import Dataset
@@ -19,6 +18,8 @@ def by_session(dataset: Dataset) -> list[Mask]:
     A pose visited in several sessions is held out, with all its visits, in the one that has most of them (of equals,
     the first). Raises `DatasetError` where there is no column `session`, or fewer than two are left to tell apart.
     """
+    import pandas as pd
+
     if "session" not in dataset.covariates:
         hint = "add the column, or split otherwise"
         raise DatasetError("there are no sessions to split by", file=dataset.file, column="session", hint=hint)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.data.cells import is_missing, number
+from gtpin.data.cells import is_missing, numbers
 from gtpin.data.table import Floats
 
 
@@ -16,13 +16,13 @@ def numbers_or_words(cells: Sequence[str]) -> Floats | int | None:
     Gives its numbers; or, where most cells that hold something are numbers but not all, the index of the first
     that is none; or None for a column of words, or of nothing.
     """
-    values = np.array([number(cell) for cell in cells])
+    values = numbers(cells)
     bad = np.isnan(values)
     if not bad.any():
         return values
     missing = sum(is_missing(cell) for cell, is_bad in zip(cells, bad, strict=True) if is_bad)
-    words, numbers = int(bad.sum()) - missing, int((~bad).sum())
+    words, numeric = int(bad.sum()) - missing, int((~bad).sum())
     blank = all(not cell.strip() for cell in cells)
-    if blank or (words > 0 and words >= numbers):
+    if blank or (words > 0 and words >= numeric):
         return None
     return int(np.flatnonzero(bad)[0])

@@ -29,6 +29,7 @@ from gtpin.memory import require
 from gtpin.model.model import Model
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
+from gtpin.threads import one_thread
 
 Mask = npt.NDArray[np.bool_]
 
@@ -42,6 +43,7 @@ hypothesis. Measured: docs/speed.md.
 """
 
 
+@one_thread()
 def diagnose(
     dataset: Dataset,
     robot: Robot | Model | None = None,

@@ -9,7 +9,6 @@ from math import comb
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, log
@@ -53,6 +52,8 @@ class FirstGuess:
         """Fit to poses that ``solve`` finds at nodes; None where the ranges are open or the poses too curved for it."""
         if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
             return None
+        from scipy.stats import qmc
+
         n = len(lower)
         degree = max(d for d in range(1, 9) if comb(n + d, d) <= MOST_TERMS or d == 1)
         powers = [e for e in product(range(degree + 1), repeat=n) if sum(e) <= degree]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pandas as pd
 
 from gtpin.data import Commands, check_commands
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def predict(model: Model, commands: Commands) -> Poses:
@@ -53,6 +57,8 @@ def predict(model: Model, commands: Commands) -> Poses:
 
 def prediction_table(commands: Commands, poses: Poses) -> pd.DataFrame:
     """Poses as a table with the columns ``pose x y z qw qx qy qz``: m, and unit quaternions."""
+    import pandas as pd
+
     columns = {"pose": commands.pose, **dict(zip("xyz", poses.T.T, strict=True))}
     columns |= dict(zip(("qw", "qx", "qy", "qz"), poses.quaternions.T, strict=True))
     return pd.DataFrame(columns)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
-from scipy.stats import chi2
 
+from gtpin.distributions import chi2
 from gtpin.noise.noise import SMALLEST, Noise
 
 Floats = npt.NDArray[np.float64]

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
 
+from gtpin.distributions import chi2
 from gtpin.noise.likelihood import likeliest
 from gtpin.noise.noise import SMALLEST, Noise
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaln
-from scipy.stats import chi2, f
+
+from gtpin.distributions import chi2, f
 
 Floats = npt.NDArray[np.float64]
 

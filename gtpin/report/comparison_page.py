@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gtpin.calibration.cart_tracks import Linearity
-from gtpin.calibration.comparison import Comparison
+from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements, Dataset
 from gtpin.report.page import Plot, Table, render
 from gtpin.report.provenance import provenance

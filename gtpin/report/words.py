@@ -34,10 +34,8 @@ def site_words(site: str) -> str:
 
 
 def coordinate_words(name: str) -> str:
-    """A coordinate of a free motion: ``q3``, ``the payload``, ``q1 and q3, across the track``."""
-    coordinates, _, across = name.partition(" ")
-    words = " and ".join(COORDINATES.get(word, word) for word in coordinates.split(","))
-    return f"{words}, {across} the track" if across else words
+    """Coordinates of a smooth term: ``q3``, ``the payload``, ``q1 and q3``."""
+    return " and ".join(COORDINATES.get(word, word) for word in name.split(","))
 
 
 def covariate_unit(name: str, angular: bool = False) -> str:

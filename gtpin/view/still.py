@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.figures import new_figure
 from gtpin.errors import GtpinError, ModelError
 from gtpin.model.model import Model
+from gtpin.output.figure import new_figure
 from gtpin.output.results import result_file
 from gtpin.report.camera import ELEVATION, Camera
 from gtpin.report.skeleton import Skeleton, skeleton

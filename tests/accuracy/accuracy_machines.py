@@ -9,6 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.accuracy.expected import closure_response
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp
 from gtpin.robot.description import Description
 
 sys.path.append(str(Path(__file__).parents[1] / "kinematics"))
@@ -69,3 +72,11 @@ def stepped(parameter: str, link: int, step: float) -> dict[str, Floats]:
     else:
         n[parameter[0]][link, "xyz".index(parameter[1])] += step
     return n
+
+
+def drawn_measurements(model: gtpin.Model, q: Floats, sigmas: Floats, seed: int = 0) -> Poses:
+    """Poses (N), base frame, of a machine whose closures miss the model's by Gaussian residuals of sigmas (k,), m^2."""
+    poses = model.predict(q)
+    residual = sigmas * np.random.default_rng(seed).standard_normal((len(q), len(sigmas)))
+    off = np.einsum("nij,nj->ni", closure_response(model.kinematics, q, poses), residual)
+    return Poses(poses.T + off[:, :3], exp(off[:, 3:]) @ poses.R)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from accuracy_machines import MODEL, ROBOT, commands, other
+from accuracy_machines import MODEL, ROBOT, commands, drawn_measurements, other
 
 import gtpin
-from gtpin.accuracy.changes import drawn_measurements
 from gtpin.accuracy.expected import Response, Uncertainty, expected_error, expected_of, mean_length, response
 from gtpin.errors import ModelError
 

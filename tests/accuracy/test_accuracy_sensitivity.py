@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from accuracy_machines import LINKS, MODEL, closures, commands, numbers, other, pose, stepped
+from accuracy_machines import LINKS, MODEL, closures, commands, drawn_measurements, numbers, other, pose, stepped
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.accuracy.changes import drawn_measurements, step_change
-from gtpin.accuracy.euler import zyz, zyz_change, zyz_rates
 from gtpin.accuracy.sensitivity import sensitivity
 from gtpin.accuracy.steps import PARAMETERS, STEP
 from gtpin.errors import ModelError, UnreachableError
+from gtpin.kinematics.euler import zyz, zyz_change, zyz_rates
 from gtpin.kinematics.poses import Poses
 
 SIGMAS = np.array([2e-4, 1.7e-4, 1.6e-4, 8e-5, 7e-5, 9e-5])
@@ -123,15 +122,6 @@ def test_euler_rates_are_the_derivative_of_the_angles() -> None:
     np.testing.assert_allclose(by_hand, R, atol=1e-12)
 
 
-def test_a_step_to_both_sides_shifts_errors_in_opposite_senses() -> None:
-    q = commands(8, seed=8)
-    measured = drawn_measurements(MODEL, q, 0.0 * SIGMAS)
-    change = step_change(MODEL, q, measured, "L", "1")
-    np.testing.assert_allclose(change.before.position, 0.0, atol=1e-12)
-    np.testing.assert_allclose(change.plus.position, change.minus.position, rtol=1e-3)
-    np.testing.assert_allclose(change.plus.costs[:, 0], (2.0 * MODEL.robot.rods[0].L * STEP) ** 2, rtol=1e-3)
-
-
 def test_drawn_measurements_leave_the_residuals_that_were_asked_for() -> None:
     q = commands(400, seed=9)
     measured = drawn_measurements(MODEL, q, SIGMAS)
@@ -150,5 +140,3 @@ def test_what_can_not_be_is_refused() -> None:
         sensitivity(MODEL, np.array([[0.0, 0.0, 0.0], [5.0, -5.0, 0.0]]))
     with pytest.raises(ModelError, match="no commands"):
         sensitivity(MODEL, np.zeros((0, 3)))
-    with pytest.raises(ModelError, match="links are 1, 2a"):
-        step_change(MODEL, q, MODEL.predict(q), "L", "7")

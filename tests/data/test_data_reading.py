@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from small_dataset import HEADER, LINES
 
 from gtpin.data import CartMeasurements, Dataset
-from gtpin.data.csv_file import _at_once, _line_by_line, read_csv
+from gtpin.data.csv_file import TOGETHER, read_csv
 from gtpin.data.ids import normal_id
 from gtpin.errors import DatasetError, GtpinWarning
 
@@ -111,21 +111,19 @@ def test_the_normal_form_of_an_id_is_its_own_normal_form(value):
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
-def test_every_float_is_read_to_its_last_bit_on_either_way(tmp_path_factory, numbers):
+def test_every_float_is_read_to_its_last_bit(numbers):
     text = "pose,time\n" + "".join(f"{i},{value!r}\n" for i, value in enumerate(numbers))
-    names = ["pose", "time"]
-    for table in (
-        _line_by_line("f.csv", text.encode(), names, names),
-        read_csv("f.csv", text.encode()),
-    ):
-        assert table.columns["time"].tobytes() == np.array(numbers).tobytes()
+    assert read_csv("f.csv", text.encode()).columns["time"].tobytes() == np.array(numbers).tobytes()
 
 
-def test_the_quick_way_takes_a_clean_file_and_leaves_any_other():
-    clean = "pose,x\na,1.5\nb,2.5\n"
-    assert _at_once("f.csv", clean.encode(), ["pose", "x"], ["pose", "x"]) is not None
-    for spoilt in ("pose,x\na,\nb,2.5\n", "pose,x\na,inf\nb,1\n", "pose,x\n\na,1\nb,2\n", "pose,x\n,1\nb,2\n"):
-        assert _at_once("f.csv", spoilt.encode(), ["pose", "x"], ["pose", "x"]) is None
+def test_rows_that_are_read_together_join_without_a_seam():
+    count = 2 * TOGETHER + 3
+    text = "pose,time,note,session\n" + "".join(f"{i},{i / 7!r},{i},s{i}\n" for i in range(count))
+    table = read_csv("f.csv", text.encode())
+    assert table.row.tolist() == list(range(2, count + 2))
+    assert table.columns["time"].tolist() == [i / 7 for i in range(count)]
+    assert table.columns["note"].tolist() == list(range(count))
+    assert table.columns["session"].tolist() == [f"s{i}" for i in range(count)]
 
 
 def test_row_order_means_nothing(make):

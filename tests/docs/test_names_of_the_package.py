@@ -38,6 +38,25 @@ def test_parts_of_the_package_are_found_and_nothing_else():
         from gtpin import gremlin  # noqa: F401
 
 
+@pytest.mark.parametrize(
+    ("name", "unneeded"),
+    [
+        ("errors", {"numpy", "scipy", "pandas", "pyarrow", "pinocchio", "pydantic"}),
+        ("Dataset", {"scipy", "pandas", "pyarrow", "pinocchio"}),
+        ("load_robot", {"scipy.stats", "pandas", "pyarrow"}),
+        ("Model", {"scipy.stats", "pandas", "pyarrow"}),
+        ("calibrate", {"scipy.stats", "pandas", "pyarrow", "matplotlib", "plotly", "joblib"}),
+        ("diagnose", {"scipy.stats", "pandas", "pyarrow", "matplotlib", "plotly", "joblib"}),
+    ],
+)
+def test_what_takes_long_to_import_waits_until_it_is_needed(name: str, unneeded: set[str]):
+    code = f"import sys, gtpin; gtpin.{name}; print(*sys.modules)"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=SOURCE.parents[1], capture_output=True, text=True, check=True
+    )
+    assert unneeded & set(ran.stdout.split()) == set()
+
+
 def test_a_warning_names_the_line_that_called_gtpin(tmp_path):
     dataset = gtpin.Dataset(
         "gantry_tau", ["a", "b"], np.zeros((2, 3)), np.zeros((2, 3)), covariates={"load": [1.0, 1.0]}

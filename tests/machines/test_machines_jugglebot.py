@@ -1,4 +1,4 @@
-"""A real machine: 108 poses of Jugglebot, where they are at hand."""
+"""A real machine: 108 poses of Jugglebot."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.data.split import random
 
-FOLDER = Path(__file__).parents[3] / "shared/real/stewart_jugglebot"
+FOLDER = Path(__file__).parents[2] / "examples/jugglebot/sample"
 
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the measured poses are not part of the project")
+pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the examples are not here")
 
 
 @cache

@@ -6,14 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from paper_blocks import Block, compare_frame_angles, compare_orientation, compare_table1, compare_table3
+from paper_grid import RECOVERED, SHAPE, STARTS, recover_grid
+from paper_peaks import peak_ranks
+from paper_table1 import expected_table1
+from paper_tables import tables
 
 import gtpin
-from gtpin.accuracy.euler import zyz
-from gtpin.paper.compare import Block, compare_frame_angles, compare_orientation, compare_table1, compare_table3
-from gtpin.paper.grid import RECOVERED, SHAPE, STARTS, recover_grid
-from gtpin.paper.peak import peak_ranks
-from gtpin.paper.table1 import expected_table1
-from gtpin.paper.tables import tables
+from gtpin.kinematics.euler import zyz
 
 MODEL = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
 

@@ -10,8 +10,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-
-from gtpin.paper.grid import RECOVERED
+from paper_grid import RECOVERED
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "dressler2010"

@@ -13,8 +13,8 @@ from scipy.stats import t as student
 
 from gtpin import Dataset, Geometry
 from gtpin.calibration.calibrate import calibrate_geometry
-from gtpin.calibration.closure_fit import ClosureFit, closure_residual, fit_closures
 from gtpin.calibration.paper_models import model_geometry
+from gtpin.comparison.closure_fit import ClosureFit, closure_residual, fit_closures
 from gtpin.errors import ConvergenceError, DatasetError
 from gtpin.kinematics.poses import Poses
 

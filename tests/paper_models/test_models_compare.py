@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gtpin import Dataset
-from gtpin.calibration import comparison as comparing
-from gtpin.calibration.compare import compare
-from gtpin.calibration.comparison import Comparison, Held
+from gtpin.comparison import result as comparing
+from gtpin.comparison.compare import compare
+from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, GtpinWarning
 

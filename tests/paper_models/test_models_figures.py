@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gtpin.calibration import figures
-from gtpin.calibration.comparison import Comparison, Held
+from gtpin.comparison import figures
+from gtpin.comparison.result import Comparison, Held
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
 BENT = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 20 + c)) for c in range(3))

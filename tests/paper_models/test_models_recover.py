@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.calibration.calibrate import calibrate_geometry
-from gtpin.calibration.compare import better_measured
 from gtpin.calibration.paper_models import model_geometry
+from gtpin.comparison.compare import better_measured
 
 NOISE, TURN_NOISE = 1e-5, 5e-5
 FIT, HELD = mm.commands(150, seed=6), mm.commands(60, seed=7)

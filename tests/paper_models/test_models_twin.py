@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from gtpin import Dataset
 from gtpin.calibration.cart_tracks import Linearity
-from gtpin.calibration.compare import compare
-from gtpin.calibration.comparison import Comparison
+from gtpin.comparison.compare import compare
+from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import GtpinWarning
 
@@ -104,11 +104,10 @@ def test_compared_on_it_the_models_gain_as_the_paper_says(compared):
     assert four < three  # and the full one
     assert five < three
     assert five < four
-    # Models 3 to 5 are larger than printed: docs/paper.md says by how much, and why.
-    paper = np.array([140, 120, 110, 100, 90])
-    assert ((mean > 0.85 * paper) & (mean < np.array([1.1, 1.2, 1.3, 1.35, 1.45]) * paper)).all(), mean
-    paper = np.array([410, 440, 260, 340, 240])
-    assert ((largest > 0.7 * paper) & (largest < np.array([1.1, 1.1, 1.6, 1.2, 1.7]) * paper)).all(), largest
+    # The paper has 140, 120, 110, 100, 90 and 410, 440, 260, 340, 240 um: docs/paper.md says why the twin's are others. These
+    # four draws are always the same, so that only a change of the fits moves their means.
+    np.testing.assert_allclose(mean, [134.9, 131.0, 129.7, 124.7, 121.5], rtol=0.02)
+    np.testing.assert_allclose(largest, [361.9, 335.7, 344.6, 336.1, 345.6], rtol=0.05)  # one pose decides each
 
 
 def test_pose_residuals_predict_no_worse_than_the_papers_cost(compared):

@@ -11,7 +11,7 @@ import pytest
 from gtpin import Geometry, Model, load_robot
 from gtpin.accuracy import report
 from gtpin.accuracy.report import Accuracy, analyse
-from gtpin.calibration.comparison import Comparison, Held
+from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
 from gtpin.report.comparison_page import comparison_page
 from gtpin.report.sensitivity_page import sensitivity_page

@@ -80,7 +80,6 @@ def test_a_probability_is_never_told_as_certain():
 
 def test_coordinates_are_told_in_words():
     assert coordinate_words("q1,q3") == "q1 and q3"
-    assert coordinate_words("time across") == "time, across the track"
     assert joined(["a", "b", "c"], "or") == "a, b or c"
 
 

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-from scipy.stats import chi2
 
 from gtpin.calibration.problem import Problem, in_frame
 from gtpin.calibration.rounds import ENOUGH, Settled
 from gtpin.data import Dataset, Instrument
+from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 
 Sigma = Literal["position_sigma", "orientation_sigma"]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
 from gtpin.diagnosis.linear.evidence import given
 from gtpin.diagnosis.result import Unexplained
+from gtpin.distributions import chi2
 
 CORRELATES = 5
 """Free motions that are reported at most."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.euler import zyz_change
 from gtpin.accuracy.expected import closure_response
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.sensitivity import closure_change
 from gtpin.accuracy.steps import PARAMETERS, STEP, poses_after, rod_step
 from gtpin.errors import ModelError
+from gtpin.kinematics.euler import zyz_change
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from paper_tables import tables
 from scipy.optimize import least_squares
 
 from gtpin.accuracy.rods import rod_kinematics
@@ -17,7 +18,6 @@ from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
-from gtpin.paper.tables import tables
 
 Floats = npt.NDArray[np.float64]
 

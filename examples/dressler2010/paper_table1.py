@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from paper_tables import tables
 
 from gtpin.accuracy.expected import ExpectedError, Response, Uncertainty, expected_of, response
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.model.model import Model
-from gtpin.paper.tables import tables
 
 Floats = npt.NDArray[np.float64]
 

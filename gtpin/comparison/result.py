@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
@@ -128,6 +130,8 @@ class Comparison:
 
     def table(self) -> pd.DataFrame:
         """``model, mean_um, max_um, rms_um, orientation_rms_mrad, poses``, one row a model."""
+        import pandas as pd
+
         return pd.DataFrame([{"model": h.model, **h.figures(), "poses": len(h.position)} for h in self.held])
 
     def intervals(self) -> list[dict[str, tuple[float, float] | None]]:

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from paper_grid import OF_ALL, RECOVERED, Grid
+from paper_table1 import expected_table1
+from paper_tables import tables
 from scipy.spatial.transform import Rotation
 
-from gtpin.accuracy.euler import zyz
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.sensitivity import sensitivity, step_sums
 from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep
+from gtpin.kinematics.euler import zyz
 from gtpin.model.model import Model
-from gtpin.paper.grid import OF_ALL, RECOVERED, Grid
-from gtpin.paper.table1 import expected_table1
-from gtpin.paper.tables import tables
 
 Floats = npt.NDArray[np.float64]
 

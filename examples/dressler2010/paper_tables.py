@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -130,8 +130,8 @@ class Tables:
 
 @cache
 def tables() -> Tables:
-    """Read the paper's tables, which the package ships."""
-    told = tomllib.loads(resources.files("gtpin.paper").joinpath("tables.toml").read_text(encoding="utf-8"))
+    """Read the paper's tables, which stand beside this file."""
+    told = tomllib.loads(Path(__file__).with_name("paper_tables.toml").read_text(encoding="utf-8"))
     table2, table3, facts = told["table2"], told["table3"], told["measurement"]
     return Tables(
         links=tuple(told["links"]),

@@ -11,21 +11,22 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.euler import zyz_change
 from gtpin.calibration.calibrate import calibrate_geometry, without_sigmas
-from gtpin.calibration.closure_fit import closure_residual, fit_closures
-from gtpin.calibration.comparison import Comparison, Cost, Held
 from gtpin.calibration.paper_models import MEASURED, MODELS, PAPERS_CHOICE, model_geometry
 from gtpin.calibration.problem import measured_poses
+from gtpin.comparison.closure_fit import closure_residual, fit_closures
+from gtpin.comparison.result import Comparison, Cost, Held
 from gtpin.data import Dataset, random
 from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinWarning, UnreachableError, warn
+from gtpin.kinematics.euler import zyz_change
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
+from gtpin.threads import one_thread
 
 Rows = npt.NDArray[np.intp]
 Choice = Literal["paper", "validation"]
@@ -36,6 +37,7 @@ FOLDS = 5
 """Parts of a half by which model 5 chooses."""
 
 
+@one_thread()
 def compare(
     dataset: Dataset,
     robot: Robot | None = None,

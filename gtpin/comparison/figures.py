@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.accuracy.figures import new_figure
 from gtpin.calibration.cart_tracks import Linearity
-from gtpin.calibration.comparison import Comparison
+from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, GtpinError, warn
+from gtpin.output.figure import new_figure
 from gtpin.output.json_text import json_text
 from gtpin.output.results import results_folder
 

@@ -1,0 +1,109 @@
+"""Figures in the spirit of the paper's 4, 9 and 10."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from paper_steps import StepChange
+
+from gtpin.kinematics.euler import zyz
+from gtpin.kinematics.poses import Poses
+from gtpin.output.figure import new_figure
+
+RED, BLUE = "#c0392b", "#1f5fa8"
+"""The paper's colours of an increase and a decrease."""
+
+
+def orientation_along_grid(poses: Poses, layers: int) -> Figure:
+    """ZYZ angles less their means along a grid walked layer after layer, as in the paper's Fig. 4.
+
+    Parameters
+    ----------
+    poses
+        (N) along the walk.
+    layers
+        How many layers of equally many poses there are; every other is shaded.
+    """
+    angles = np.rad2deg(zyz(poses.R))
+    figure = new_figure(9.0, 6.0)
+    axes = figure.subplots(3, 1, sharex=True)
+    for axis, name, values in zip(axes, ("alpha", "beta", "gamma"), angles.T, strict=True):
+        axis.plot(np.arange(len(values)), values - values.mean(), color=BLUE, linewidth=1.2)
+        axis.set_title(f"{name}: mean {values.mean():.2f} deg, range {np.ptp(values):.2f} deg", fontsize=10, loc="left")
+        axis.set_ylabel("less mean (deg)")
+        _shade(axis, len(values), layers)
+    axes[-1].set_xlabel("pose along the grid (layers alternately shaded)")
+    axes[-1].set_xlim(0, len(angles) - 1)
+    figure.suptitle("Orientation of the platform along the grid, ZYZ Euler angles")
+    return figure
+
+
+def _shade(axis: Any, poses: int, layers: int) -> None:
+    edges = np.linspace(0, poses, layers + 1) - 0.5
+    for i in range(0, layers, 2):
+        axis.axvspan(edges[i], edges[i + 1], color="0.92", zorder=0)
+
+
+def cost_and_position(change: StepChange, links: Sequence[str]) -> Figure:
+    """Position error and every link's cost, pose by pose, before and after a step to both sides, as in the paper's Fig. 9.
+
+    Parameters
+    ----------
+    links
+        (k,) names of the links.
+    """
+    figure = new_figure(9.0, 2.5 + 1.3 * len(links))
+    upper, *lower = figure.subplots(1 + len(links), 1, sharex=True, height_ratios=[2.0] + [1.0] * len(links))
+    worst = int(np.argmax(change.before.position))
+    for errors, color, label in _three(change):
+        upper.plot(1e6 * errors.position, color=color, linewidth=1.1, label=label)
+        for i, axis in enumerate(lower):
+            if i == links.index(change.link) or errors is change.before:
+                axis.plot(errors.costs[:, i], color=color, linewidth=1.1)
+    upper.set_ylabel("position error (um)")
+    for link, axis in zip(links, lower, strict=True):
+        axis.set_ylabel(f"link {link} (m$^4$)")
+    lower[-1].set_xlabel("pose")
+    lower[-1].set_xlim(0, len(change.before.position) - 1)
+    for axis in (upper, *lower):
+        axis.axvline(worst, color="0.75", zorder=0)
+        axis.set_ylim(bottom=0.0)
+        axis.grid(alpha=0.3)
+    figure.suptitle(
+        f"Step of {_step(change)} in {change.parameter} of link {change.link}: position error, and squared closure residuals"
+    )
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
+    return figure
+
+
+def orientation_change(change: StepChange) -> Figure:
+    """Orientation errors, pose by pose, before and after a step to both sides, as in the paper's Fig. 10."""
+    figure = new_figure(9.0, 6.0)
+    axes = figure.subplots(3, 1, sharex=True)
+    for column, (axis, name) in enumerate(zip(axes, ("alpha", "beta", "gamma"), strict=True)):
+        for errors, color, label in _three(change):
+            axis.plot(1e3 * errors.rotation[:, column], color=color, linewidth=1.1, label=label)
+        axis.set_ylabel(f"{name} error (mrad)")
+        axis.grid(alpha=0.3)
+    axes[-1].set_xlabel("pose")
+    axes[-1].set_xlim(0, len(change.before.position) - 1)
+    figure.suptitle(
+        f"Orientation error, ZYZ angles: step of {_step(change)} in {change.parameter} of link {change.link}"
+    )
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
+    return figure
+
+
+def _three(change: StepChange) -> tuple[tuple[Any, str, str], ...]:
+    return (
+        (change.plus, RED, "increased"),
+        (change.minus, BLUE, "decreased"),
+        (change.before, "black", "unchanged"),
+    )
+
+
+def _step(change: StepChange) -> str:
+    return f"{change.step:.0e}" if change.parameter.startswith("v") else f"{1e6 * change.step:.0f} um"

@@ -1,0 +1,67 @@
+"""Tails and quantiles of distributions by `scipy.special`; `scipy.stats` gives the same, and takes a second to import."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+
+Numbers = float | npt.NDArray[np.float64]
+
+
+class ChiSquare:
+    """The chi-square distribution of ``dof`` degrees of freedom."""
+
+    def cdf(self, x: Numbers, dof: Numbers) -> Any:
+        """Chance of a value up to ``x``."""
+        return special.chdtr(_positive(dof), np.maximum(x, 0.0))
+
+    def sf(self, x: Numbers, dof: Numbers) -> Any:
+        """Chance of a value above ``x``."""
+        return special.chdtrc(_positive(dof), np.maximum(x, 0.0))
+
+    def ppf(self, chance: Numbers, dof: Numbers) -> Any:
+        """The value that is not exceeded with a chance."""
+        return 2.0 * special.gammaincinv(_positive(dof) / 2.0, chance)
+
+    def isf(self, chance: Numbers, dof: Numbers) -> Any:
+        """The value that is exceeded with a chance."""
+        return special.chdtri(_positive(dof), chance)
+
+    def median(self, dof: Numbers) -> Any:
+        """The value that is exceeded as often as not."""
+        return self.ppf(0.5, dof)
+
+
+class F:
+    """The F distribution of ``above`` and ``below`` degrees of freedom."""
+
+    def sf(self, x: Numbers, above: Numbers, below: Numbers) -> Any:
+        """Chance of a value above ``x``."""
+        return special.fdtrc(above, below, np.maximum(x, 0.0))
+
+    def isf(self, chance: Numbers, above: Numbers, below: Numbers) -> Any:
+        """The value that is exceeded with a chance."""
+        return special.fdtri(above, below, 1.0 - np.asarray(chance))
+
+
+class Normal:
+    """The standard normal distribution."""
+
+    def sf(self, x: Numbers) -> Any:
+        """Chance of a value above ``x``."""
+        return special.ndtr(-np.asarray(x))
+
+    def isf(self, chance: Numbers) -> Any:
+        """The value that is exceeded with a chance."""
+        return -special.ndtri(chance)
+
+
+def _positive(dof: Numbers) -> Any:
+    """The degrees of freedom; NaN where there are none."""
+    return np.where(np.asarray(dof) > 0.0, dof, np.nan)
+
+
+chi2, f, norm = ChiSquare(), F(), Normal()

@@ -1,1 +1,0 @@
-"""Dressler, Brogårdh and Robertsson, ICRA 2010: the numbers that they print, and gtpin's beside them."""
