@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gtpin.diagnosis.diagnose import diagnose
     from gtpin.diagnosis.result import Diagnosis
     from gtpin.errors import GtpinError, GtpinWarning
+    from gtpin.estimate import Estimate
     from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
     from gtpin.kinematics.poses import Poses
@@ -34,6 +35,7 @@ _HOME = {
     "Dataset": "gtpin.data",
     "diagnose": "gtpin.diagnosis.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
+    "Estimate": "gtpin.estimate",
     "GtpinError": "gtpin.errors",
     "GtpinWarning": "gtpin.errors",
     "geometry_jacobian": "gtpin.kinematics.geometry_jacobian",
@@ -82,6 +84,7 @@ __all__ = [
     "Commands",
     "Dataset",
     "Diagnosis",
+    "Estimate",
     "Frame",
     "Geometry",
     "GtpinError",

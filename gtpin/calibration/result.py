@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from gtpin.calibration.observability import Direction, Observability, observabil
 from gtpin.calibration.rounds import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
+from gtpin.estimate import Estimate
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 
@@ -21,13 +22,6 @@ Floats = npt.NDArray[np.float64]
 
 CORRELATED = 0.7
 """Smallest absolute correlation of two parameters that is listed."""
-
-
-class Estimate(NamedTuple):
-    """A value and its standard deviation."""
-
-    value: float
-    sigma: float
 
 
 @dataclass(frozen=True)
@@ -172,8 +166,8 @@ class Calibration:
 
     def __getitem__(self, name: str) -> Estimate:
         """One parameter's value and sigma, by its name."""
-        value = self.model.geometry[name]
-        return Estimate(value, float(self.sigma[self.names.index(name)]))
+        value, index = self.model.geometry[name], self.names.index(name)
+        return Estimate(value, float(self.sigma[index]), self.model.geometry.parameters[index].unit)
 
     def correlated(self, least: float = CORRELATED) -> list[tuple[str, str, float]]:
         """Pairs of parameters with at least such an absolute correlation, the strongest first."""

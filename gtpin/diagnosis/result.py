@@ -11,6 +11,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.estimate import Estimate
 from gtpin.model.model import Model
 
 Verdict = Literal["none", "explained", "ambiguous", "unknown"]
@@ -38,7 +39,7 @@ class Cause:
         Its class: itself and what has at least 5 % of its probability; also what can't be tested for lack of a covariate, as
         far as other columns tell that it could stand in.
     parameters
-        By name: value, sigma, unit.
+        By name.
     shrinkage
         Share of the gap's power that goes away with it, beside the other causes.
     """
@@ -47,7 +48,7 @@ class Cause:
     site: str
     probability: float
     members: tuple[Member, ...]
-    parameters: dict[str, tuple[float, float, str]]
+    parameters: dict[str, Estimate]
     shrinkage: float
 
 
@@ -157,7 +158,7 @@ class Diagnosis:
                     "site": c.site,
                     "probability": c.probability,
                     "class": [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in c.members],
-                    "parameters": {n: {"value": v, "sigma": s, "unit": u} for n, (v, s, u) in c.parameters.items()},
+                    "parameters": {n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in c.parameters.items()},
                     "shrinkage": c.shrinkage,
                 }
                 for c in self.causes

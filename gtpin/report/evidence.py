@@ -77,7 +77,7 @@ def named_causes(d: Diagnosis, reach: Mapping[tuple[str, str], str]) -> list[Nam
 
 def _named(key: str, c: Cause, reach: str, told: bool) -> NamedCause:
     rows = [
-        [name.replace("_", " "), quantity(value, unit, sigma)] for name, (value, sigma, unit) in c.parameters.items()
+        [name.replace("_", " "), quantity(e.value, e.unit, e.sigma)] for name, e in c.parameters.items()
     ]
     members = tuple(
         Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == (c.effect, c.site)) for m in c.members
@@ -104,8 +104,8 @@ def _setting(c: Cause) -> str:
     known = catalogue().get(c.effect)
     if known is None or not known.has_setting:
         return ""
-    name, (value, _, unit) = next(iter(c.parameters.items()))
-    return f"{name.replace('_', ' ')} {quantity(value, unit)}"
+    name, setting = next(iter(c.parameters.items()))
+    return f"{name.replace('_', ' ')} {quantity(setting.value, setting.unit)}"
 
 
 def untestable(candidates: Sequence[Considered]) -> Table:

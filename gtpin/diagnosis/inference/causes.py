@@ -7,6 +7,7 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis import Candidate
 from gtpin.diagnosis.result import Cause, Member
 from gtpin.effects.active import ActiveEffect
+from gtpin.estimate import Estimate
 from gtpin.model.model import Model
 
 DRAWS = 150
@@ -21,7 +22,7 @@ def cause(model: Model, candidate: Candidate, members: tuple[Member, ...], shrin
     return Cause(candidate.effect.id, candidate.site, own.probability, members, parameters, shrinkage)
 
 
-def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[float, float, str]]:
+def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, Estimate]:
     """Named parameters with sigmas: middle and half width of the central 68 % over draws from the coefficients' posterior.
 
     A size, such as a curve's root mean square, is no linear function of coefficients: noise alone makes it larger than zero.
@@ -36,6 +37,6 @@ def _parameters(active: ActiveEffect, setting_sigma: float) -> dict[str, tuple[f
     low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
     said = active.effect.parameters(active.coefficients, active.setting)
     return {
-        name: (float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
+        name: Estimate(float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
         for i, (name, (_, unit)) in enumerate(said.items())
     }

@@ -54,7 +54,8 @@ def without_impossible(pool: Pool, found: Decision, asked: Sequence[Question]) -
 def _outside(cause: Cause, name: str, own: Range, believed: bool) -> Question | None:
     if name not in cause.parameters:
         return None
-    value, sigma, unit = cause.parameters[name]
+    found = cause.parameters[name]
+    value, sigma, unit = found.value, found.sigma, found.unit
     if own.low <= value + DOUBT * sigma and value - DOUBT * sigma <= own.high:
         return None
     return Question(cause.effect, cause.site, name, value, sigma, unit, own.low, own.high, own.why, believed)
