@@ -158,7 +158,9 @@ class Diagnosis:
                     "site": c.site,
                     "probability": c.probability,
                     "class": [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in c.members],
-                    "parameters": {n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in c.parameters.items()},
+                    "parameters": {
+                        n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in c.parameters.items()
+                    },
                     "shrinkage": c.shrinkage,
                 }
                 for c in self.causes

@@ -76,9 +76,7 @@ def named_causes(d: Diagnosis, reach: Mapping[tuple[str, str], str]) -> list[Nam
 
 
 def _named(key: str, c: Cause, reach: str, told: bool) -> NamedCause:
-    rows = [
-        [name.replace("_", " "), quantity(e.value, e.unit, e.sigma)] for name, e in c.parameters.items()
-    ]
+    rows = [[name.replace("_", " "), quantity(e.value, e.unit, e.sigma)] for name, e in c.parameters.items()]
     members = tuple(
         Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == (c.effect, c.site)) for m in c.members
     )
