@@ -163,7 +163,7 @@ def script(content: Mapping[str, Any]) -> Markup:
 
 
 def plain(value: Any) -> Any:
-    """Arrays and numbers as JSON has them, with five digits, which are more than a screen shows; None for what is not finite."""
+    """Arrays and numbers as JSON has them, with five digits: more than a screen shows. None for what is not finite."""
     if isinstance(value, Mapping):
         return {key: plain(one) for key, one in value.items()}
     if isinstance(value, np.ndarray):

@@ -15,14 +15,12 @@ from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import pose_names, shown
 from gtpin.report.residuals import Residuals
+from gtpin.report.show.positions import VIEWS
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 Floats = npt.NDArray[np.float64]
-
-VIEWS = ("xy", "xz", "yz")
-"""Pairs of axes that maps are seen along."""
 
 
 @dataclass(frozen=True)
