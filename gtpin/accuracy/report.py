@@ -22,9 +22,11 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.output.json_text import json_text
 from gtpin.output.results import results_folder
+from gtpin.output.shown import Presentation, Shown
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Drawing
+    from plotly.graph_objects import Figure
 
 Floats = npt.NDArray[np.float64]
 
@@ -43,8 +45,8 @@ COUNTS = (7, 21, 21)
 """Points of the maps along x, y and z."""
 
 
-@dataclass(frozen=True)
-class Accuracy:
+@dataclass(frozen=True, repr=False)
+class Accuracy(Shown):
     """An accuracy analysis.
 
     Parameters
@@ -59,6 +61,16 @@ class Accuracy:
         In words.
     expected
         The errors to expect.
+    seed
+        Of the machines that are drawn.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> from gtpin.accuracy.report import analyse
+    >>> accuracy = analyse(gtpin.read_model("gantry_tau"))
+    >>> accuracy.to_dataframe().columns.tolist()
+    ['parameter', 'link', 'position_mm', 'rotation_rad', 'cost_m4']
     """
 
     model: Model
@@ -67,6 +79,7 @@ class Accuracy:
     uncertainty: Uncertainty
     uncertain: str
     expected: ExpectedError
+    seed: int = 0
 
     @cached_property
     def space(self) -> Workspace:
@@ -101,6 +114,35 @@ class Accuracy:
             "zyz_range": _zyz_range(poses) if turns and well_told(poses.R) else None,
             "dexterity": measures,
         }
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write what ``gtpin sensitivity`` writes: ``sensitivity.csv``, ``accuracy.json``, ``report.html`` and plots.
+
+        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        """
+        from gtpin.report.show.accuracy import save
+
+        save(self, Path(folder), force=force)
+
+    def plot_workspace(self, quantity: str = "position error") -> Figure:
+        """Slices of the workspace, coloured by an expected error or a measure of dexterity.
+
+        ``quantity``: ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
+        """
+        from gtpin.report.workspace_maps import workspace_map
+
+        return workspace_map(self, quantity)
+
+    def plot_parameters(self) -> Figure:
+        """Mean change of the TCP's position by a step in each parameter of each link, as a table."""
+        from gtpin.report.show.accuracy import parameter_table
+
+        return parameter_table(self)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.accuracy import AccuracyPresentation
+
+        return AccuracyPresentation(self)
 
 
 def analyse(
@@ -137,7 +179,7 @@ def analyse(
     uncertain = "as given"
     if uncertainty is None:
         uncertain, uncertainty = _usual_uncertainty(model, sigmas)
-    return Accuracy(model, q, found, uncertainty, uncertain, expected_error(model, q, uncertainty, seed=seed))
+    return Accuracy(model, q, found, uncertainty, uncertain, expected_error(model, q, uncertainty, seed=seed), seed)
 
 
 def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncertainty]:
@@ -176,20 +218,25 @@ def write_sensitivity(
     """
     with results_folder(folder, FILES, force=force) as new:
         found = analyse(model, q, costs=costs, cost_poses=cost_poses, uncertainty=uncertainty, seed=seed)
-        found.sensitivity.to_table().to_csv(new / "sensitivity.csv", index=False, lineterminator="\n")
-        told = json_text(found.to_json())
-        (new / "accuracy.json").write_text(told, encoding="utf-8")
-        try:
-            figures.new_figure(1.0, 1.0)
-        except GtpinError as error:
-            warn(f"no figures: {error}")
-            return found
-        for name, figure in all_figures(found).items():
-            figure.savefig(new / f"{name}.png", metadata={"Software": None})
+        write_accuracy(found, new)
     return found
 
 
-def all_figures(found: Accuracy) -> dict[str, Figure]:
+def write_accuracy(found: Accuracy, new: Path) -> None:
+    """Write an analysis into a new folder; see :func:`write_sensitivity`."""
+    found.sensitivity.to_table().to_csv(new / "sensitivity.csv", index=False, lineterminator="\n")
+    told = json_text(found.to_json())
+    (new / "accuracy.json").write_text(told, encoding="utf-8")
+    try:
+        figures.new_figure(1.0, 1.0)
+    except GtpinError as error:
+        warn(f"no figures: {error}")
+        return
+    for name, figure in all_figures(found).items():
+        figure.savefig(new / f"{name}.png", metadata={"Software": None})
+
+
+def all_figures(found: Accuracy) -> dict[str, Drawing]:
     """The figures of an analysis, by name: bars of the sensitivity, and maps over the box of the poses."""
     model, space = found.model, found.space
     made = {"sensitivity": figures.sensitivity_bars(found.sensitivity)}

@@ -104,15 +104,15 @@ def calibrate(
             )
         _check_actuators(robot, dataset)
         geometry = model_geometry(model, robot, dataset, orientations=orientations)
-        dataset = without_sigmas(dataset)
-    return _calibrated(
-        dataset,
+    found = _calibrated(
+        dataset if model is None else without_sigmas(dataset),
         geometry,
         progress,
         doubt=model is None and not left_out,
         lacking=model is not None,
         kinematics=kinematics,
     )
+    return replace(found, dataset=dataset, paper_model=model)
 
 
 def calibrate_geometry(
@@ -182,7 +182,7 @@ def _calibrated(
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
     lines = tuple(int(line) for line in dataset.row[aside])
     before = settled.fit.problem.start.seen(poses[settled.used])
-    return Calibration.of(settled, before, rejected, lines, instrument)
+    return Calibration.of(settled, before, rejected, lines, instrument, dataset)
 
 
 def _robot_of(dataset: Dataset) -> Robot:

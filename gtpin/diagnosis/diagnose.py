@@ -89,6 +89,7 @@ def diagnose(
     GtpinError
         If the dataset can't be read as one of this robot, or an excluded effect is not known.
     """
+    given = dataset
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
     excluded = check_excluded(exclude, nominal)
     searching = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
@@ -118,7 +119,7 @@ def diagnose(
     if small:
         _warn_of_noise(small)
         undeclared = dataset.instrument.model_copy(update=dict.fromkeys(small))
-        return diagnose(
+        again = diagnose(
             replace(recorded, instrument=undeclared),
             robot,
             exclude=exclude,
@@ -126,6 +127,7 @@ def diagnose(
             seed=seed,
             progress=progress,
         )
+        return replace(again, dataset=given)
     design, pool = evidence.design, evidence.pool
     told = evidence.observed.noise
     noise = replace(
@@ -186,6 +188,8 @@ def diagnose(
             rng=rng,
         ),
         questions=(*asked.impossible, *asked.unusual),
+        dataset=given,
+        seed=seed,
     )
 
 

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
-
-import numpy as np
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.diagnosis.result_json import diagnosis_json
 from gtpin.estimate import Estimate
 from gtpin.model.model import Model
+from gtpin.output.results import results_folder
+from gtpin.output.shown import Presentation, Shown
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 Verdict = Literal["none", "explained", "ambiguous", "unknown"]
 
@@ -115,8 +121,8 @@ class Unexplained:
     could_be: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Shown):
     """Verdict, causes, where the gap lies and how far it shrinks; see ``docs/diagnosis.md``.
 
     Parameters
@@ -129,8 +135,25 @@ class Diagnosis:
         Lines of these rows in their file.
     next_experiment
         What to measure to tell more.
+    dataset
+        The data, as they were given.
     questions
         Parameters that are outside what physics allows or machines have.
+    seed
+        Of the resampling behind intervals.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> diagnosis = gtpin.diagnose(gtpin.Dataset.read("measured"))
+    >>> diagnosis.verdict
+    'explained'
+    >>> cause = diagnosis.causes[0]
+    >>> cause.effect, cause.site
+    ('backlash', 'cart1')
+    >>> half_width = cause.parameters["half_width"]
+    >>> half_width.unit, 0.0 < half_width.sigma < half_width.value
+    ('m', True)
     """
 
     verdict: Verdict
@@ -143,77 +166,69 @@ class Diagnosis:
     model: Model
     set_aside: tuple[str, ...]
     set_aside_rows: tuple[int, ...]
+    dataset: Dataset
     next_experiment: tuple[Experiment, ...] = ()
     questions: tuple[Question, ...] = ()
+    seed: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
-        none = self.verdict == "none"
-        return {
-            "schema": "gtpin-diagnosis/1",
-            "verdict": self.verdict,
-            "causes": [
-                {
-                    "effect": c.effect,
-                    "site": c.site,
-                    "probability": c.probability,
-                    "class": [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in c.members],
-                    "parameters": {
-                        n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in c.parameters.items()
-                    },
-                    "shrinkage": c.shrinkage,
-                }
-                for c in self.causes
-            ],
-            "candidates": [
-                {
-                    "effect": c.effect,
-                    "site": c.site,
-                    "log_evidence": c.log_evidence,
-                    "probability": c.probability,
-                    "testable": c.testable,
-                    "reason": c.reason,
-                }
-                for c in self.candidates
-            ],
-            "where": {
-                "rod": self.where.rod,
-                "site": self.where.site,
-                "axis": self.where.axis,
-                "covariate": self.where.covariate,
-                "region": [{"box": np.asarray(box).tolist(), "share": share} for box, share in self.where.region],
-            },
-            "gap": {
-                "position_rms_before": self.gap.before,
-                "position_rms_after": self.gap.after,
-                "noise_floor": self.gap.floor,
-                "shrinkage": None if none else self.gap.shrinkage,
-                "interval": None if none or self.gap.interval is None else list(self.gap.interval),
-                "method": "four neighbouring poses left out in turn; "
-                "interval: what 120 other poses may show, by the uncertainty of what was fitted",
-            },
-            "unexplained": {
-                "share": self.unexplained.share,
-                "p_value": self.unexplained.p_value,
-                "correlates": [
-                    {"site": site, "covariate": coordinates, "p_value": p}
-                    for site, coordinates, p in self.unexplained.correlates
-                ],
-                "could_be": [{"effect": effect, "site": site} for effect, site in self.unexplained.could_be],
-                "questions": [
-                    {
-                        "effect": q.effect,
-                        "site": q.site,
-                        "parameter": q.parameter,
-                        "value": q.value,
-                        "sigma": q.sigma,
-                        "unit": q.unit,
-                        "expected": [q.low if np.isfinite(q.low) else None, q.high if np.isfinite(q.high) else None],
-                        "why": q.why,
-                        "believed": q.believed,
-                    }
-                    for q in self.questions
-                ],
-            },
-            "next_experiment": [e.to_json() for e in self.next_experiment],
-        }
+        return diagnosis_json(self)
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write what ``gtpin diagnose`` writes: ``diagnosis.json``, ``report.html``, ``baseline/``, ``model/`` and next poses.
+
+        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        """
+        from gtpin.report.files import DIAGNOSIS, write_diagnosis
+
+        with results_folder(Path(folder), DIAGNOSIS, force=force) as new:
+            write_diagnosis(self, new)
+
+    def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:
+        """Residuals against a command (``q1``) or covariate, with what the causes make of them.
+
+        Parameters
+        ----------
+        against
+            The column.
+        component
+            ``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz`` or the travel of an actuator by its site; by default that of the first
+            cause's site, or the axis of which the gap has most.
+        after
+            Show what the geometry with the causes leaves, not what geometry alone leaves.
+        """
+        from gtpin.report.show.diagnosis import residuals_against
+
+        return residuals_against(self, against, component, after=after)
+
+    def plot_effect(self, cause: int = 0, quantity: str | None = None) -> Figure:
+        """The curve of a cause with its 95 % interval, and the measurements less everything else that the model explains.
+
+        Parameters
+        ----------
+        cause
+            Its place in ``causes``.
+        quantity
+            Which of the quantities that it moves, ``travel of cart2`` for example; by default the first that is seen.
+        """
+        from gtpin.report.show.diagnosis import effect_curve
+
+        return effect_curve(self, cause, quantity)
+
+    def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
+        """Position residuals over the workspace, seen along two axes (``xy``, ``xz``, ``yz``), before or after the causes."""
+        from gtpin.report.show.diagnosis import workspace
+
+        return workspace(self, view, after=after)
+
+    def plot_parameters(self) -> Figure:
+        """The table of the causes' parameters."""
+        from gtpin.report.show.diagnosis import parameter_table
+
+        return parameter_table(self)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.diagnosis import DiagnosisPresentation
+
+        return DiagnosisPresentation(self)

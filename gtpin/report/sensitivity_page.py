@@ -57,7 +57,7 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
         numbers=_numbers(told),
         sketch=sketch(machine, model.robot.rod_sites, {}, {}) if machine else None,
         quantities=quantities,
-        table=_table(found),
+        table=step_table(found),
         shares=_shares(found),
         step=found.sensitivity.step,
         dexterity=_dexterity(told["dexterity"]),
@@ -95,7 +95,7 @@ def _numbers(told: Mapping[str, Any]) -> list[tuple[str, str]]:
     return numbers
 
 
-def _table(found: Accuracy) -> Table:
+def step_table(found: Accuracy) -> Table:
     """Mean change of the TCP's position for a step, by parameter and link, µm."""
     moved = 1e6 * found.sensitivity.exact.position / (2.0 * found.sensitivity.poses)
     rows = [

@@ -63,7 +63,7 @@ def workspace(dataset: Dataset, view: str, color: str | None) -> Figure:
     table = DatasetPresentation(dataset).table()
     values = None
     if color is not None:
-        numbers = [name for name in table if table[name].dtype.kind in "fi"]
+        numbers = [str(name) for name in table if table[name].dtype.kind in "fi"]
         if color not in numbers:
             raise DatasetError("no such column of numbers", column=color, hint=f"there are {', '.join(numbers)}")
         values = table[color].to_numpy(dtype=np.float64)
