@@ -48,8 +48,5 @@ def compare(
         write_comparison(comparison, folder, carts=read.carts)
         page = comparison_page(comparison, read, load_robot(read.robot_reference))
         (folder / "report.html").write_text(page, encoding="utf-8")
-    tell(
-        comparison.to_json(),
-        f"{comparison_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}\nOpen {output / 'report.html'}",
-        as_json,
-    )
+    written = f"Written: {output / 'compare.csv'}, {output / 'compare.json'}\nOpen {output / 'report.html'}"
+    tell(comparison.to_json(), f"{comparison_text(comparison)}\n{written}", as_json)

@@ -45,8 +45,5 @@ def sensitivity(
         progress("each parameter at each pose", 0, float("nan"))
         accuracy = write_sensitivity(found, q, folder, seed=seed)
         (folder / "report.html").write_text(sensitivity_page(accuracy, seed=seed), encoding="utf-8")
-    tell(
-        accuracy.to_json(),
-        f"{accuracy_text(accuracy)}\nWritten: {', '.join(str(output / name) for name in WRITTEN)}\nOpen {output / 'report.html'}",
-        as_json,
-    )
+    written = f"Written: {', '.join(str(output / name) for name in WRITTEN)}\nOpen {output / 'report.html'}"
+    tell(accuracy.to_json(), f"{accuracy_text(accuracy)}\n{written}", as_json)

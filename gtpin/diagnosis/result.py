@@ -152,7 +152,7 @@ class Diagnosis(Shown):
     >>> cause.effect, cause.site
     ('backlash', 'cart1')
     >>> half_width = cause.parameters["half_width"]
-    >>> half_width.unit, 0.0 < half_width.sigma < half_width.value
+    >>> half_width.unit, 0.0 < half_width.sigma < abs(half_width.value)
     ('m', True)
     """
 
