@@ -89,6 +89,13 @@ def calibrate(
     -----
     GtpinWarning
         Of poses that are set aside, by name.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> calibration = gtpin.calibrate(gtpin.Dataset.read("measured"))
+    >>> calibration["length[2a]"].unit, len(calibration.names)
+    ('m', 48)
     """
     robot = _robot_of(dataset) if robot is None else robot
     _check_tolerances(dataset)

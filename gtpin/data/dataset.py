@@ -83,8 +83,8 @@ class Dataset(Shown):
     >>> import gtpin
     >>> dataset = gtpin.Dataset.read("measured")
     >>> dataset
-    Dataset of gantry_tau: 65 measured positions and orientations at 60 poses
-    covariates: session, time, approach1, approach2, approach3, temp_frame, temp_link
+    Dataset of gantry_tau: 66 measured positions and orientations at 60 poses
+    covariates: time, temp_frame, temp_link, payload, approach1, approach2, approach3, speed1, speed2, speed3
     >>> dataset.plot_workspace("xz", color="time").layout.xaxis.title.text
     'x (m)'
     """

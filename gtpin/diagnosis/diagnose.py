@@ -88,6 +88,13 @@ def diagnose(
     ------
     GtpinError
         If the dataset can't be read as one of this robot, or an excluded effect is not known.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> diagnosis = gtpin.diagnose(gtpin.Dataset.read("measured"), exclude=["backlash@cart1"])
+    >>> any((cause.effect, cause.site) == ("backlash", "cart1") for cause in diagnosis.causes)
+    False
     """
     given = dataset
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)

@@ -54,6 +54,13 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
     ModelError
         If the model could not be read again: effects that are not registered, numbers that are none; the folder can't be
         written; or, without ``force``, it holds such files.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> gtpin.write_model(gtpin.read_model("gantry_tau"), "nominal")
+    >>> gtpin.read_model("nominal").robot.name
+    'gantry_tau'
     """
     folder = Path(folder)
     file = folder / "model.json"
@@ -107,6 +114,13 @@ def read_model(reference: str | Path) -> Model:
     ------
     GtpinError
         If there is no such model, or it can't be read.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> model = gtpin.read_model("gantry_tau")  # of the nominal geometry
+    >>> model.effects
+    ()
     """
     path = Path(reference)
     if os.path.isdir(path):
