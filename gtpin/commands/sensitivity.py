@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.accuracy.report import FILES, write_sensitivity
+from gtpin.accuracy.files import FILES, write_sensitivity
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, progress_of, tell
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtpin.accuracy.report import Accuracy
+from gtpin.accuracy.analysis import Accuracy
 
 
 def accuracy_text(accuracy: Accuracy) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.accuracy.report import Accuracy
+from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.steps import PARAMETERS
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.expected import mean_length, response
-from gtpin.accuracy.report import Accuracy
 from gtpin.errors import ModelError
 from gtpin.report.embedded import Choice, Plot
 from gtpin.report.figure import alone, figure
 from gtpin.report.palette import SCALE
 from gtpin.report.residual_columns import scale_of
+from gtpin.report.words import typeset
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -67,9 +68,9 @@ def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
         own = _layout()
         own["yaxis"]["scaleanchor"] = f"x{suffix}"
         domain = [k / len(layers), (k + 0.8) / len(layers)]
-        title = f"y (m), at x = {found.space.axes[0][layer]:.2f} m"
+        title = typeset(f"y (m), at x = {found.space.axes[0][layer]:.2f} m")
         layout[f"xaxis{suffix}"] = own["xaxis"] | {"domain": domain, "title": {"text": title}, "anchor": f"y{suffix}"}
-        layout[f"yaxis{suffix}"] = own["yaxis"] | {"anchor": f"x{suffix}"}
+        layout[f"yaxis{suffix}"] = own["yaxis"] | {"anchor": f"x{suffix}", "title": {"text": "" if k else "z (m)"}}
     return alone(figure(traces, layout), f"{quantity.capitalize()} over the workspace")
 
 

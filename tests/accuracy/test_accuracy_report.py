@@ -11,10 +11,11 @@ import pandas as pd
 import pytest
 from accuracy_machines import LINKS, MODEL, commands, other
 
-from gtpin.accuracy import figures, report
+from gtpin.accuracy import analysis, figures, files
+from gtpin.accuracy.analysis import analyse
 from gtpin.accuracy.changes import drawn_measurements, step_change
+from gtpin.accuracy.files import write_sensitivity
 from gtpin.accuracy.planning import plan_poses
-from gtpin.accuracy.report import analyse, write_sensitivity
 from gtpin.calibration.noise import Noise
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
 
@@ -23,7 +24,7 @@ COSTS = dict(zip(LINKS, [2.5e-6, 1.7e-6, 1.5e-6, 4.5e-7, 3.1e-7, 5.7e-7], strict
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "COUNTS", (3, 5, 5))
+    monkeypatch.setattr(analysis, "COUNTS", (3, 5, 5))
 
 
 def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
@@ -44,7 +45,7 @@ def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
 
 
 def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "_maps", lambda *_: {})
+    monkeypatch.setattr(files, "_maps", lambda *_: {})
     for name in ("a", "b"):
         write_sensitivity(MODEL, commands(5), tmp_path / name, costs=COSTS, seed=4)
     for file in (tmp_path / "a").iterdir():
@@ -104,7 +105,7 @@ def test_every_axis_of_every_figure_is_labelled() -> None:
     pytest.importorskip("matplotlib")
     q = commands(12)
     measured = drawn_measurements(MODEL, q, np.full(6, 1e-4))
-    made = report.all_figures(analyse(MODEL, q, costs=COSTS))
+    made = files.all_figures(analyse(MODEL, q, costs=COSTS))
     made["grid"] = figures.orientation_along_grid(MODEL.predict(q), 3)
     made["cost"] = figures.cost_and_position(
         step_change(MODEL, q, measured, "L", "1"), [rod.name for rod in MODEL.robot.rods]

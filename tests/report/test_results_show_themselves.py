@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import gtpin
-from gtpin.accuracy.report import analyse
+from gtpin.accuracy.analysis import analyse
 from gtpin.calibration.compare import compare
 from gtpin.cli import app
 from gtpin.plant import make_case

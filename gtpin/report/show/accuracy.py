@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from gtpin.accuracy.report import FILES, Accuracy, write_accuracy
+from gtpin.accuracy.analysis import Accuracy
+from gtpin.accuracy.files import FILES, write_accuracy
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.accuracy_text import accuracy_text

@@ -21,7 +21,7 @@ from gtpin.report.residual_columns import leading
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
 from gtpin.report.show.table_figure import table_figure
-from gtpin.report.words import chance, length, percent, quantity, typeset
+from gtpin.report.words import chance, length, percent, quantity
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -107,7 +107,7 @@ def parameter_table(d: Diagnosis) -> Figure:
     """The causes' parameters."""
     rows = [
         [c.effect, c.site, chance(c.probability), name.replace("_", " "), quantity(e.value, e.unit, e.sigma)]
-        + [typeset(f"{end:.3g} {e.unit}") for end in e.interval]
+        + [quantity(end, e.unit) for end in e.interval]
         + [percent(c.shrinkage)]
         for c in d.causes
         for name, e in c.parameters.items()

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 ROW = 26
 """Height of a row, in pixels."""
+LEAST = 8
+"""Letters that the narrowest column has room for."""
 MOST = 600
 """Height beyond which the table scrolls."""
 
@@ -25,6 +27,9 @@ def table_figure(table: Table, title: str) -> Figure:
     look = {"align": "left", "line": {"color": LINE}, "font": {"color": INK}, "height": ROW}
     head = {"values": [f"<b>{escaped(name)}</b>" for name in table.head], "fill": {"color": LIGHT["panel"]}}
     cells = {"values": columns, "fill": {"color": LIGHT["paper"]}}
-    made = figure([{"type": "table", "header": head | look, "cells": cells | look}])
+    widths = [
+        max(LEAST, *(len(text) for text in (name, *column))) for name, column in zip(table.head, columns, strict=True)
+    ]
+    made = figure([{"type": "table", "header": head | look, "cells": cells | look, "columnwidth": widths}])
     made.update_layout(height=min(MOST, 120 + ROW * (len(table.rows) + 2)))
     return alone(made, title)
