@@ -16,8 +16,8 @@ for name, case in MACHINES.items():
     print(f"{name}: {diagnosis.verdict}")
     for cause in diagnosis.causes:
         print(f"  {cause.effect} at {cause.site}, probability {cause.probability:.2f}")
-        for parameter, (value, sigma, unit) in cause.parameters.items():
-            print(f"    {parameter} {value:.2e} +- {sigma:.0e} {unit}")
+        for parameter, found in cause.parameters.items():
+            print(f"    {parameter} {found.value:.2e} +- {found.sigma:.0e} {found.unit}")
         print("    could be: ", ", ".join(f"{m.effect} at {m.site} ({m.probability:.2f})" for m in cause.members))
 
     gap = diagnosis.gap  # on poses that were left out of the fit, m

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gtpin.diagnosis.result import Diagnosis
     from gtpin.effects.catalogue import catalogue
     from gtpin.errors import GtpinError, GtpinWarning
+    from gtpin.estimate import Estimate
     from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
     from gtpin.kinematics.poses import Poses
@@ -36,6 +37,7 @@ _HOME = {
     "diagnose": "gtpin.diagnosis.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
     "catalogue": "gtpin.effects.catalogue",
+    "Estimate": "gtpin.estimate",
     "GtpinError": "gtpin.errors",
     "GtpinWarning": "gtpin.errors",
     "geometry_jacobian": "gtpin.kinematics.geometry_jacobian",
@@ -84,6 +86,7 @@ __all__ = [
     "Commands",
     "Dataset",
     "Diagnosis",
+    "Estimate",
     "Frame",
     "Geometry",
     "GtpinError",

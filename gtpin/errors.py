@@ -22,6 +22,15 @@ class GtpinError(Exception):
         Where: the file, its line (1 is the header of a table), its column or key.
     hint
         What to do about it.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> try:
+    ...     gtpin.load_robot("gantry_tao")
+    ... except gtpin.GtpinError as error:
+    ...     print(error.what)
+    no robot is called 'gantry_tao'
     """
 
     def __init__(
@@ -84,7 +93,14 @@ class ConvergenceError(GtpinError):
 
 
 class GtpinWarning(UserWarning):
-    """Something that was noticed, set aside or assumed, and that the user should know."""
+    """Something that was noticed, set aside or assumed, and that the user should know.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import gtpin
+    >>> warnings.simplefilter("error", gtpin.GtpinWarning)  # a warning is an error from here on
+    """
 
 
 def warn(text: str, category: type[Warning] = GtpinWarning) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ import numpy as np
 from gtpin.blind.figures import of_kind
 from gtpin.blind.judged import VISIBLE, Judged
 from gtpin.blind.power import EDGES, matched_filter
-from gtpin.report.page import Plot
+from gtpin.report.embedded import Plot
+from gtpin.report.figure import figure
+from gtpin.report.palette import ACCENT, BAD, DATA, FIT, GOOD, LOW, MID, MYSTERY, WARN, ZERO
 
-COLORS = ("@accent", "@fit", "@good", "@mystery")
+COLORS = (ACCENT, FIT, GOOD, MYSTERY)
 
 
 def plots(result: Mapping[str, Any], cases: Sequence[Judged]) -> dict[str, Plot]:
@@ -40,7 +43,7 @@ def _reliability(told: Mapping[str, Sequence[Mapping[str, Any]]]) -> Plot | None
             "x": [0, 1],
             "y": [0, 1],
             "mode": "lines",
-            "line": {"color": "@zero", "dash": "dot"},
+            "line": {"color": ZERO, "dash": "dot"},
             "showlegend": False,
             "hoverinfo": "skip",
         }
@@ -63,7 +66,11 @@ def _reliability(told: Mapping[str, Sequence[Mapping[str, Any]]]) -> Plot | None
         "yaxis": {"title": {"text": "share right"}, "range": [-0.02, 1.02]},
     }
     caption = "Probabilities of the causes that were named, and of all members of their classes, by tenths; bars: 95 %."
-    return Plot("reliability", "Reliability of the probabilities", traces, layout, caption) if told["causes"] else None
+    return (
+        Plot("reliability", "Reliability of the probabilities", partial(figure, traces, layout), (), caption)
+        if told["causes"]
+        else None
+    )
 
 
 def _power(rows: Sequence[Mapping[str, Any]]) -> Plot | None:
@@ -76,7 +83,7 @@ def _power(rows: Sequence[Mapping[str, Any]]) -> Plot | None:
             "y": [matched_filter(e) for e in grid],
             "mode": "lines",
             "name": "matched filter",
-            "line": {"color": "@zero", "dash": "dot"},
+            "line": {"color": ZERO, "dash": "dot"},
         }
     ]
     for number, color in zip(sorted({row["poses"] for row in rows}), COLORS, strict=False):
@@ -98,7 +105,11 @@ def _power(rows: Sequence[Mapping[str, Any]]) -> Plot | None:
         "yaxis": {"title": {"text": "share detected"}, "range": [-0.02, 1.05]},
     }
     return Plot(
-        "power", "Share detected by energy", traces, layout, "Single effects by energy past geometry; bars: 95 %."
+        "power",
+        "Share detected by energy",
+        partial(figure, traces, layout),
+        (),
+        "Single effects by energy past geometry; bars: 95 %.",
     )
 
 
@@ -118,7 +129,7 @@ def _confusion(told: Mapping[str, Mapping[str, int]]) -> Plot | None:
         "text": counts,
         "texttemplate": "%{text}",
         "showscale": False,
-        "colorscale": [[0, "@low"], [1, "@mid"]],
+        "colorscale": [[0, LOW], [1, MID]],
         "hovertemplate": "%{y} called %{x}: %{text}<extra></extra>",
         "xgap": 1,
         "ygap": 1,
@@ -127,7 +138,14 @@ def _confusion(told: Mapping[str, Mapping[str, int]]) -> Plot | None:
     caption = (
         "Rows: the effect that was there; columns: the leading cause, or the verdict where none was named. Counts."
     )
-    return Plot("confusion", "What single effects were called", [trace], layout, caption, height=130 + 24 * len(told))
+    return Plot(
+        "confusion",
+        "What single effects were called",
+        partial(figure, [trace], layout),
+        (),
+        caption,
+        height=130 + 24 * len(told),
+    )
 
 
 def _shrinkage(cases: Sequence[Judged]) -> Plot | None:
@@ -138,7 +156,7 @@ def _shrinkage(cases: Sequence[Judged]) -> Plot | None:
         "x": [-0.2, 1],
         "y": [-0.2, 1],
         "mode": "lines",
-        "line": {"color": "@zero", "dash": "dot"},
+        "line": {"color": ZERO, "dash": "dot"},
         "showlegend": False,
         "hoverinfo": "skip",
     }
@@ -147,7 +165,7 @@ def _shrinkage(cases: Sequence[Judged]) -> Plot | None:
         "y": [max(c.shrunk.share, -1.0) for c in some if c.shrunk],
         "mode": "markers",
         "name": "cases",
-        "marker": {"color": "@data", "size": 5, "opacity": 0.6},
+        "marker": {"color": DATA, "size": 5, "opacity": 0.6},
         "text": [c.name for c in some],
     }
     layout = {
@@ -156,7 +174,11 @@ def _shrinkage(cases: Sequence[Judged]) -> Plot | None:
         "showlegend": False,
     }
     return Plot(
-        "shrinkage", "Shrinkage said and realised", [line, dots], layout, "One dot a case; below -1 drawn at -1."
+        "shrinkage",
+        "Shrinkage said and realised",
+        partial(figure, [line, dots], layout),
+        (),
+        "One dot a case; below -1 drawn at -1.",
     )
 
 
@@ -165,10 +187,10 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
     if not one:
         return None
     groups = (
-        ("right, alone", "@good"),
-        ("class holds it", "@warn"),
-        ("wrong or unknown", "@bad"),
-        ("not detected", "@data"),
+        ("right, alone", GOOD),
+        ("class holds it", WARN),
+        ("wrong or unknown", BAD),
+        ("not detected", DATA),
     )
     traces = []
     for number, (name, color) in enumerate(groups):
@@ -191,7 +213,7 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
             "xref": "paper",
             "x0": 0,
             "x1": 1,
-            "line": {"color": "@zero", "dash": "dot"},
+            "line": {"color": ZERO, "dash": "dot"},
         }
     ]
     layout = {
@@ -200,7 +222,11 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
         "shapes": lines,
     }
     return Plot(
-        "difficulty", "Energy, and what the best wrong effect leaves", traces, layout, "Single effects; dotted: D = 63."
+        "difficulty",
+        "Energy, and what the best wrong effect leaves",
+        partial(figure, traces, layout),
+        (),
+        "Single effects; dotted: D = 63.",
     )
 
 

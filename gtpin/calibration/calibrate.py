@@ -92,6 +92,13 @@ def calibrate(
     -----
     GtpinWarning
         Of poses that are set aside, by name.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> calibration = gtpin.calibrate(gtpin.Dataset.read("measured"))
+    >>> calibration["length[2a]"].unit, len(calibration.names)
+    ('m', 48)
     """
     robot = _robot_of(dataset) if robot is None else robot
     _check_tolerances(dataset)
@@ -107,15 +114,15 @@ def calibrate(
             )
         _check_actuators(robot, dataset)
         geometry = model_geometry(model, robot, dataset, orientations=orientations)
-        dataset = without_sigmas(dataset)
-    return _calibrated(
-        dataset,
+    found = _calibrated(
+        dataset if model is None else without_sigmas(dataset),
         geometry,
         progress,
         doubt=model is None and not left_out,
         lacking=model is not None,
         kinematics=kinematics,
     )
+    return replace(found, dataset=dataset, paper_model=model)
 
 
 @one_thread()
@@ -187,7 +194,7 @@ def _calibrated(
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
     lines = tuple(int(line) for line in dataset.row[aside])
     before = settled.fit.problem.start.seen(poses[settled.used])
-    return Calibration.of(settled, before, rejected, lines, instrument)
+    return Calibration.of(settled, before, rejected, lines, instrument, dataset)
 
 
 def _robot_of(dataset: Dataset) -> Robot:

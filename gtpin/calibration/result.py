@@ -4,18 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.observability import Direction, Observability, observability
+from gtpin.calibration.result_json import calibration_json
 from gtpin.calibration.rounds import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
+from gtpin.estimate import Estimate
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.output.results import results_folder
+from gtpin.output.shown import Presentation, Shown
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 Floats = npt.NDArray[np.float64]
 
@@ -23,15 +31,8 @@ CORRELATED = 0.7
 """Smallest absolute correlation of two parameters that is listed."""
 
 
-class Estimate(NamedTuple):
-    """A value and its standard deviation."""
-
-    value: float
-    sigma: float
-
-
-@dataclass(frozen=True)
-class Calibration:
+@dataclass(frozen=True, repr=False)
+class Calibration(Shown):
     """A calibrated model, and how much it can be believed.
 
     Parameters
@@ -63,6 +64,21 @@ class Calibration:
         The same for the nominal geometry.
     instrument
         As declared; less what the data show to be wrong, which is estimated instead.
+    dataset
+        The data, as they were given.
+    paper_model
+        Number of the paper's model 1 to 5 whose parameters these are; None for the default parameters.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> calibration = gtpin.calibrate(gtpin.Dataset.read("measured"))
+    >>> length = calibration["length[2a]"]
+    >>> low, high = length.interval
+    >>> low < length.value < high
+    True
+    >>> calibration.to_dataframe().loc["length[2a]", "unit"]
+    'm'
     """
 
     model: Model
@@ -80,6 +96,8 @@ class Calibration:
     residual: Floats
     residual_before: Floats
     instrument: Instrument
+    dataset: Dataset
+    paper_model: int | None = None
 
     @staticmethod
     def of(
@@ -88,6 +106,7 @@ class Calibration:
         rejected: tuple[str, ...],
         rejected_rows: tuple[int, ...],
         instrument: Instrument,
+        dataset: Dataset,
     ) -> Calibration:
         """Sum up the rounds of a calibration.
 
@@ -99,6 +118,8 @@ class Calibration:
             Ids of the poses set aside, and their lines.
         instrument
             As the rounds took it.
+        dataset
+            The data.
         """
         judged, enlarged = settled.fit, settled.excess
         final = settled.refit(enlarged) if enlarged > 1.0 and not settled.tails.heavy else judged
@@ -124,6 +145,7 @@ class Calibration:
             residual=problem.measured.minus(final.point.model.seen(final.point.poses)),
             residual_before=problem.measured.minus(before),
             instrument=instrument,
+            dataset=dataset,
         )
 
     def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
@@ -172,8 +194,8 @@ class Calibration:
 
     def __getitem__(self, name: str) -> Estimate:
         """One parameter's value and sigma, by its name."""
-        value = self.model.geometry[name]
-        return Estimate(value, float(self.sigma[self.names.index(name)]))
+        value, index = self.model.geometry[name], self.names.index(name)
+        return Estimate(value, float(self.sigma[index]), self.model.geometry.parameters[index].unit)
 
     def correlated(self, least: float = CORRELATED) -> list[tuple[str, str, float]]:
         """Pairs of parameters with at least such an absolute correlation, the strongest first."""
@@ -184,55 +206,45 @@ class Calibration:
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``calibration.json``."""
-        before, after = _rms(self.residual_before), _rms(self.residual)
-        return {
-            "schema": "gtpin-calibration/1",
-            "model": "model",
-            "poses": self.poses,
-            "rejected": list(self.rejected),
-            "position_rms_before": before[0],
-            "position_rms_after": after[0],
-            "orientation_rms_before": before[1],
-            "orientation_rms_after": after[1],
-            "chi2_per_dof": self.chi2_per_dof,
-            "iterations": self.iterations,
-            "parameters": [
-                {
-                    "name": p.name,
-                    "value": float(value),
-                    "sigma": float(sigma),
-                    "unit": p.unit,
-                    "nominal": p.nominal,
-                    "tolerance": p.tolerance,
-                    "learned": float(learned),
-                }
-                for p, value, sigma, learned in zip(
-                    self.model.geometry.parameters, self.values, self.sigma, self.learned, strict=True
-                )
-            ],
-            "unobservable": [{"direction": d.weights, "learned": d.learned} for d in self.unobservable],
-            "equivalent_zeros": [
-                {"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in self.zeros
-            ],
-            "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in self.correlated()],
-            "observability": self.observability.indices,
-            "degrees_of_freedom": self.dof,
-            "noise": {
-                "position_sigma": self.noise.position_sigma,
-                "orientation_sigma": self.noise.orientation_sigma if self.residual.shape[1] == 6 else None,
-                "repeatability": self.noise.repeatability,
-                "lack": self.noise.lack,
-                "range_ratio": self.noise.range_ratio if self.noise.sight is not None else None,
-                "source": self.noise.source,
-                "tail_freedom": self.freedom if np.isfinite(self.freedom) else None,
-                "enlarged": self.enlarged,
-            },
-        }
+        return calibration_json(self)
 
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write what ``gtpin calibrate`` writes: ``model/``, ``calibration.json``, ``report.html`` and ``report.txt``.
 
-def _rms(residual: Floats) -> tuple[float, float | None]:
-    """Root mean square length of position (m) and rotation (rad) residuals."""
-    position = float(np.sqrt((residual[:, :3] ** 2).sum(axis=1).mean()))
-    if residual.shape[1] == 3:
-        return position, None
-    return position, float(np.sqrt((residual[:, 3:] ** 2).sum(axis=1).mean()))
+        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        """
+        from gtpin.report.files import CALIBRATION, write_calibration
+
+        with results_folder(Path(folder), CALIBRATION, force=force) as new:
+            write_calibration(self, new)
+
+    def plot_residuals(self, against: str, component: str | None = None) -> Figure:
+        """Residuals against a command (``q1``) or covariate.
+
+        Parameters
+        ----------
+        against
+            The column.
+        component
+            ``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz`` or the travel of an actuator by its site; that of the first by default.
+        """
+        from gtpin.report.show.calibration import residuals_against
+
+        return residuals_against(self, against, component)
+
+    def plot_workspace(self, view: str = "xy") -> Figure:
+        """Position residuals over the workspace, seen along two axes: ``xy``, ``xz`` or ``yz``."""
+        from gtpin.report.show.calibration import workspace
+
+        return workspace(self, view)
+
+    def plot_parameters(self) -> Figure:
+        """The table of the geometry's parameters."""
+        from gtpin.report.show.calibration import parameter_table
+
+        return parameter_table(self)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.calibration import CalibrationPresentation
+
+        return CalibrationPresentation(self)

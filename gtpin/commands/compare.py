@@ -9,10 +9,10 @@ import typer
 from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, tell
 from gtpin.comparison.compare import compare as run_comparison
 from gtpin.comparison.figures import FILES, write_comparison
-from gtpin.comparison.result import Comparison
 from gtpin.data import Dataset
 from gtpin.output.results import results_folder
 from gtpin.report.comparison_page import comparison_page
+from gtpin.report.comparison_text import comparison_text
 from gtpin.robot.library import load_robot
 
 
@@ -48,17 +48,5 @@ def compare(
         write_comparison(comparison, folder, carts=read.carts)
         page = comparison_page(comparison, read, load_robot(read.robot_reference))
         (folder / "report.html").write_text(page, encoding="utf-8")
-    tell(
-        comparison.to_json(),
-        f"{_text(comparison)}\nWritten: {output / 'compare.csv'}, {output / 'compare.json'}\nOpen {output / 'report.html'}",
-        as_json,
-    )
-
-
-def _text(comparison: Comparison) -> str:
-    lines = ["model   mean (95 %)          max     rms    um, held-out position error"]
-    for row, interval in zip(comparison.table().itertuples(), comparison.intervals(), strict=True):
-        low, high = interval["mean_um"] or (float("nan"), float("nan"))
-        mean = f"{row.model:>5}   {row.mean_um:5.0f} ({low:.0f} .. {high:.0f})"
-        lines.append(f"{mean:<28}{row.max_um:6.0f}  {row.rms_um:6.0f}")
-    return "\n".join(lines)
+    written = f"Written: {output / 'compare.csv'}, {output / 'compare.json'}\nOpen {output / 'report.html'}"
+    tell(comparison.to_json(), f"{comparison_text(comparison)}\n{written}", as_json)

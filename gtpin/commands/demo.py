@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from gtpin.commands.calibrate import write_calibration
-from gtpin.commands.diagnose import FILES as DIAGNOSIS
-from gtpin.commands.diagnose import corrections_hint, write_diagnosis
+from gtpin.commands.diagnose import corrections_hint
 from gtpin.commands.terminal import AsJson, Force, Seed, output_path, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
@@ -20,8 +19,8 @@ from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
 from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.truth import Case, truth_names
-from gtpin.report.calibration_page import calibration_page
 from gtpin.report.diagnosis_text import diagnosis_summary
+from gtpin.report.files import DIAGNOSIS, write_calibration, write_diagnosis
 from gtpin.report.words import length
 
 SCENARIO = Path(__file__).with_name("demo.toml")
@@ -49,10 +48,8 @@ def demo(
             case.write(folder, "dataset")
             found = diagnose(case.dataset, seed=seed, progress=progress)
             progress("writing reports", 0, float("nan"))
-            result = write_diagnosis(found, case.dataset, folder, seed)
-            write_calibration(found.baseline, folder / "calibration")
-            page = calibration_page(found.baseline, case.dataset)
-            (folder / "calibration" / "report.html").write_text(page, encoding="utf-8")
+            result = write_diagnosis(found, folder)
+            write_calibration(replace(found.baseline, dataset=case.dataset), folder / "calibration")
         held_out = _held_out(case, found)
     has = ", ".join(f"{truth.effect} at {truth.site}" for truth in case.effects)
     errors = " -> ".join(f"{length(error)} {name}" for name, error in held_out.items())

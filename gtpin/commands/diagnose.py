@@ -7,19 +7,15 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, rendered, tell, write_json
+from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, rendered, tell
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.model.model_folder import write_model
 from gtpin.output.results import results_folder
 from gtpin.report.corrected import sure_corrections
-from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.diagnosis_text import diagnosis_summary
-from gtpin.report.experiments import FOLDER, write_experiments
-
-FILES = ("baseline", "model", "diagnosis.json", "report.html", FOLDER)
+from gtpin.report.files import DIAGNOSIS, write_diagnosis
 
 
 def diagnose(
@@ -42,11 +38,11 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Diagnose the gap between a calibrated geometry and measured poses: where it lies, what causes it, how far it shrinks."""
-    with results_folder(output, FILES, force=force) as folder:
+    with results_folder(output, DIAGNOSIS, force=force) as folder:
         read = Dataset.read(dataset)
         with progress_of("diagnosing") as progress:
             found = run_diagnosis(read, exclude=exclude or (), false_alarm=false_alarm, seed=seed, progress=progress)
-        result = write_diagnosis(found, read, folder, seed)
+        result = write_diagnosis(found, folder)
     written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
     text = rendered(
         diagnosis_summary(found),
@@ -64,17 +60,3 @@ def corrections_hint(found: Diagnosis, output: Path) -> list[str]:
     return [
         f"Corrections for a controller with the calibrated geometry: gtpin export {output / 'model'} -o corrections.csv"
     ]
-
-
-def write_diagnosis(found: Diagnosis, dataset: Dataset, folder: Path, seed: int = 0) -> dict[str, object]:
-    """Write ``baseline/``, ``model/``, ``diagnosis.json``, ``report.html`` and the next experiments' commands.
-
-    Gives what ``diagnosis.json`` holds.
-    """
-    result = found.to_json()
-    write_model(found.baseline.model, folder / "baseline")
-    write_model(found.model, folder / "model")
-    write_json(folder / "diagnosis.json", result)
-    write_experiments(found, dataset, folder)
-    (folder / "report.html").write_text(diagnosis_page(found, dataset, seed=seed), encoding="utf-8")
-    return result

@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from gtpin.accuracy.report import FILES, Accuracy, write_sensitivity
+from gtpin.accuracy.files import FILES, write_sensitivity
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, progress_of, tell
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
+from gtpin.report.accuracy_text import accuracy_text
 from gtpin.report.sensitivity_page import sensitivity_page
 
 WRITTEN = ("sensitivity.csv", "accuracy.json", "report.html")
@@ -44,24 +45,5 @@ def sensitivity(
         progress("each parameter at each pose", 0, float("nan"))
         accuracy = write_sensitivity(found, q, folder, seed=seed)
         (folder / "report.html").write_text(sensitivity_page(accuracy, seed=seed), encoding="utf-8")
-    tell(
-        accuracy.to_json(),
-        f"{_text(accuracy)}\nWritten: {', '.join(str(output / name) for name in WRITTEN)}\nOpen {output / 'report.html'}",
-        as_json,
-    )
-
-
-def _text(accuracy: Accuracy) -> str:
-    told = accuracy.to_json()
-    position, orientation = told["expected"]["position"], told["expected"]["orientation"]
-    lines = [f"Expected error of {told['robot']} over {told['poses']} poses, from {told['uncertainty']}:"]
-    for what, unit, error in (("position", "um", position), ("orientation", "urad", orientation)):
-        if error is None:
-            lines.append(f"  {what:<12} constant: the arm is reduced")
-            continue
-        mean, p95, largest = (error[key] * 1e6 for key in ("mean", "p95", "maximum"))
-        lines.append(
-            f"  {what:<12} mean {mean:.1f} {unit}; 95 % of machines and poses below {p95:.1f} {unit}; "
-            f"largest of a machine, on average, {largest:.1f} {unit}"
-        )
-    return "\n".join(lines)
+    written = f"Written: {', '.join(str(output / name) for name in WRITTEN)}\nOpen {output / 'report.html'}"
+    tell(accuracy.to_json(), f"{accuracy_text(accuracy)}\n{written}", as_json)

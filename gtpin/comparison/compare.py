@@ -76,6 +76,7 @@ def compare(
     GtpinWarning
         Of poses that a model's fit sets aside, by name; the model is judged on them all the same.
     """
+    given = dataset
     robot = load_robot(dataset.robot_reference) if robot is None else robot
     if (cost == "closure" or choice == "validation") and not _closures_known(dataset):
         raise DatasetError(
@@ -98,7 +99,7 @@ def compare(
                     progress(f"model {number}, half {half + 1}", 0, float("nan"))
                 parts.append(trial.held(number, dataset.take(~rows), dataset.take(rows), np.flatnonzero(rows)))
         found.append(Held.joined(parts))
-    return Comparison(tuple(found), seed, cost)
+    return Comparison(tuple(found), seed, cost, given)
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,6 +13,12 @@ import numpy.typing as npt
 
 if TYPE_CHECKING:
     import pandas as pd
+
+from gtpin.data import Dataset
+from gtpin.output.shown import Presentation, Shown
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
@@ -110,8 +117,8 @@ def _interval(values: Sequence[float | None]) -> tuple[float, float] | None:
     return float(low), float(high)
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """The models that the dataset allows, side by side.
 
     Parameters
@@ -122,11 +129,14 @@ class Comparison:
         Of the halves and of the bootstrap.
     cost
         What the models were fitted by.
+    dataset
+        The data, for :meth:`save`; None where the comparison was put together by hand.
     """
 
     held: tuple[Held, ...]
     seed: int
     cost: Cost
+    dataset: Dataset | None = None
 
     def table(self) -> pd.DataFrame:
         """``model, mean_um, max_um, rms_um, orientation_rms_mrad, poses``, one row a model."""
@@ -157,3 +167,29 @@ class Comparison:
                 }
             )
         return {"schema": "gtpin-compare/1", "cost": self.cost, "seed": self.seed, "models": rows}
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write what ``gtpin compare`` writes: ``compare.csv``, ``compare.json``, ``report.html`` and plots.
+
+        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        """
+        from gtpin.report.show.comparison import save
+
+        save(self, Path(folder), force=force)
+
+    def plot_errors(self) -> Figure:
+        """Mean, root mean square and largest position error of each model, with 95 % intervals."""
+        from gtpin.report.show.comparison import errors
+
+        return errors(self)
+
+    def plot_angles(self, angle: str = "alpha") -> Figure:
+        """Errors of an Euler angle (ZYZ: ``alpha``, ``beta``, ``gamma``) at each held-out pose."""
+        from gtpin.report.show.comparison import angles
+
+        return angles(self, angle)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.comparison import ComparisonPresentation
+
+        return ComparisonPresentation(self)

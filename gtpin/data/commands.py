@@ -20,7 +20,7 @@ from gtpin.errors import DatasetError
 from gtpin.output.results import result_file
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Commands:
     """N commanded poses of a robot with n actuators.
 
@@ -41,6 +41,14 @@ class Commands:
     ------
     DatasetError
         Where shapes do not fit, or a value is none that its column can have.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> robot = gtpin.load_robot("gantry_tau")
+    >>> commands = gtpin.Commands(["first", "second"], [robot.home_q, robot.home_q + 0.05])
+    >>> len(commands), commands.q.shape
+    (2, (2, 3))
     """
 
     pose: Ids
@@ -56,6 +64,11 @@ class Commands:
         covariates = rows.covariates(self.covariates, q.shape[1], TAKEN_IN_POSES)
         for name, value in {"pose": pose, "q": q, "covariates": covariates, "row": rows.line}.items():
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return (
+            f"Commands: {len(self)} of {self.q.shape[1]} actuators; covariates: {', '.join(self.covariates) or 'none'}"
+        )
 
     def __len__(self) -> int:
         return len(self.pose)

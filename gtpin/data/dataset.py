@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +32,17 @@ from gtpin.data.table import Column, Floats
 from gtpin.errors import DatasetError, warn
 from gtpin.output.ownership import refuse_foreign, was_moved_aside
 from gtpin.output.results import results_folder, writing
+from gtpin.output.shown import Presentation, Shown
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
 """What a dataset's folder may consist of."""
 
 
-@dataclass(frozen=True, eq=False)
-class Dataset:
+@dataclass(frozen=True, eq=False, repr=False)
+class Dataset(Shown):
     """N measured TCP poses of a robot with n actuators.
 
     Parameters
@@ -72,6 +76,16 @@ class Dataset:
     ------
     DatasetError
         Where shapes do not fit, or a value is none that its column can have.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> dataset = gtpin.Dataset.read("measured")
+    >>> dataset
+    Dataset of gantry_tau: 66 measured positions and orientations at 60 poses
+    covariates: time, temp_frame, temp_link, payload, approach1, approach2, approach3, speed1, speed2, speed3
+    >>> dataset.plot_workspace("xz", color="time").layout.xaxis.title.text
+    'x (m)'
     """
 
     robot: str
@@ -221,6 +235,24 @@ class Dataset:
             write_table(beside / f"poses.{table}", poses | dict(self.covariates))
             if self.carts is not None:
                 self.carts.write(beside / f"carts.{table}")
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write a dataset folder with CSV tables; see :meth:`write`."""
+        self.write(folder, force=force)
+
+    def plot_workspace(self, view: str = "xy", color: str | None = None) -> Figure:
+        """The measured positions, seen along two axes: ``xy``, ``xz`` or ``yz``.
+
+        ``color``: a column of numbers that colours them.
+        """
+        from gtpin.report.show.dataset import workspace
+
+        return workspace(self, view, color)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.dataset import DatasetPresentation
+
+        return DatasetPresentation(self)
 
     def _description(self, robot: str) -> Description:
         return describe(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -81,6 +82,13 @@ def diagnose(
     ------
     GtpinError
         If the dataset can't be read as one of this robot, or an excluded effect is not known.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> diagnosis = gtpin.diagnose(gtpin.Dataset.read("measured"), exclude=["backlash@cart1"])
+    >>> any((cause.effect, cause.site) == ("backlash", "cart1") for cause in diagnosis.causes)
+    False
     """
     nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
     scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, nominal, priors)
@@ -111,7 +119,7 @@ def diagnose(
         unknown=next(((d.site, ",".join(d.over)) for d in fitted.conclusion.doubts if d.over), None),
         rng=rng,
     )
-    return _diagnosis(prepared, settled, fitted, experiments, scope)
+    return replace(_diagnosis(prepared, settled, fitted, experiments, scope), dataset=dataset, seed=seed)
 
 
 def _diagnosis(
@@ -137,6 +145,7 @@ def _diagnosis(
         next_experiment=experiments,
         questions=fitted.questions,
         effects=scope.effects,
+        dataset=prepared.recorded,
     )
 
 

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import Effect
 from gtpin.effects.untestable import Untestable
+from gtpin.estimate import Estimate
 from gtpin.model.model import Model
+from gtpin.output.results import results_folder
+from gtpin.output.shown import Presentation, Shown
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 Verdict = Literal["none", "explained", "ambiguous", "unknown"]
 
@@ -39,7 +47,7 @@ class Cause:
         Its class: itself and what has at least 5 % of its probability; also what can't be tested for lack of a covariate, as
         far as other columns tell that it could stand in.
     parameters
-        By name: value, sigma, unit.
+        By name.
     shrinkage
         Share of the gap's power that goes away with it, beside the other causes.
     """
@@ -48,7 +56,7 @@ class Cause:
     site: str
     probability: float
     members: tuple[Member, ...]
-    parameters: dict[str, tuple[float, float, str]]
+    parameters: dict[str, Estimate]
     shrinkage: float
 
 
@@ -116,8 +124,8 @@ class Unexplained:
     could_be: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Shown):
     """Verdict, causes, where the gap lies and how far it shrinks; see ``docs/diagnosis.md``.
 
     Parameters
@@ -130,10 +138,27 @@ class Diagnosis:
         Lines of these rows in their file.
     next_experiment
         What to measure to tell more.
+    dataset
+        The data, as they were given.
     questions
         Parameters that are outside what physics allows or machines have.
     effects
         Those that were tried.
+    seed
+        Of the resampling behind intervals.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> diagnosis = gtpin.diagnose(gtpin.Dataset.read("measured"))
+    >>> diagnosis.verdict
+    'explained'
+    >>> cause = diagnosis.causes[0]
+    >>> cause.effect, cause.site
+    ('backlash', 'cart1')
+    >>> half_width = cause.parameters["half_width"]
+    >>> half_width.unit, 0.0 < half_width.sigma < abs(half_width.value)
+    ('m', True)
     """
 
     verdict: Verdict
@@ -146,9 +171,11 @@ class Diagnosis:
     model: Model
     set_aside: tuple[str, ...]
     set_aside_rows: tuple[int, ...]
+    dataset: Dataset
     next_experiment: tuple[Experiment, ...] = ()
     questions: tuple[Question, ...] = ()
     effects: tuple[Effect, ...] = field(default_factory=catalogue)
+    seed: int = 0
 
     def effect(self, name: str) -> Effect:
         """The effect that has an id, of those that were tried."""
@@ -159,3 +186,61 @@ class Diagnosis:
         from gtpin.report.diagnosis_json import diagnosis_json  # sentences are made in the report
 
         return diagnosis_json(self)
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write what ``gtpin diagnose`` writes: ``diagnosis.json``, ``report.html``, ``baseline/``, ``model/`` and next poses.
+
+        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        """
+        from gtpin.report.files import DIAGNOSIS, write_diagnosis
+
+        with results_folder(Path(folder), DIAGNOSIS, force=force) as new:
+            write_diagnosis(self, new)
+
+    def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:
+        """Residuals against a command (``q1``) or covariate, with what the causes make of them.
+
+        Parameters
+        ----------
+        against
+            The column.
+        component
+            ``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz`` or the travel of an actuator by its site; by default that of the first
+            cause's site, or the axis of which the gap has most.
+        after
+            Show what the geometry with the causes leaves, not what geometry alone leaves.
+        """
+        from gtpin.report.show.diagnosis import residuals_against
+
+        return residuals_against(self, against, component, after=after)
+
+    def plot_effect(self, cause: int = 0, quantity: str | None = None) -> Figure:
+        """The curve of a cause with its 95 % interval, and the measurements less everything else that the model explains.
+
+        Parameters
+        ----------
+        cause
+            Its place in ``causes``.
+        quantity
+            Which of the quantities that it moves, ``travel of cart2`` for example; by default the first that is seen.
+        """
+        from gtpin.report.show.diagnosis import effect_curve
+
+        return effect_curve(self, cause, quantity)
+
+    def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
+        """Position residuals over the workspace, seen along two axes (``xy``, ``xz``, ``yz``), before or after the causes."""
+        from gtpin.report.show.diagnosis import workspace
+
+        return workspace(self, view, after=after)
+
+    def plot_parameters(self) -> Figure:
+        """The table of the causes' parameters."""
+        from gtpin.report.show.diagnosis import parameter_table
+
+        return parameter_table(self)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.diagnosis import DiagnosisPresentation
+
+        return DiagnosisPresentation(self)

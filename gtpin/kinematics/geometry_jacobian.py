@@ -33,6 +33,13 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
     ------
     ModelError
         If the geometry is not that of the posture's robot.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> robot = gtpin.load_robot("gantry_tau")
+    >>> gtpin.geometry_jacobian(gtpin.home(robot), gtpin.Geometry.nominal(robot)).shape
+    (6, 48)
     """
     robot = posture.robot
     if robot.description.xml != geometry.robot.description.xml or robot.tcp_frame != geometry.robot.tcp_frame:

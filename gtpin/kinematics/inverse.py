@@ -36,6 +36,14 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
         If the TCP can't be brought there.
     ModelError
         If T or R is not of that shape.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> start = gtpin.home(gtpin.load_robot("gantry_tau"))
+    >>> posture = gtpin.reach(start, start.T + [0.0, 0.1, 0.0])
+    >>> print(f"{posture.T[1] - start.T[1]:.6f} m")
+    0.100000 m
     """
     T = np.asarray(T, dtype=float)
     R = None if R is None else np.asarray(R, dtype=float)
@@ -91,6 +99,15 @@ def commands_for(
     ------
     ModelError
         If T, R or ``start`` is not of that shape.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> model = gtpin.read_model("gantry_tau")
+    >>> there = model.kinematics.forward(model.robot.home_q[None])
+    >>> q, poses = gtpin.commands_for(model.kinematics, there.T + [0.0, 0.1, 0.0])
+    >>> q.shape, bool(poses.reached.all())
+    ((1, 3), True)
     """
     _check(T, R)
     home_q = kinematics.geometry.robot.home_q

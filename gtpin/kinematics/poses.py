@@ -3,21 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.rotations import log, to_quaternions
+from gtpin.output.results import result_file
+from gtpin.output.shown import Presentation, Shown
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 Floats = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Poses:
+@dataclass(frozen=True, repr=False)
+class Poses(Shown):
     """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a frame that the maker names.
 
     A pose that could not be computed is NaN throughout.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> model = gtpin.read_model("gantry_tau")
+    >>> poses = model.predict(model.robot.home_q[None])
+    >>> poses.T.shape, poses.R.shape
+    ((1, 3), (1, 3, 3))
+    >>> poses.to_dataframe().columns.tolist()
+    ['x', 'y', 'z', 'qw', 'qx', 'qy', 'qz']
     """
 
     T: Floats
@@ -57,3 +74,24 @@ class Poses:
             part[both, :3] = one.T[both] - two.T[both]
             part[both, 3:] = log(one.R[both] @ np.swapaxes(two.R[both], 1, 2))
         return difference
+
+    def save(self, file: Path | str, *, force: bool = False) -> None:
+        """Write a CSV file with the columns ``pose x y z qw qx qy qz``, as ``gtpin predict`` does; poses count from 1.
+
+        With ``force``, a file that gtpin has not written is moved aside (``NAME.old-1``), and not an error.
+        """
+        table = self.to_dataframe()
+        table.insert(0, "pose", range(1, len(table) + 1))
+        with result_file(Path(file), force=force) as new:
+            table.to_csv(new, index=False, lineterminator="\n")
+
+    def plot_workspace(self, view: str = "xy") -> Figure:
+        """The positions, seen along two axes: ``xy``, ``xz`` or ``yz``."""
+        from gtpin.report.show.positions import position_map
+
+        return position_map(self.T, range(1, len(self) + 1), view, "Positions of the TCP")
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.poses import PosesPresentation
+
+        return PosesPresentation(self)

@@ -43,6 +43,14 @@ class ClosedPosture:
         The home posture, whose assembly mode this one shares; None for the home posture itself.
     steps
         Newton steps that the last solve took.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> robot = gtpin.load_robot("gantry_tau")
+    >>> posture = gtpin.home(robot).moved_to(robot.home_q + [0.05, 0.0, 0.0])
+    >>> posture.jacobian.shape
+    (6, 3)
     """
 
     def __init__(
@@ -214,6 +222,13 @@ def home(robot: Robot) -> ClosedPosture:
         If the loops don't close there.
     AssemblyModeError
         If they close somewhere else than the robot's URDF says.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> posture = gtpin.home(gtpin.load_robot("gantry_tau"))
+    >>> posture.T.shape, posture.R.shape
+    ((3,), (3, 3))
     """
     closing = newton.close(robot, assemble(robot), contraction=1.0)
     if not closing.closed:

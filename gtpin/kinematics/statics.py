@@ -59,6 +59,13 @@ def static_forces(
     ------
     ModelError
         If the robot's loops are redundant, so that statics alone does not give their forces.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> forces = gtpin.static_forces(gtpin.home(gtpin.load_robot("gantry_tau")), payload=10.0)
+    >>> forces.rods.shape, forces.actuators.shape
+    ((6,), (3,))
     """
     robot = posture.robot
     model, data = robot.model, robot.data
@@ -168,6 +175,14 @@ def rod_forces(
     ------
     SingularityError
         If rods can't hold a platform at some pose.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> model = gtpin.read_model("gantry_tau")
+    >>> q = model.robot.home_q[None]
+    >>> gtpin.rod_forces(model.kinematics, q, model.kinematics.forward(q)).shape
+    (1, 6)
     """
     robot = kinematics.geometry.robot
     ends = kinematics.ends(q)

@@ -24,7 +24,16 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the robot's base frame lies in the instrument's frame: T (3,), m, and R (3, 3)."""
+    """Where the robot's base frame lies in the instrument's frame: T (3,), m, and R (3, 3).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtpin
+    >>> frame = gtpin.Frame(T=np.array([0.0, 0.0, 1.5]))
+    >>> frame.R.shape
+    (3, 3)
+    """
 
     T: Floats = field(default_factory=lambda: np.zeros(3))
     R: Floats = field(default_factory=lambda: np.eye(3))
@@ -35,7 +44,7 @@ class Frame:
         return not self.T.any() and bool((np.eye(3) == self.R).all())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """What predicts poses: a geometry, and the frame that the instrument measures in.
 
@@ -53,6 +62,13 @@ class Model:
         (p, p) of the geometry's parameters, m, rad and m/m, where they were identified; None where they are nominal.
     solver
         What solves the closures of a robot with rods: see :func:`~gtpin.kinematics.kinematics.kinematics`.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> model = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+    >>> model.predict(model.robot.home_q[None]).T.shape
+    (1, 3)
     """
 
     geometry: Geometry
@@ -60,6 +76,11 @@ class Model:
     effects: tuple[ActiveEffect, ...] = ()
     covariance: Floats | None = None
     solver: Solver = "arrays"
+
+    def __repr__(self) -> str:
+        effects = ", ".join(active.name for active in self.effects) or "none"
+        known = "nominal" if self.covariance is None else "identified"
+        return f"Model of {self.robot.name}: {known} geometry, effects: {effects}"
 
     @property
     def robot(self) -> Robot:

@@ -57,6 +57,13 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
     ModelError
         If the model could not be read again: an effect that has another's id, numbers that are none; the folder can't be
         written; or, without ``force``, it holds such files.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> gtpin.write_model(gtpin.read_model("gantry_tau"), "nominal")
+    >>> gtpin.read_model("nominal").robot.name
+    'gantry_tau'
     """
     folder = Path(folder)
     file = folder / "model.json"
@@ -112,6 +119,13 @@ def read_model(reference: str | Path, *, effects: Iterable[Effect] = ()) -> Mode
     ------
     GtpinError
         If there is no such model, or it can't be read.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> model = gtpin.read_model("gantry_tau")  # of the nominal geometry
+    >>> model.effects
+    ()
     """
     path, own = Path(reference), {effect.id: effect for effect in effects}
     if os.path.isdir(path):

@@ -12,7 +12,7 @@ from gtpin.report.maps import maps
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import cannot_judge, quality, scatters
-from gtpin.report.residual_plots import ONE_LAYER, against_covariates, components, selection
+from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, selection
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
@@ -34,9 +34,9 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
     """The whole report of a calibration as one HTML file that needs nothing else."""
     robot = calibration.model.robot
     residuals = Residuals.of(dataset, calibration)
-    values, component = components(residuals, residuals.component_names[0])
-    covariates, against = against_covariates(residuals, {}, causes=False)
-    views = maps(residuals)
+    seen, component = components(residuals, residuals.component_names[0])
+    against = against_columns(residuals, {}, seen, (component, ONE_LAYER))
+    views = maps(residuals, ONE_LAYER)
     machine = skeleton(calibration.model)
     moved, parameters = geometry_tables(calibration)
     tone, badge, headline, advice = _verdict(calibration)
@@ -45,7 +45,6 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
         title=f"Calibration of {robot.name}",
         contents=CONTENTS,
         plots={"against": against, "maps": views.plots},
-        columns=values | covariates | views.columns,
         provenance=provenance(dataset, robot),
         robot=robot.name,
         count=len(calibration.names),

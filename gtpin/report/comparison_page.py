@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
-from gtpin.calibration.cart_tracks import Linearity
 from gtpin.comparison.result import Comparison
-from gtpin.data import CartMeasurements, Dataset
-from gtpin.report.page import Plot, Table, render
+from gtpin.data import Dataset
+from gtpin.report.comparison_plots import ANGLES, angles_plot, carts_plot, errors_plot
+from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
-from gtpin.report.residual_plots import shown
 from gtpin.report.words import whole
 from gtpin.robot.robot import Robot
 
@@ -23,21 +18,17 @@ MODELS = {
     4: "full arm, measured tracks",
     5: "full arm, each link on the track that suits it",
 }
-COLORS = {1: "@soft", 2: "@warn", 3: "@accent", 4: "@good", 5: "@fit"}
-FIGURES = {"mean_um": "mean", "rms_um": "root mean square", "max_um": "largest"}
 
 
 def comparison_page(comparison: Comparison, dataset: Dataset, robot: Robot) -> str:
     """The whole report of a comparison as one HTML file that needs nothing else."""
     carts = dataset.carts
-    plots: dict[str, Plot] = {"errors": _errors(comparison)}
-    columns: dict[str, Any] = {}
+    plots = {"errors": errors_plot(comparison)}
     angles = [held for held in comparison.held if held.angles is not None]
     if angles:
-        columns, plots["angles"] = _angles(comparison)
+        plots["angles"] = angles_plot(comparison)
     if carts is not None:
-        cart_columns, plots["carts"] = _carts(carts)
-        columns |= cart_columns
+        plots["carts"] = carts_plot(carts)
     headline, advice = _verdict(comparison)
     contents = [item for item in CONTENTS if item[0] != "angles" or angles]
     return render(
@@ -45,7 +36,6 @@ def comparison_page(comparison: Comparison, dataset: Dataset, robot: Robot) -> s
         title=f"Models of {robot.name} compared",
         contents=contents if carts is None else [*contents[:-1], ("carts", "The carts' tracks"), contents[-1]],
         plots=plots,
-        columns=columns,
         provenance=provenance(dataset, robot, comparison.seed),
         robot=robot.name,
         poses=len(comparison.held[0].position),
@@ -55,6 +45,7 @@ def comparison_page(comparison: Comparison, dataset: Dataset, robot: Robot) -> s
         cost=comparison.cost,
         carts=carts is not None,
         turned=bool(angles),
+        angle=ANGLES,
     )
 
 
@@ -105,74 +96,3 @@ def _table(c: Comparison) -> Table:
             ]
         )
     return Table(head, rows)
-
-
-def _errors(c: Comparison) -> Plot:
-    traces = []
-    for held, ends in zip(c.held, c.intervals(), strict=True):
-        figures = held.figures()
-        values = np.array([figures[name] for name in FIGURES], dtype=float)
-        between = np.array([ends[name] for name in FIGURES], dtype=float)
-        # A resampled maximum never exceeds the one seen, nor need the figure lie amid its interval.
-        bars = {
-            "type": "data",
-            "symmetric": False,
-            "array": np.maximum(between[:, 1] - values, 0.0),
-            "arrayminus": np.maximum(values - between[:, 0], 0.0),
-            "color": "@ink",
-            "thickness": 1.2,
-        }
-        color = {"color": COLORS[held.model]}
-        name = f"model {held.model}"
-        traces.append(
-            {"type": "bar", "name": name, "x": list(FIGURES.values()), "y": values, "error_y": bars, "marker": color}
-        )
-    layout = {"barmode": "group", "yaxis": {"title": {"text": "position error (µm)"}, "rangemode": "tozero"}}
-    return Plot("errors", "Position errors of each model with 95 % intervals", traces, layout, height=360)
-
-
-def _angles(c: Comparison) -> tuple[dict[str, Any], Plot]:
-    """ZYZ Euler angles, measured less predicted, pose by pose."""
-    columns: dict[str, Any] = {}
-    traces = []
-    for held in c.held:
-        if held.angles is None:
-            continue
-        rows = shown(len(held.position))
-        columns["place"] = rows
-        for k, angle in enumerate(("alpha", "beta", "gamma")):
-            columns[f"{angle} {held.model}"] = 1e3 * held.angles[rows, k]
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": f"model {held.model}",
-                "x": "#place",
-                "y": f"#{{angle}} {held.model}",
-                "line": {"width": 1.2, "color": COLORS[held.model]},
-            }
-        )
-    layout = {
-        "xaxis": {"title": {"text": "held-out pose, in the dataset's order"}},
-        "yaxis": {"title": {"text": "${angle} (mrad)"}},
-    }
-    return columns, Plot("angles", "Orientation errors pose by pose", traces, layout, height=340)
-
-
-def _carts(carts: CartMeasurements) -> tuple[dict[str, Any], Plot]:
-    columns: dict[str, Any] = {}
-    traces = []
-    for j in range(carts.n_actuators):
-        line = Linearity.of(carts, j + 1)
-        rows = shown(len(line.q))
-        columns[f"travel {j}"], columns[f"off {j}"] = line.q[rows], 1e6 * line.absolute[rows]
-        traces.append(
-            {"type": "scatter", "mode": "lines", "name": f"cart {j + 1}", "x": f"#travel {j}", "y": f"#off {j}"}
-        )
-    layout = {
-        "xaxis": {"title": {"text": "commanded position (m)"}},
-        "yaxis": {"title": {"text": "off a straight line (µm)"}, "rangemode": "tozero"},
-    }
-    return columns, Plot(
-        "carts", "What a straight line leaves of each cart's measured track", traces, layout, height=320
-    )

@@ -1,44 +1,55 @@
-"""Plots of effects' own curves."""
+"""Figures of effects' own curves."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gtpin.report.effect_curves import WIDE, Curve, Line
-from gtpin.report.page import Plot, escaped
-from gtpin.report.residual_plots import POINTS, scale_of, shown
+from gtpin.estimate import WIDE
+from gtpin.report.effect_curves import Curve, Line
+from gtpin.report.embedded import Plot, escaped
+from gtpin.report.figure import figure
+from gtpin.report.palette import CURVES, DATA
+from gtpin.report.residual_columns import scale_of
+from gtpin.report.residual_plots import POINTS, shown
 from gtpin.report.words import joined, quantity
 
-COLORS = (("@fit", "@band"), ("@accent", "@band2"), ("@good", "@band3"))
-"""Of lines and their bands."""
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
 MOST = 6
 """Curves of an effect that are drawn."""
 
 
-def curve_plots(name: str, found: Sequence[Curve]) -> tuple[dict[str, Any], list[Plot]]:
-    """Columns and plots of an effect's curves, those that are seen first.
+def drawn_curves(found: Sequence[Curve]) -> list[Curve]:
+    """The curves of an effect that are drawn: those that are seen."""
+    return ([curve for curve in found if curve.seen] or list(found[:1]))[:MOST]
+
+
+def curve_plots(name: str, found: Sequence[Curve]) -> list[Plot]:
+    """Plots of an effect's curves.
 
     Parameters
     ----------
     name
         What the plots' names begin with.
     """
-    seen = [curve for curve in found if curve.seen] or list(found[:1])
-    columns: dict[str, Any] = {}
-    plots = []
-    for number, curve in enumerate(seen[:MOST]):
-        plot_name = f"{name}-{number}"
-        traces: list[dict[str, Any]] = []
-        factor, unit = scale_of(np.concatenate([line.y for line in curve.lines]), curve.unit)
-        for k, line in enumerate(curve.lines):
-            key = f"{plot_name} {k}"
-            columns |= _columns(key, line, factor)
-            traces += _traces(key, curve, line, *COLORS[k % len(COLORS)], rank=2 * k + 1)
-        plots.append(Plot(plot_name, _title(curve), traces, _layout(plot_name, curve, factor, unit), height=300))
-    return columns, plots
+    return [
+        Plot(f"{name}-{i}", f"{curve.name} against {curve.x_title}", partial(curve_figure, curve), height=300)
+        for i, curve in enumerate(drawn_curves(found))
+    ]
+
+
+def curve_figure(curve: Curve) -> Figure:
+    """A curve of an effect with its 95 % interval, and the measurements less everything else that the model explains."""
+    factor, unit = scale_of(np.concatenate([line.y for line in curve.lines]), curve.unit)
+    traces: list[dict[str, Any]] = []
+    for k, line in enumerate(curve.lines):
+        traces += _traces(curve, line, factor, *CURVES[k % len(CURVES)], rank=2 * k + 1)
+    return figure(traces, _layout(curve, factor, unit))
 
 
 def curve_notes(found: Sequence[Curve]) -> list[str]:
@@ -68,43 +79,42 @@ def reach(found: Sequence[Curve]) -> str:
     return "; ".join(words)
 
 
-def _columns(key: str, line: Line, factor: float) -> dict[str, Any]:
-    rows = shown(len(line.points_x))
-    thin = shown(len(line.x))
+def _columns(line: Line, factor: float) -> Mapping[str, Any]:
+    rows, thin = shown(len(line.points_x)), shown(len(line.x))
     texts = line.x.dtype == object
     return {
-        f"{key} x": [escaped(str(s)) for s in line.x[thin]] if texts else line.x[thin],
-        f"{key} y": factor * line.y[thin],
-        f"{key} low": factor * (line.y - WIDE * line.sigma)[thin],
-        f"{key} high": factor * (line.y + WIDE * line.sigma)[thin],
-        f"{key} reach": factor * WIDE * line.sigma[thin],
-        f"{key} points x": [escaped(str(s)) for s in line.points_x[rows]] if texts else line.points_x[rows],
-        f"{key} points y": factor * line.points_y[rows],
+        "x": [escaped(str(s)) for s in line.x[thin]] if texts else line.x[thin],
+        "y": factor * line.y[thin],
+        "low": factor * (line.y - WIDE * line.sigma)[thin],
+        "high": factor * (line.y + WIDE * line.sigma)[thin],
+        "reach": factor * WIDE * line.sigma[thin],
+        "points x": [escaped(str(s)) for s in line.points_x[rows]] if texts else line.points_x[rows],
+        "points y": factor * line.points_y[rows],
     }
 
 
-def _traces(key: str, curve: Curve, line: Line, color: str, band: str, rank: int) -> list[dict[str, Any]]:
-    several = len(curve.lines) > 1
+def _traces(curve: Curve, line: Line, factor: float, color: str, band: str, rank: int) -> list[dict[str, Any]]:
+    several, columns = len(curve.lines) > 1, _columns(line, factor)
     points = {
         "type": "scatter",
         "mode": "markers",
-        "x": f"#{key} points x",
-        "y": f"#{key} points y",
+        "x": columns["points x"],
+        "y": columns["points y"],
         "name": "measured",
-        "marker": POINTS | {"color": color if several else "@data"},
+        "marker": POINTS | {"color": color if several else DATA},
         "legendrank": rank + 1,
         "showlegend": len(line.points_x) > 0,
         "hoverinfo": "x+y",
     }
     effect = {
         "type": "scatter",
-        "x": f"#{key} x",
-        "y": f"#{key} y",
+        "x": columns["x"],
+        "y": columns["y"],
         "name": line.label or f"effect, 95 % {'band' if curve.smooth else 'bars'}",
         "legendrank": rank,
     }
     if not curve.smooth:
-        bars = {"type": "data", "array": f"#{key} reach", "color": color, "thickness": 1, "width": 0}
+        bars = {"type": "data", "array": columns["reach"], "color": color, "thickness": 1, "width": 0}
         marks = {"mode": "markers", "marker": {"color": color, "size": 5}, "error_y": bars}
         return [points, effect | marks]
     # The band is filled from its lower edge to the effect and on to the upper edge: so the legend shows the effect on its band.
@@ -113,20 +123,20 @@ def _traces(key: str, curve: Curve, line: Line, color: str, band: str, rank: int
     look = {"mode": "lines", "line": {"color": color, "width": 2.2}}
     return [
         points,
-        edge | {"x": f"#{key} x", "y": f"#{key} low"},
+        edge | {"x": columns["x"], "y": columns["low"]},
         effect | look | filled,
-        edge | filled | {"x": f"#{key} x", "y": f"#{key} high"},
+        edge | filled | {"x": columns["x"], "y": columns["high"]},
     ]
 
 
-def _layout(key: str, curve: Curve, factor: float, unit: str) -> dict[str, Any]:
+def _layout(curve: Curve, factor: float, unit: str) -> dict[str, Any]:
     points = np.concatenate([line.points_y for line in curve.lines])
     ends = np.concatenate([line.y + s * WIDE * line.sigma for line in curve.lines for s in (-1.0, 1.0)])
     # A few points far out shall not flatten the curve.
     inner = np.quantile(points, (0.01, 0.99)) if len(points) else np.zeros(2)
     low, high = min(inner[0], float(ends.min())), max(inner[1], float(ends.max()))
     room = 0.06 * max(high - low, 1e-12)
-    order = {"categoryorder": "array", "categoryarray": f"#{key} 0 x"}
+    order = {"categoryorder": "array", "categoryarray": _columns(curve.lines[0], factor)["x"]}
     kind = {"type": "category", "automargin": "height"} | order if curve.categories else {}
     return {
         "title": {
@@ -144,7 +154,3 @@ def _layout(key: str, curve: Curve, factor: float, unit: str) -> dict[str, Any]:
         "legend": {"traceorder": "normal"},
         "margin": {"t": 58 if len(curve.lines) == 1 else 70},  # room for a legend of two rows
     }
-
-
-def _title(curve: Curve) -> str:
-    return f"{curve.name} against {curve.x_title}"

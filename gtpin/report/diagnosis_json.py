@@ -24,7 +24,9 @@ def diagnosis_json(d: Diagnosis) -> dict[str, Any]:
                 "site": c.site,
                 "probability": c.probability,
                 "class": [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in c.members],
-                "parameters": {n: {"value": v, "sigma": s, "unit": u} for n, (v, s, u) in c.parameters.items()},
+                "parameters": {
+                    n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in c.parameters.items()
+                },
                 "shrinkage": c.shrinkage,
             }
             for c in d.causes

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,23 +14,16 @@ from gtpin.report.corrected import sure_corrections
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.effect_curves import Curve, curves
-from gtpin.report.evidence import Bar, NamedCause, evidence_bars, named_causes, testable_count, untestable
+from gtpin.report.embedded import Choice, Plot
+from gtpin.report.evidence import Bar, evidence_bars, named_causes, testable_count, untestable
 from gtpin.report.experiments import confirmation, experiments
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.maps import maps
-from gtpin.report.page import Plot, render
+from gtpin.report.page import render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import quality
-from gtpin.report.residual_plots import (
-    LAYERS,
-    ONE_LAYER,
-    against_covariates,
-    commanded,
-    components,
-    leading,
-    over_two,
-    selection,
-)
+from gtpin.report.residual_columns import View, commanded, leading
+from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_columns, components, over_two, selection
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
@@ -71,18 +63,23 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
     own_curves = _found_curves(diagnosis, residuals)
     named = named_causes(diagnosis, {key: reach(found) for key, found in own_curves.items()})
     sites = [c.site for c in diagnosis.causes] or [site for site, _, _ in diagnosis.unexplained.correlates]
-    values, component = components(residuals, leading(residuals, sites, diagnosis.where.axis))
-    covariates, against = against_covariates(residuals, diagnosis.where.covariate, bool(named))
-    views = maps(residuals)
-    curve_columns, by_cause = _curves(named, own_curves)
+    seen, component = components(residuals, leading(residuals, sites, diagnosis.where.axis))
+    layers = LAYERS if named else ONE_LAYER
+    against = against_columns(residuals, diagnosis.where.covariate, seen, (component, layers))
+    views = maps(residuals, layers)
+    by_cause = {c.key: curve_plots(c.key, own_curves.get((c.effect, c.site), ())) for c in named}
     bars, others = evidence_bars(diagnosis)
     moved, parameters = geometry_tables(diagnosis.baseline, diagnosis.model if named else None)
     return render(
         "diagnosis.html",
         title=f"{robot.name}: {diagnosis.verdict}",
         contents=[(id_, name) for id_, name in CONTENTS if id_ != "causes" or named],
-        plots={"left": _left(diagnosis, residuals), "against": against, "maps": views.plots, **by_cause},
-        columns=values | covariates | views.columns | curve_columns,
+        plots={
+            "left": _left(diagnosis, residuals, seen, component),
+            "against": against,
+            "maps": views.plots,
+            **by_cause,
+        },
         provenance=provenance(dataset, robot, seed),
         robot=robot.name,
         poses=len(dataset),
@@ -95,7 +92,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         regions=_regions(diagnosis.where),
         component=component,
         selection=selection(residuals),
-        layers=LAYERS if named else ONE_LAYER,
+        layers=layers,
         views=views,
         bars=bars,
         others=others,
@@ -136,30 +133,17 @@ def _sketch(d: Diagnosis) -> str | None:
     return sketch(machine, d.model.robot.rod_sites, site, rod, [c.site for c in d.causes])
 
 
-def _left(d: Diagnosis, residuals: Residuals) -> Plot | None:
-    """What is left over the two commands that it goes with most, if it goes with two."""
+def _left(d: Diagnosis, residuals: Residuals, views: Mapping[str, View], component: Choice) -> Plot | None:
+    """What is left over the two commands that it depends on most, if it depends on two."""
     for _, coordinates, _ in d.unexplained.correlates[:1]:
         commands = coordinates.split(" ")[0].split(",")
         if len(commands) == 2 and all(name in commanded(residuals) for name in commands):
-            return over_two(residuals, *commands)
+            return over_two(residuals, commands[0], commands[1], views, component)
     return None
 
 
 def _found_curves(d: Diagnosis, residuals: Residuals) -> dict[tuple[str, str], tuple[Curve, ...]]:
     return {(active.effect.id, active.site): curves(active, residuals) for active in d.model.effects}
-
-
-def _curves(
-    named: list[NamedCause], found: Mapping[tuple[str, str], tuple[Curve, ...]]
-) -> tuple[dict[str, Any], dict[str, list[Plot]]]:
-    """Columns and plots of each cause's own curves."""
-    columns: dict[str, Any] = {}
-    plots: dict[str, list[Plot]] = {}
-    for cause in named:
-        own = found.get((cause.effect, cause.site), ())
-        own_columns, plots[cause.key] = curve_plots(cause.key, own)
-        columns |= own_columns
-    return columns, plots
 
 
 def _where_bars(where: Where) -> list[tuple[str, list[Bar]]]:

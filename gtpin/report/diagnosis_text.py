@@ -7,6 +7,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from gtpin.diagnosis.result import Cause, Diagnosis, Member
+from gtpin.estimate import Estimate
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.verdict import questions, verdict
 from gtpin.report.words import chance, length, percent, quantity
@@ -35,7 +36,7 @@ def _causes(diagnosis: Diagnosis) -> Table:
     table.add_column("parameters")
     table.add_column("shrinks the gap by", justify="right", no_wrap=True)
     for cause in diagnosis.causes:
-        values = [_value(name, *told) for name, told in cause.parameters.items()]
+        values = [_value(name, estimate) for name, estimate in cause.parameters.items()]
         more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
         name = f"{cause.effect} at {cause.site}"
         table.add_row(name, chance(cause.probability), "\n".join(values[:SHOWN] + more), percent(cause.shrinkage))
@@ -44,8 +45,8 @@ def _causes(diagnosis: Diagnosis) -> Table:
     return table
 
 
-def _value(name: str, value: float, sigma: float, unit: str) -> str:
-    return f"{name.replace('_', ' ')} {quantity(value, unit, sigma)}"
+def _value(name: str, estimate: Estimate) -> str:
+    return f"{name.replace('_', ' ')} {quantity(estimate.value, estimate.unit, estimate.sigma)}"
 
 
 def _gap(diagnosis: Diagnosis) -> list[str]:

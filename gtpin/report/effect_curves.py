@@ -10,14 +10,12 @@ import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
+from gtpin.estimate import WIDE
 from gtpin.report.effect_motions import Motion, motions
 from gtpin.report.residuals import Residuals, fine
 from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
 
 Floats = npt.NDArray[np.float64]
-
-WIDE = 1.96
-"""Standard deviations that a 95 % band reaches to either side."""
 
 
 @dataclass(frozen=True)

@@ -80,9 +80,7 @@ def named_causes(d: Diagnosis, reach: Mapping[tuple[str, str], str]) -> list[Nam
 
 
 def _named(key: str, c: Cause, effect: Effect, reach: str, told: bool) -> NamedCause:
-    rows = [
-        [name.replace("_", " "), quantity(value, unit, sigma)] for name, (value, sigma, unit) in c.parameters.items()
-    ]
+    rows = [[name.replace("_", " "), quantity(e.value, e.unit, e.sigma)] for name, e in c.parameters.items()]
     members = tuple(
         Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == (c.effect, c.site)) for m in c.members
     )
@@ -107,8 +105,8 @@ def _nonlinear(c: Cause, effect: Effect) -> str:
     """What is not linear in a cause, its period or place, in words; its parameters begin with it."""
     if not effect.has_nonlinear:
         return ""
-    name, (value, _, unit) = next(iter(c.parameters.items()))
-    return f"{name.replace('_', ' ')} {quantity(value, unit)}"
+    name, setting = next(iter(c.parameters.items()))
+    return f"{name.replace('_', ' ')} {quantity(setting.value, setting.unit)}"
 
 
 def untestable(candidates: Sequence[Considered]) -> Table:

@@ -3,51 +3,95 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.report.page import Plot
-from gtpin.report.residual_plots import scale_of, shown
+from gtpin.errors import GtpinError
+from gtpin.report.embedded import Choice, Plot
+from gtpin.report.figure import alone, figure
+from gtpin.report.palette import SCALE, ZERO
+from gtpin.report.residual_columns import scale_of
+from gtpin.report.residual_plots import pose_names, shown
 from gtpin.report.residuals import Residuals
+from gtpin.report.show.positions import VIEWS
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 Floats = npt.NDArray[np.float64]
 
-VIEWS = ((0, 1), (0, 2), (1, 2))
-"""Pairs of axes that maps are seen along."""
+
+@dataclass(frozen=True)
+class Scale:
+    """What the maps of a dataset share, whichever layer they show.
+
+    Parameters
+    ----------
+    factor, unit
+        From m to the unit of the colours.
+    top
+        Length, in that unit, from which colours do not change.
+    magnified
+        How many times longer than they are the residuals are drawn.
+    """
+
+    factor: float
+    unit: str
+    top: float
+    magnified: float
+
+    @staticmethod
+    def of(residuals: Residuals) -> Scale:
+        """Of the residuals that geometry alone leaves."""
+        rows = shown(len(residuals))
+        length = np.linalg.norm(residuals.before[rows, :3], axis=1)
+        factor, unit = scale_of(length, "m")
+        top = factor * float(np.quantile(length, 0.98))
+        return Scale(factor, unit, top, _magnification(residuals.poses.T[rows], length))
 
 
 @dataclass(frozen=True)
 class Maps:
-    """Maps seen along each axis, their columns, and what they share: top of the colours, its unit, magnification."""
+    """Maps seen along each axis, and what the page says of them: top of the colours, its unit, magnification."""
 
     plots: tuple[Plot, ...]
-    columns: dict[str, Any]
     top: str
     unit: str
     magnified: str
 
 
-def maps(residuals: Residuals) -> Maps:
-    """Map what is left before and after the causes (columns ``before`` and ``after``)."""
-    rows = shown(len(residuals))
-    T = residuals.poses.T[rows]
-    R = residuals.model.frame.R  # residuals are the instrument's, the map the base frame's
-    before, after = (values[rows, :3] @ R for values in (residuals.before, residuals.after))
-    lengths = np.linalg.norm(np.stack([before, after]), axis=2)
-    factor, unit = scale_of(lengths[0], "m")
-    magnified = _magnification(T, lengths[0])
-    columns: dict[str, Any] = {f"tcp {'xyz'[k]}": T[:, k] for k in range(3)}
-    for name, values, size in (("before", before, lengths[0]), ("after", after, lengths[1])):
-        columns[f"size {name}"] = factor * size
-        ends = T + magnified * values
-        for k in range(3):
-            columns[f"{name} {'xyz'[k]} arrow"] = np.stack(
-                [T[:, k], ends[:, k], np.full(len(T), np.nan)], axis=1
-            ).ravel()
-    top = factor * float(np.quantile(lengths[0], 0.98))
-    return Maps(tuple(_map(a, b, top, unit) for a, b in VIEWS), columns, f"{top:.3g}", unit, f"{magnified:,.0f}")
+def maps(residuals: Residuals, layers: Choice) -> Maps:
+    """Map what is left before and after the causes."""
+    scale = Scale.of(residuals)
+
+    def plot(view: str) -> Plot:
+        def draw(layer: str) -> Figure:
+            return _map(residuals, view, scale, layer == "after")
+
+        return Plot(f"map-{view}", f"Residual map, {view[0]} and {view[1]}", draw, (layers,), height=310)
+
+    return Maps(tuple(map(plot, VIEWS)), f"{scale.top:.3g}", scale.unit, f"{scale.magnified:,.0f}")
+
+
+def residual_map(residuals: Residuals, view: str = "xy", *, after: bool = False) -> Figure:
+    """Position residuals over the workspace, base frame: colours tell their lengths, lines their directions.
+
+    Parameters
+    ----------
+    view
+        The two axes to see: ``xy``, ``xz`` or ``yz``.
+    after
+        Show what is left with the causes, instead of what geometry alone leaves.
+    """
+    if view not in VIEWS:
+        raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
+    scale = Scale.of(residuals)
+    made = _map(residuals, view, scale, after)
+    bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": scale.unit, "side": "right"}}
+    made.update_traces(selector={"mode": "markers"}, marker={"showscale": True, "colorbar": bar})
+    return alone(made, f"Position residuals, directions magnified {scale.magnified:,.0f} times")
 
 
 def _magnification(T: Floats, lengths: Floats) -> float:
@@ -58,31 +102,40 @@ def _magnification(T: Floats, lengths: Floats) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
 
 
-def _map(a: int, b: int, top: float, unit: str) -> Plot:
-    x, y = "xyz"[a], "xyz"[b]
+def _map(residuals: Residuals, view: str, scale: Scale, after: bool) -> Figure:
+    rows = shown(len(residuals))
+    T = residuals.poses.T[rows]
+    # Residuals are the instrument's, the map the base frame's.
+    left = (residuals.after if after else residuals.before)[rows, :3] @ residuals.model.frame.R
+    ends = T + scale.magnified * left
+    x, y = view[0], view[1]
+    a, b = "xyz".index(x), "xyz".index(y)
+    gap = np.full(len(T), np.nan)
     arrows = {
-        "x": f"#{{layer}} {x} arrow",
-        "y": f"#{{layer}} {y} arrow",
+        "x": np.stack([T[:, a], ends[:, a], gap], axis=1).ravel(),
+        "y": np.stack([T[:, b], ends[:, b], gap], axis=1).ravel(),
         "type": "scatter",
         "mode": "lines",
-        "line": {"color": "@zero", "width": 1.2},
+        "line": {"color": ZERO, "width": 1.2},
         "hoverinfo": "skip",
         "connectgaps": False,
     }
-    color = {
-        "colorscale": [[0, "@low"], [0.45, "@mid"], [1, "@high"]],
-        "cmin": 0,
-        "cmax": top,
-        "color": "#size {layer}",
-    }
+    length = scale.factor * np.linalg.norm(left, axis=1)
     points = {
-        "x": f"#tcp {x}",
-        "y": f"#tcp {y}",
+        "x": T[:, a],
+        "y": T[:, b],
         "type": "scatter",
         "mode": "markers",
-        "marker": {"size": 6, "line": {"color": "@zero", "width": 0.5}} | color,
-        "text": "#pose",
-        "hovertemplate": f"pose %{{text}}: %{{marker.color:.3g}} {unit}<extra></extra>",
+        "marker": {
+            "size": 6,
+            "line": {"color": ZERO, "width": 0.5},
+            "colorscale": SCALE,
+            "cmin": 0,
+            "cmax": scale.top,
+            "color": length,
+        },
+        "text": pose_names(residuals),
+        "hovertemplate": f"pose %{{text}}: %{{marker.color:.3g}} {scale.unit}<extra></extra>",
     }
     layout = {
         "xaxis": {"title": {"text": f"{x} (m)"}, "constrain": "domain"},
@@ -90,4 +143,4 @@ def _map(a: int, b: int, top: float, unit: str) -> Plot:
         "showlegend": False,
         "margin": {"t": 10},
     }
-    return Plot(f"map-{x}{y}", f"Residual map, {x} and {y}", [arrows, points], layout, height=310)
+    return figure([arrows, points], layout)

@@ -1,32 +1,30 @@
-"""Plots of what is left of the measurements against each command and covariate, with what the causes make of it on top."""
+"""Figures of residuals against each command and covariate, with what the causes make of them on top."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.report.fit_along import Along, fit_along
-from gtpin.report.page import Choice, Plot, escaped
-from gtpin.report.residuals import AXES, Residuals, evenly
-from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
+from gtpin.report.embedded import Choice, Plot, escaped
+from gtpin.report.figure import alone, figure
+from gtpin.report.palette import DATA, DIVERGING, FIT, INK, ZERO
+from gtpin.report.residual_columns import Column, View, column, columns, commanded, view
+from gtpin.report.residuals import Residuals, evenly
+from gtpin.report.words import coordinate_words
 
-Floats = npt.NDArray[np.float64]
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 MOST = 1500
 """Poses that a plot shows; more of them are thinned evenly."""
 POINTS = {"size": 4.5, "opacity": 0.6}
-FEW = 8
-"""Values up to which a covariate is shown as boxes side by side."""
-GROUPS = 18
-"""Groups of neighbouring poses whose means are drawn."""
 LAYERS = Choice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
 ONE_LAYER = Choice("layer", "Left by", LAYERS.options[:1])
 """Where there are no causes."""
-BEFORE = "layer=before"
-"""The choice for which a trace is drawn: the causes say nothing of the residuals that they themselves leave."""
 
 
 def shown(count: int) -> npt.NDArray[np.intp]:
@@ -43,168 +41,159 @@ def selection(residuals: Residuals) -> str:
     return f"The plots show {drawn:,} of {residuals.used:,} measurements{means}, selected evenly."
 
 
-def scale_of(values: Floats, unit: str) -> tuple[float, str]:
-    """A factor to thousandths or millionths of m or rad, whichever reads better, and the unit's name."""
-    largest = float(np.abs(values).max(initial=0.0))
-    return (1e3, f"m{unit}") if largest >= 2e-3 else (1e6, f"µ{unit}")
+def residual_figure(
+    residuals: Residuals, against: str, component: str, *, causes: bool = False, after: bool = False
+) -> Figure:
+    """Residuals against a column.
+
+    Parameters
+    ----------
+    against
+        A command (``q1``) or covariate.
+    component
+        Along what they are seen: ``x``, ``rx``, ``cart2``, ...
+    causes
+        Whether to draw what the causes make of them.
+    after
+        Show what is left with the causes, instead of what geometry alone leaves.
+    """
+    made = _figure(residuals, column(residuals, against, causes), view(residuals, component), causes, after)
+    made.update_layout(showlegend=True)
+    return alone(made, f"Residuals against {coordinate_words(against)}")
 
 
-def leading(residuals: Residuals, sites: Sequence[str], axes: Mapping[str, float]) -> str:
-    """Along what residuals are seen first: the travel of the first of the sites that has any, else the axis of most share."""
-    for site in sites:
-        if site in residuals.model.robot.sites:
-            return site
-    return max((axis for axis in AXES[: residuals.components]), key=lambda axis: axes.get(axis, 0.0))
+def components(residuals: Residuals, first: str) -> tuple[dict[str, View], Choice]:
+    """Views of the residuals along every component, and the choice between them."""
+    views = {name: view(residuals, name) for name in residuals.component_names}
+    options = sorted(((name, one.title) for name, one in views.items()), key=lambda option: option[0] != first)
+    return views, Choice("component", "Seen along", tuple(options))
 
 
-def components(residuals: Residuals, first: str) -> tuple[dict[str, Any], Choice]:
-    """Columns ``before``, ``after`` and ``before fit`` of every component, and the choice between components."""
-    rows = shown(len(residuals))
-    columns: dict[str, Any] = {"pose": [escaped(str(p)) for p in residuals.dataset.pose[rows]]}
-    options = []
-    for name in residuals.component_names:
-        before, after = residuals.component(name, residuals.before), residuals.component(name, residuals.after)
-        factor, unit = scale_of(before, residuals.unit(name))
-        columns[f"before {name}"] = factor * before[rows]
-        columns[f"after {name}"] = factor * after[rows]
-        columns[f"before fit {name}"] = factor * (before - after)[rows]
-        columns[f"after fit {name}"] = []
-        options.append((name, f"{name} ({unit})" if name in AXES else f"travel of {name} ({unit})"))
-    options.sort(key=lambda option: option[0] != first)
-    return columns, Choice("component", "Seen along", tuple(options))
-
-
-def commanded(residuals: Residuals) -> dict[str, Floats]:
-    """The commands by name: q1 .. qn."""
-    return {f"q{j + 1}": residuals.dataset.q[:, j] for j in range(residuals.dataset.n_actuators)}
-
-
-def over_two(residuals: Residuals, a: str, b: str) -> Plot:
-    """What is left over two commands together, in colour: for what goes with both at once."""
-    color = {"colorscale": [[0, "@accent"], [0.5, "@low"], [1, "@high"]], "cmid": 0, "color": "#after {component}"}
-    bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": "${component}", "side": "right"}}
-    trace = {
-        "x": f"#at {a}",
-        "y": f"#at {b}",
-        "type": "scatter",
-        "mode": "markers",
-        "marker": {"size": 8, "line": {"color": "@zero", "width": 0.5}, "showscale": True, "colorbar": bar} | color,
-        "text": "#pose",
-        "hovertemplate": "%{marker.color:.3g}<br>pose %{text}<extra></extra>",
-    }
-    layout = {"xaxis": {"title": {"text": f"{a} (m)"}}, "yaxis": {"title": {"text": f"{b} (m)"}}, "margin": {"t": 10}}
-    return Plot("left", f"What is left over {a} and {b}", [trace], layout, height=340)
-
-
-def against_covariates(
-    residuals: Residuals, share: Mapping[str, float], causes: bool
-) -> tuple[dict[str, Any], list[Plot]]:
-    """Residuals against each command and covariate that varies: those that a cause goes with first, with its line.
+def against_columns(
+    residuals: Residuals, share: Mapping[str, float], views: Mapping[str, View], follows: tuple[Choice, Choice]
+) -> list[Plot]:
+    """Plots of residuals against each command and covariate that varies.
 
     Parameters
     ----------
     share
-        How telling each is; the most telling come first.
-    causes
-        Whether there are any, whose part is drawn on top.
+        How telling each column is.
+    views
+        By component.
+    follows
+        The choices of component and layer; of two layers, the first has what the causes make of it on top.
     """
-    data = residuals.dataset
-    known: dict[str, npt.NDArray[np.generic]] = dict(commanded(residuals))
-    known |= {name: values for name, values in data.covariates.items() if bool((values != values[0]).any())}
-    few = {name for name, values in known.items() if name == "session" or len(np.unique(values.astype(float))) <= FEW}
-    lines = {name: fit_along(residuals, name) if causes else None for name in known if name not in few}
-    columns: dict[str, Any] = {f"at {name}": q[shown(len(q))] for name, q in commanded(residuals).items()}
-    plots = []
-    for name in sorted(known, key=lambda name: (lines.get(name) is None, -share.get(name, 0.0))):
-        if name in few:
-            columns |= _kinds(name, known[name])
-            plots.append(_boxes(residuals, name, causes))
-        else:
-            columns |= _numbers(residuals, name, known[name].astype(float), lines[name])
-            plots.append(_dots(residuals, name, causes, lines[name] is not None))
-    return columns, plots
+    causes = len(follows[1].options) > 1
 
+    def draw(one: Column, component: str, layer: str) -> Figure:
+        return _figure(residuals, one, views[component], causes, layer == "after")
 
-def _kinds(name: str, values: npt.NDArray[np.generic]) -> dict[str, Any]:
-    """A column of few values: those of the poses, in words, and each once, in order."""
-    words = [escaped(str(v) if name == "session" else typeset(f"{float(v):g}")) for v in values.tolist()]
-    order = dict.fromkeys(words[i] for i in np.argsort(values, kind="stable"))
-    return {f"kind of {name}": [words[i] for i in shown(len(words))], f"kinds of {name}": list(order)}
-
-
-def _numbers(residuals: Residuals, name: str, values: Floats, line: Along | None) -> dict[str, Any]:
-    """A column of numbers, and over it the means of neighbouring poses or the causes' line.
-
-    The line stands in the place of the means, which would smooth a short period away.
-    """
-    columns = {f"at {name}": values[shown(len(residuals))]} | _means(residuals, name, values)
-    if line is not None:
-        columns[f"along {name}"] = line.x
-        for component in residuals.component_names:
-            factor, _ = scale_of(residuals.component(component, residuals.before), residuals.unit(component))
-            columns[f"before {component} along {name}"] = factor * line.fit[component]
-            columns[f"after {component} along {name}"] = []
-            columns[f"before {component} over {name}"] = []
-    return columns
-
-
-def _means(residuals: Residuals, name: str, values: Floats) -> dict[str, Any]:
-    """Means of groups of neighbouring poses; poses of one value are never parted."""
-    count = min(GROUPS, max(1, len(values) // 6))
-    group = np.searchsorted(np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1])), values)
-    groups = [np.flatnonzero(group == k) for k in np.unique(group)]
-    columns: dict[str, Any] = {f"at {name} mean": np.array([values[rows].mean() for rows in groups])}
-    for component in residuals.component_names:
-        for layer, left in (("before", residuals.before), ("after", residuals.after)):
-            seen = residuals.component(component, left)
-            factor, _ = scale_of(residuals.component(component, residuals.before), residuals.unit(component))
-            columns[f"{layer} {component} over {name}"] = factor * np.array([seen[rows].mean() for rows in groups])
-    return columns
-
-
-def _dots(residuals: Residuals, name: str, causes: bool, line: bool) -> Plot:
-    told = {"x": f"#at {name}", "type": "scatter", "mode": "markers", "text": "#pose"}
-    told["hovertemplate"] = f"%{{y}} at {escaped(name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
-    traces: list[dict[str, Any]] = [
-        told | {"y": "#{layer} {component}", "name": "residual", "marker": POINTS | {"color": "@data"}}
+    return [
+        Plot(
+            f"against-{one.name}",
+            f"Residuals against {coordinate_words(one.name)}",
+            partial(draw, one),
+            follows,
+            height=230 if one.line is None else 280,
+            whole=one.line is not None,
+        )
+        for one in columns(residuals, share, causes)
     ]
-    if causes:
-        look = {"name": "what the causes make of it", "meta": BEFORE, "marker": POINTS | {"color": "@fit"}}
-        traces.append(told | look | {"y": "#{layer} fit {component}"})
-    plain = {"type": "scatter", "mode": "lines", "hoverinfo": "skip"}
-    if line:
-        look = {"name": "the same along the column, all else at its middle", "meta": BEFORE}
-        ends = {"x": f"#along {name}", "y": f"#{{layer}} {{component}} along {name}"}
-        traces.append(plain | look | ends | {"line": {"color": "@fit", "width": 1.4}})
-    ends = {"x": f"#at {name} mean", "y": f"#{{layer}} {{component}} over {name}"}
-    traces.append(plain | ends | {"name": "mean of neighbouring poses", "line": {"color": "@ink", "width": 1.6}})
-    return _plot(residuals, name, traces, {}, whole=line)
 
 
-def _boxes(residuals: Residuals, name: str, causes: bool) -> Plot:
-    told = {"x": f"#kind of {name}", "type": "box", "boxpoints": False, "hoverinfo": "y"}
-    look: dict[str, Any] = {"name": "residuals of one value: median, quartiles, ends", "marker": {"color": "@data"}}
-    traces = [told | look | {"y": "#{layer} {component}"}]
-    if causes:
-        look = {"name": "what the causes make of them", "meta": BEFORE, "marker": {"color": "@fit"}}
-        traces.append(told | look | {"y": "#{layer} fit {component}"})
-    order = {"categoryorder": "array", "categoryarray": f"#kinds of {name}"}
-    return _plot(residuals, name, traces, {"type": "category", "automargin": "height"} | order)
+def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: Choice) -> Plot:
+    """What is left over two commands together, in colour: for what depends on both at once."""
+    return Plot("left", f"What is left over {a} and {b}", partial(_over_two, residuals, a, b, views), (component,))
 
 
-def _plot(
-    residuals: Residuals, name: str, traces: list[dict[str, Any]], axis: dict[str, Any], whole: bool = False
-) -> Plot:
-    number = name[1:] if name.startswith("q") else ""
-    turns = number.isdigit() and residuals.model.robot.actuators[int(number) - 1].revolute
-    x_title = escaped(with_unit(name, covariate_unit(name, turns)))
+def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: str) -> Figure:
+    rows, seen, q = shown(len(residuals)), views[component], commanded(residuals)
+    bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": seen.title, "side": "right"}}
+    color = {"colorscale": DIVERGING, "cmid": 0, "color": seen.after[rows], "showscale": True, "colorbar": bar}
+    trace = {
+        "x": q[a][rows],
+        "y": q[b][rows],
+        "type": "scatter",
+        "mode": "markers",
+        "marker": {"size": 8, "line": {"color": ZERO, "width": 0.5}} | color,
+        "text": pose_names(residuals),
+        "hovertemplate": "%{marker.color:.3g}<br>pose %{text}<extra></extra>",
+    }
+    titles = {"xaxis": {"title": {"text": f"{a} (m)"}}, "yaxis": {"title": {"text": f"{b} (m)"}}}
+    return figure([trace], {**titles, "margin": {"t": 10}})
+
+
+def pose_names(residuals: Residuals) -> npt.NDArray[np.object_]:
+    """Ids of the poses that are shown, as plotly takes text."""
+    return np.array([escaped(str(pose)) for pose in residuals.dataset.pose[shown(len(residuals))]], dtype=object)
+
+
+def _figure(residuals: Residuals, against: Column, seen: View, causes: bool, after: bool) -> Figure:
+    rows = shown(len(residuals))
+    left = seen.left("after" if after else "before")
+    made = (seen.before - seen.after)[rows] if causes and not after else None
+    if against.order is not None:
+        traces = _boxes(against, rows, left[rows], made)
+        axis: dict[str, Any] = {"type": "category", "automargin": "height"}
+        axis |= {"categoryorder": "array", "categoryarray": list(against.order)}
+    else:
+        traces = _dots(residuals, against, left[rows], made)
+        if against.line is not None and not after:  # in place of the means, which would smooth a short period away
+            traces.append(_cause_line(against, seen))
+        else:
+            traces.append(_means(against, left))
+        axis = {"hoverformat": ".4g"}
     # Numbers are told in the axes' formats: unlike those of a hover template, they have a true minus sign.
     layout = {
-        "xaxis": {"title": {"text": x_title}, "hoverformat": ".4g"} | axis,
-        "yaxis": {"title": {"text": "${component}"}, "hoverformat": ".3g"},
+        "xaxis": {"title": {"text": against.title}} | axis,
+        "yaxis": {"title": {"text": seen.title}, "hoverformat": ".3g"},
         "showlegend": False,
         "boxmode": "group",
         "margin": {"t": 10},
     }
-    title = f"Residuals against {coordinate_words(name)}"
-    return Plot(f"against-{name}", title, traces, layout, height=280 if whole else 230, whole=whole)
+    return figure(traces, layout)
+
+
+def _dots(residuals: Residuals, against: Column, left: npt.ArrayLike, made: npt.ArrayLike | None) -> list[Any]:
+    told: dict[str, Any] = {"type": "scatter", "mode": "markers", "text": pose_names(residuals)}
+    told["x"] = against.values[shown(len(residuals))]
+    told["hovertemplate"] = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
+    traces = [told | {"y": left, "name": "residual", "marker": POINTS | {"color": DATA}}]
+    if made is not None:
+        traces.append(told | {"y": made, "name": "what the causes make of it", "marker": POINTS | {"color": FIT}})
+    return traces
+
+
+def _boxes(against: Column, rows: npt.NDArray[np.intp], left: npt.ArrayLike, made: npt.ArrayLike | None) -> list[Any]:
+    told: dict[str, Any] = {"x": against.values[rows], "type": "box", "boxpoints": False, "hoverinfo": "y"}
+    name = "residuals of one value: median, quartiles, ends"
+    traces = [told | {"y": left, "name": name, "marker": {"color": DATA}}]
+    if made is not None:
+        traces.append(told | {"y": made, "name": "what the causes make of them", "marker": {"color": FIT}})
+    return traces
+
+
+def _cause_line(against: Column, seen: View) -> dict[str, Any]:
+    assert against.line is not None
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "hoverinfo": "skip",
+        "name": "the same along the column, all else at its middle",
+        "x": against.line.x,
+        "y": seen.factor * against.line.fit[seen.name],
+        "line": {"color": FIT, "width": 1.4},
+    }
+
+
+def _means(against: Column, left: npt.NDArray[np.float64]) -> dict[str, Any]:
+    values = against.values.astype(float)
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "hoverinfo": "skip",
+        "name": "mean of neighbouring poses",
+        "x": np.array([values[rows].mean() for rows in against.groups]),
+        "y": np.array([left[rows].mean() for rows in against.groups]),
+        "line": {"color": INK, "width": 1.6},
+    }

@@ -6,19 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from gtpin.accuracy.expected import mean_length, response
-from gtpin.accuracy.report import Accuracy
+from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.steps import PARAMETERS
-from gtpin.report.page import Choice, Plot, Table, render
+from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
-from gtpin.report.residual_plots import scale_of
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
 from gtpin.report.words import quantity
-
-Floats = npt.NDArray[np.float64]
+from gtpin.report.workspace_maps import slices
 
 CONTENTS = (
     ("maps", "Over the workspace"),
@@ -26,8 +22,6 @@ CONTENTS = (
     ("dexterity", "Dexterity"),
     ("provenance", "Provenance"),
 )
-SLICES = 3
-"""Slices of the workspace that are shown."""
 MEANINGS = {
     "position_gain": ("TCP position per command", "m/m or m/rad"),
     "rotation_gain": ("TCP rotation per command", "rad/m or rad/rad"),
@@ -48,14 +42,13 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
         Of the analysis, for the record.
     """
     model, told = found.model, found.to_json()
-    columns, quantity_choice, plots = _maps(found)
+    quantities, plots = slices(found)
     machine = skeleton(model)
     return render(
         "sensitivity.html",
         title=f"Accuracy of {model.robot.name}",
         contents=CONTENTS,
         plots={"maps": plots},
-        columns=columns,
         provenance=provenance(None, model.robot, seed),
         robot=model.robot.name,
         poses=told["poses"],
@@ -63,8 +56,8 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
         advice=[_greatest(found)],
         numbers=_numbers(told),
         sketch=sketch(machine, model.robot.rod_sites, {}, {}) if machine else None,
-        quantities=quantity_choice,
-        table=_table(found),
+        quantities=quantities,
+        table=step_table(found),
         shares=_shares(found),
         step=found.sensitivity.step,
         dexterity=_dexterity(told["dexterity"]),
@@ -102,7 +95,7 @@ def _numbers(told: Mapping[str, Any]) -> list[tuple[str, str]]:
     return numbers
 
 
-def _table(found: Accuracy) -> Table:
+def step_table(found: Accuracy) -> Table:
     """Mean change of the TCP's position for a step, by parameter and link, µm."""
     moved = 1e6 * found.sensitivity.exact.position / (2.0 * found.sensitivity.poses)
     rows = [
@@ -115,57 +108,6 @@ def _shares(found: Accuracy) -> list[list[float]]:
     """Each cell of the table over the largest."""
     moved = np.nan_to_num(found.sensitivity.exact.position, nan=0.0)
     return [[0.0, *row] for row in (moved / max(float(moved.max()), 1e-300)).tolist()]
-
-
-def _maps(found: Accuracy) -> tuple[dict[str, Any], Choice, list[Plot]]:
-    """Slices orthogonal to the base frame's x, coloured by what the reader chooses."""
-    space = found.space
-    covariance = response(found.model, space.q, found.uncertainty).covariance
-    values: dict[str, tuple[Floats, str]] = {}
-    for name, error, unit in (
-        ("position error", mean_length(covariance[:, :3, :3]), "m"),
-        ("orientation error", mean_length(covariance[:, 3:, 3:]), "rad"),
-    ):
-        if unit == "m" or not found.model.geometry.reduced:
-            factor, prefixed = scale_of(error, unit)
-            values[name] = (factor * error, prefixed)
-    values["condition number"] = (space.dexterity.condition, "")
-    values["distance from singularity"] = (space.dexterity.singularity, "as at home: 1")
-    there = np.flatnonzero(space.reachable.any(axis=(1, 2)))
-    count = min(SLICES, len(there))
-    layers = there[[(2 * i + 1) * len(there) // (2 * count) for i in range(count)]]  # the middles of as many parts
-    x, y, z = space.axes
-    columns: dict[str, Any] = {"grid y": y, "grid z": z}
-    options = []
-    for name, (at, unit) in values.items():
-        grid = space.on_grid(at)
-        finite = at[np.isfinite(at)]
-        columns[f"{name} low"], columns[f"{name} high"] = float(finite.min()), float(finite.max())
-        for number, layer in enumerate(layers):
-            columns[f"{name} {number}"] = grid[layer].T
-        options.append((name, f"{name} ({unit})" if unit else name))
-    plots = [_slice(number, float(x[layer])) for number, layer in enumerate(layers)]
-    return columns, Choice("quantity", "Coloured by", tuple(options)), plots
-
-
-def _slice(number: int, x: float) -> Plot:
-    trace = {
-        "type": "heatmap",
-        "x": "#grid y",
-        "y": "#grid z",
-        "z": f"#{{quantity}} {number}",
-        "zmin": "#{quantity} low",
-        "zmax": "#{quantity} high",
-        "colorscale": [[0, "@low"], [0.45, "@mid"], [1, "@high"]],
-        "colorbar": {"thickness": 9, "outlinewidth": 0},
-        "hovertemplate": "y %{x:.3f} m, z %{y:.3f} m: %{z:.3g}<extra></extra>",
-    }
-    layout = {
-        "xaxis": {"title": {"text": "y (m)"}, "constrain": "domain"},
-        "yaxis": {"title": {"text": "z (m)"}, "scaleanchor": "x", "constrain": "domain"},
-        "margin": {"t": 10},
-    }
-    return Plot(f"slice-{number}", f"Slice of the workspace at x = {x:.2f} m", [trace], layout, f"x = {x:.2f} m", 300)
 
 
 def _dexterity(told: Mapping[str, Any]) -> Table:

@@ -26,7 +26,7 @@ Floats = npt.NDArray[np.float64]
 Arm = Literal["full", "reduced"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Geometry:
     """Values of a robot's geometric parameters.
 
@@ -40,6 +40,16 @@ class Geometry:
         (p,) their values, m, rad or m/m, in the order of ``parameters``.
     tracks
         By rod, the measured track of its cart, or None where the track is straight; empty where all are.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> geometry = gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))
+    >>> len(geometry.names)
+    48
+    >>> longer = geometry.with_values(geometry.values + 1e-4)
+    >>> print(f"{longer['length[2a]'] - geometry['length[2a]']:.4f} m")
+    0.0001 m
     """
 
     robot: Robot
@@ -51,6 +61,9 @@ class Geometry:
         frozen = np.array(self.values, dtype=float)
         frozen.flags.writeable = False
         object.__setattr__(self, "values", frozen)
+
+    def __repr__(self) -> str:
+        return f"Geometry of {self.robot.name}: {len(self.parameters)} parameters"
 
     @staticmethod
     def nominal(

@@ -14,7 +14,14 @@ def _folder() -> Path:
 
 
 def robot_names() -> tuple[str, ...]:
-    """Names of the shipped robots, sorted."""
+    """Names of the shipped robots, sorted.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> "gantry_tau" in gtpin.robot_names()
+    True
+    """
     return tuple(sorted(path.stem for path in _folder().glob("*.urdf")))
 
 

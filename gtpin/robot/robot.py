@@ -34,6 +34,13 @@ class Robot(Chain):
     ------
     RobotError
         If the URDF does not make a robot.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> robot = gtpin.load_robot("gantry_tau")
+    >>> robot.n_actuators, robot.sites, robot.rod_sites
+    (3, ('cart1', 'cart2', 'cart3'), ('link1', 'link2a', 'link2b', 'link3a', 'link3b', 'link3c'))
     """
 
     def __init__(self, description: Description, tcp: str | None = None) -> None:

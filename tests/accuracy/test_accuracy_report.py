@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 from accuracy_machines import LINKS, MODEL, commands, other
 
-from gtpin.accuracy import report
-from gtpin.accuracy.report import analyse, write_sensitivity
+from gtpin.accuracy import analysis, files
+from gtpin.accuracy.analysis import analyse
+from gtpin.accuracy.files import write_sensitivity
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
 from gtpin.output.figure import new_figure
 
@@ -20,7 +21,7 @@ COSTS = dict(zip(LINKS, [2.5e-6, 1.7e-6, 1.5e-6, 4.5e-7, 3.1e-7, 5.7e-7], strict
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "COUNTS", (3, 5, 5))
+    monkeypatch.setattr(analysis, "COUNTS", (3, 5, 5))
 
 
 def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
@@ -41,7 +42,7 @@ def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
 
 
 def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "_maps", lambda *_: {})
+    monkeypatch.setattr(files, "_maps", lambda *_: {})
     for name in ("a", "b"):
         write_sensitivity(MODEL, commands(5), tmp_path / name, costs=COSTS, seed=4)
     for file in (tmp_path / "a").iterdir():
@@ -100,7 +101,7 @@ def test_costs_of_other_links_are_refused() -> None:
 def test_every_axis_of_every_figure_is_labelled() -> None:
     pytest.importorskip("matplotlib")
     q = commands(12)
-    made = report.all_figures(analyse(MODEL, q, costs=COSTS))
+    made = files.all_figures(analyse(MODEL, q, costs=COSTS))
     for figure in made.values():
         assert figure.get_suptitle()
         assert any(axis.get_xlabel() for axis in figure.axes)

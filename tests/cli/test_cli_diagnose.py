@@ -15,9 +15,9 @@ import pytest
 
 import gtpin
 import gtpin.cli
-from gtpin.commands.diagnose import write_diagnosis
 from gtpin.data import Dataset
 from gtpin.plant import make_case
+from gtpin.report.files import write_diagnosis
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a plant holds constant is noticed
 SAMPLES = Path(__file__).parents[3] / "shared" / "samples"
@@ -146,7 +146,7 @@ def again(strong):
 
 def test_the_same_data_twice_give_the_same_bytes(diagnosed, again, strong, tmp_path, tree):
     folder, _ = diagnosed
-    write_diagnosis(again, Dataset.read(strong), tmp_path)
+    write_diagnosis(again, tmp_path)
     first, second = tree(folder), tree(tmp_path)
     names = [name for name in first if name.endswith((".json", ".urdf")) and name != ".gtpin.json"]
     assert {"diagnosis.json", "model/model.json", "baseline/model.json"} <= set(names)

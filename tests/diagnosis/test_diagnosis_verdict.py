@@ -137,8 +137,10 @@ def test_every_effect_at_every_site_is_considered_once(seed, effect):
 def test_parameters_of_a_cause_have_sigmas_and_units(seed, effect):
     for cause in said(seed, effect).causes:
         assert cause.parameters
-        for value, sigma, unit in cause.parameters.values():
-            assert np.isfinite(value)
-            assert np.isfinite(sigma)
-            assert sigma >= 0.0
-            assert unit
+        for found in cause.parameters.values():
+            assert np.isfinite(found.value)
+            assert np.isfinite(found.sigma)
+            assert found.sigma >= 0.0
+            assert found.unit
+            low, high = found.interval
+            assert low <= found.value <= high

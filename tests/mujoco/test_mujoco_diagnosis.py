@@ -37,7 +37,8 @@ def test_the_compliance_found_is_the_springs() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
         diagnosis = diagnose(Day.draw(30, 100).dataset(springs, 30))
-    value, sigma, unit = diagnosis.causes[0].parameters["compliance"]
+    found = diagnosis.causes[0].parameters["compliance"]
+    value, sigma, unit = found.value, found.sigma, found.unit
     assert unit == "m/N"
     assert abs(value - 2e-7) < 3.0 * sigma
     assert sigma < 4e-8

@@ -188,9 +188,9 @@ def test_a_table_that_is_cut_off_has_a_shadow_at_the_edge_behind_which_there_is_
 
 def test_hostile_names_are_shown_as_they_are(opened):
     page = opened("explained")
-    names = page.run("JSON.parse(document.getElementById('columns').textContent).pose")
+    names = page.run("JSON.parse(document.getElementById('shared').textContent).parts.flat()")
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in names
-    assert page.run("document.querySelectorAll('script:not([data-plot]):not(#columns)').length") == 2
+    assert page.run("document.querySelectorAll('script:not([data-plot]):not(#shared)').length") == 2
     assert page.said == []
 
 

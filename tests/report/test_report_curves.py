@@ -13,7 +13,8 @@ from gtpin.effects.rack_periodic import SHORTEST
 from gtpin.report.curve_plots import curve_notes, reach
 from gtpin.report.effect_curves import WIDE, curves
 from gtpin.report.fit_along import fit_along
-from gtpin.report.residual_plots import against_covariates
+from gtpin.report.residual_columns import column, columns
+from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, residual_figure
 from gtpin.report.residuals import Residuals
 
 PERIOD, AMPLITUDE, SIGMA = 0.1, 3e-5, 2e-6
@@ -135,12 +136,14 @@ def test_no_line_is_drawn_along_what_no_cause_goes_with(residuals):
 
 
 def test_the_mean_of_neighbours_does_not_hide_the_causes_line(residuals):
-    columns, plots = against_covariates(residuals, {"q1": 1.0}, causes=True)
-    assert (plots[0].name, plots[0].whole) == ("against-q2", True)
-    assert not any(plot.whole for plot in plots[1:])
-    assert len(columns["before cart2 over q2"]) == 0
-    assert len(columns["after cart2 over q2"]) > 0
-    assert len(columns["before cart2 along q2"]) > 1000
+    found = columns(residuals, {"q1": 1.0}, causes=True)
+    assert [one.name for one in found if one.line is not None] == [found[0].name] == ["q2"]
+    before, after = (residual_figure(residuals, "q2", "cart2", causes=True, after=after) for after in (False, True))
+    lines = {"mean of neighbouring poses", "the same along the column, all else at its middle"}
+    drawn_before, drawn_after = ({t.name: t for t in made.data if t.name in lines} for made in (before, after))
+    assert list(drawn_before) == ["the same along the column, all else at its middle"]
+    assert list(drawn_after) == ["mean of neighbouring poses"]
+    assert len(drawn_before.popitem()[1].x) > 1000
 
 
 @pytest.mark.parametrize("drawn", ["curve", "line"])
@@ -164,18 +167,25 @@ def test_backlash_has_a_line_for_each_direction_along_its_track(residuals):
 
 def test_few_values_of_a_column_stand_in_their_order(residuals):
     covariates = {**residuals.dataset.covariates, "fx": np.resize([10.0, 5.0, -2.5], len(residuals))}
-    columns, _ = against_covariates(
-        replace(residuals, dataset=replace(residuals.dataset, covariates=covariates)), {}, causes=False
-    )
-    assert columns["kinds of fx"] == ["−2.5", "5", "10"]
-    assert columns["kind of fx"][:3] == ["10", "5", "−2.5"]
+    found = column(replace(residuals, dataset=replace(residuals.dataset, covariates=covariates)), "fx")
+    assert found.order == ("−2.5", "5", "10")
+    assert found.values[:3].tolist() == ["10", "5", "−2.5"]
 
 
 def test_poses_of_one_value_are_never_in_two_means(residuals):
     covariates = {**residuals.dataset.covariates, "time": np.maximum(0.0, np.arange(-100.0, len(residuals) - 100.0))}
-    columns, _ = against_covariates(
-        replace(residuals, dataset=replace(residuals.dataset, covariates=covariates)), {}, causes=False
-    )
-    mean = columns["at time mean"]
-    assert len(mean) == len(set(mean.tolist()))
+    found = column(replace(residuals, dataset=replace(residuals.dataset, covariates=covariates)), "time", causes=False)
+    mean = np.array([found.values[rows].mean() for rows in found.groups])
+    assert 1 < len(mean) == len(set(mean.tolist()))
     assert (np.diff(mean) > 0.0).all()
+
+
+def test_a_page_has_the_figures_that_a_user_gets(residuals):
+    plain = replace(residuals, after=residuals.before)
+    views, component = components(plain, "z")
+    plots = {plot.name: plot for plot in against_columns(plain, {}, views, (component, ONE_LAYER))}
+    drawn = plots["against-q1"].figures()[("z", "before")]
+    alone = residual_figure(plain, "q1", "z")
+    assert [trace.to_plotly_json().keys() for trace in drawn.data] == [t.to_plotly_json().keys() for t in alone.data]
+    for one, other in zip(drawn.data, alone.data, strict=True):
+        np.testing.assert_array_equal(one.y, other.y)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gtpin import Geometry, Model, load_robot
-from gtpin.accuracy import report
-from gtpin.accuracy.report import Accuracy, analyse
+from gtpin.accuracy import analysis
+from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
 from gtpin.report.comparison_page import comparison_page
@@ -71,11 +71,11 @@ def test_a_comparison_of_a_dataset_with_carts_shows_their_tracks():
 def accuracy() -> Accuracy:
     q = np.random.default_rng(0).uniform(-0.4, 0.4, (15, 3))
     found = analyse(Model(Geometry.nominal(ROBOT)), q)
-    counts, report.COUNTS = report.COUNTS, (3, 6, 6)
+    counts, analysis.COUNTS = analysis.COUNTS, (3, 6, 6)
     try:
         assert found.space.q.size
     finally:
-        report.COUNTS = counts
+        analysis.COUNTS = counts
     return found
 
 

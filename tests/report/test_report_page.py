@@ -18,7 +18,10 @@ from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.report import page
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.diagnosis_page import diagnosis_page
-from gtpin.report.page import Plot, render
+from gtpin.report.embedded import Choice, Plot, Shared, key_of
+from gtpin.report.figure import figure
+from gtpin.report.page import render
+from gtpin.report.palette import DARK, DATA, FIT, LIGHT
 from gtpin.report.reasons import reason_words
 
 KINDS = ["none", "explained", "ambiguous", "unknown"]
@@ -138,10 +141,61 @@ def test_many_poses_are_thinned_so_that_the_page_stays_small(single):
     assert len(diagnosis_page(single.diagnosis, many).encode()) < 6e6
 
 
+def resolved(value, shared: Shared):
+    """A figure as the page's script reads it: with the shared parts in the place of references."""
+    if isinstance(value, dict) and "ref" in value:
+        return resolved(shared.parts[value["ref"]], shared)
+    if isinstance(value, dict):
+        return {name: resolved(one, shared) for name, one in value.items()}
+    return [resolved(one, shared) for one in value] if isinstance(value, list) else value
+
+
 def test_numbers_that_are_none_are_gaps_and_no_text_ends_a_script():
-    plot = Plot("a", "a", [{"y": np.array([1.0, np.nan, np.inf])}], {"title": {"text": "</script><!--"}})
-    assert "</script" not in str(plot.json)
-    assert json.loads(str(plot.json))["data"][0]["y"] == [1.0, None, None]
+    made = figure([{"y": np.array([1.0, np.nan, np.inf])}], {"title": {"text": "</script><!--"}})
+    shared = Shared()
+    embedded = shared.embed(Plot("a", "a", lambda: made))
+    written = str(embedded.json) + str(shared.json)
+    assert "</script" not in written
+    (drawn,) = json.loads(str(embedded.json))["figures"]
+    assert resolved(drawn, shared)["data"][0]["y"] == [1.0, None, None]
+
+
+def test_a_page_has_a_figure_for_each_combination_of_choices_and_every_array_once():
+    layer, side = Choice("layer", "", (("a", "A"), ("b", "B"))), Choice("side", "", (("x", "X"), ("y", "Y")))
+    common = np.arange(20.0)
+
+    def draw(layer: str, side: str):
+        own = {"a": 1.0, "b": 2.0}[layer] * common ** {"x": 1, "y": 2}[side]
+        return figure([{"x": common, "y": own, "name": "line", "line": {"color": DATA}}])
+
+    shared = Shared()
+    embedded = shared.embed(Plot("p", "p", draw, (layer, side)))
+    told = json.loads(str(embedded.json))
+    assert told["follows"] == [["layer", 2], ["side", 2]]
+    drawn = [resolved(one, shared)["data"][0]["y"][3] for one in told["figures"]]
+    assert drawn == [3.0, 9.0, 6.0, 18.0]
+    assert sum(isinstance(part, list) for part in shared.parts) == 4  # y; x is as one of them
+
+
+def test_the_legend_says_for_which_choice_alone_a_trace_is_drawn():
+    layer = Choice("layer", "", (("a", "A"), ("b", "B")))
+
+    def draw(layer: str):
+        both = {"y": [1.0], "mode": "markers", "name": "both", "marker": {"color": DATA}}
+        return figure(
+            [both, {"y": [2.0], "mode": "lines", "name": "one", "line": {"color": FIT}}][: 1 + (layer == "a")]
+        )
+
+    marks = key_of([Shared().embed(Plot("p", "p", draw, (layer,)))])
+    assert [(mark.name, mark.shape, mark.color, mark.when) for mark in marks] == [
+        ("both", "markers", "data", ""),
+        ("one", "lines", "fit", "layer=a"),
+    ]
+
+
+def test_a_page_finds_every_colour_of_its_figures_by_its_value():
+    assert len(set(LIGHT.values())) == len(LIGHT)
+    assert set(LIGHT) == set(DARK)
 
 
 def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():

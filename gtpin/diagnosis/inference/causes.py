@@ -8,6 +8,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.diagnosis.result import Cause, Member
 from gtpin.effects.active import ActiveEffect
+from gtpin.estimate import Estimate
 from gtpin.model.model import Model as FittedModel
 
 DRAWS = 150
@@ -23,7 +24,7 @@ def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, 
     return Cause(*hypothesis.place, own.probability, reported, parameters, 0.0)
 
 
-def _parameters(active: ActiveEffect, nonlinear_sigma: float) -> dict[str, tuple[float, float, str]]:
+def _parameters(active: ActiveEffect, nonlinear_sigma: float) -> dict[str, Estimate]:
     """Named parameters with sigmas: middle and half width of the central 68 % over draws from the coefficients' posterior.
 
     A size, such as a curve's root mean square, is no linear function of coefficients: noise alone makes it larger than zero.
@@ -38,6 +39,6 @@ def _parameters(active: ActiveEffect, nonlinear_sigma: float) -> dict[str, tuple
     low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
     said = active.effect.parameters(active.coefficients, active.nonlinear)
     return {
-        name: (float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
+        name: Estimate(float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
         for i, (name, (_, unit)) in enumerate(said.items())
     }

@@ -45,7 +45,8 @@ def without_impossible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequ
 def _outside(cause: Cause, name: str, own: Range, believed: bool, priors: Priors) -> Question | None:
     if name not in cause.parameters:
         return None
-    value, sigma, unit = cause.parameters[name]
+    found = cause.parameters[name]
+    value, sigma, unit = found.value, found.sigma, found.unit
     if own.low <= value + priors.implausible * sigma and value - priors.implausible * sigma <= own.high:
         return None
     return Question(cause.effect, cause.site, name, value, sigma, unit, own.low, own.high, own.why, believed)

@@ -1,48 +1,40 @@
 "use strict";
-// Draws the page's plots in its colours. A colour "@name" in a plot is the page's --name; so plots follow light, dark, print.
+// Draws the page's figures. A figure's colour is one of the light palette; the page's --name is drawn, so that figures
+// follow light, dark and print. {"ref": 3} is the part of that number, which figures share.
 (function () {
   const blocks = document.querySelectorAll("script[data-plot]");
-  const style = () => getComputedStyle(document.documentElement);
-  const columns = JSON.parse(document.getElementById("columns").textContent);
+  const shared = JSON.parse(document.getElementById("shared").textContent);
   const choices = [...document.querySelectorAll("[data-choice]")];
-  const chosen = (text, label) => text.replace(/\{(\w+)\}/g, (all, name) => {
-    const choice = choices.find((one) => one.dataset.choice === name);
-    if (!choice) return all;
-    return label ? choice.dataset.label || choice.selectedOptions[0].textContent : choice.value;
-  });
-  // Text that names no color, column or choice is itself.
-  const told = (text, css) => {
-    if (text[0] === "@") return css.getPropertyValue("--" + text.slice(1)).trim() || text;
-    if (text[0] === "$" && text.includes("{")) return chosen(text.slice(1), true);
-    const name = text[0] === "#" ? chosen(text.slice(1), false) : "";
-    return Object.hasOwn(columns, name) ? columns[name] : text;
-  };
-  const colored = (value, css) => {
-    if (typeof value === "string") return told(value, css);
-    if (Array.isArray(value)) return value.map((one) => colored(one, css));
-    if (value && typeof value === "object")
-      return Object.fromEntries(Object.entries(value).map(([key, one]) => [key, colored(one, css)]));
+  const choice = (name) => choices.find((one) => one.dataset.choice === name);
+  const resolved = (value, css, color) => {
+    if (typeof value === "string")
+      return color && Object.hasOwn(shared.palette, value) ? css.getPropertyValue("--" + shared.palette[value]).trim() : value;
+    if (Array.isArray(value)) return value.map((one) => resolved(one, css, color));
+    if (value && typeof value === "object") {
+      if (Object.hasOwn(value, "ref")) {
+        const part = shared.parts[value.ref];
+        return Array.isArray(part) ? part : resolved(part, css, color);
+      }
+      const colored = (key) => key.endsWith("color") || key === "colorscale" || key === "colorway";
+      return Object.fromEntries(Object.entries(value).map(([key, one]) => [key, resolved(one, css, colored(key))]));
+    }
     return value;
-  };
-  const axis = { gridcolor: "@line", zerolinecolor: "@zero", linecolor: "@line", title: { standoff: 8 } };
-  const look = {
-    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", colorway: ["@accent", "@fit", "@good", "@mystery", "@warn", "@bad"],
-    font: { family: "system-ui, sans-serif", size: 12, color: "@ink" }, xaxis: axis, yaxis: axis,
-    hoverlabel: { bgcolor: "@panel", bordercolor: "@line", font: { color: "@ink" } },
-    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
   };
   const config = { responsive: true, displaylogo: false, displayModeBar: "hover", scrollZoom: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
   const draw = (block) => {
-    const css = style(), narrow = window.innerWidth < 736;
-    const plot = colored(JSON.parse(block.textContent), css);
-    plot.layout.template = { layout: colored(look, css) };
-    plot.layout.margin = Object.assign({ l: narrow ? 48 : 58, r: 12, t: 36, b: 46 }, plot.layout.margin);
-    return Plotly.react(document.getElementById("plot-" + block.dataset.plot), plot.data, plot.layout, config);
+    const css = getComputedStyle(document.documentElement), narrow = window.innerWidth < 736;
+    const plot = JSON.parse(block.textContent);
+    // One figure for each combination of options; those of the last choice vary fastest.
+    const number = plot.follows.reduce((all, [name, count]) => all * count + Math.max(choice(name)?.selectedIndex ?? 0, 0), 0);
+    const figure = resolved(plot.figures[number], css, false);
+    figure.layout.template = { layout: resolved(shared.look, css, false) };
+    if (narrow) figure.layout.margin = Object.assign({ l: 48 }, figure.layout.margin);
+    return Plotly.react(document.getElementById("plot-" + block.dataset.plot), figure.data, figure.layout, config);
   };
   // Words that hold for one option of a choice alone: data-when="choice=option".
   const tell = () => document.querySelectorAll("[data-when]").forEach((words) => {
     const [name, option] = words.dataset.when.split("=");
-    words.hidden = chosen("{" + name + "}", false) !== option;
+    words.hidden = choice(name).value !== option;
   });
   // One plot at a time, so that the page can be read and scrolled meanwhile; `data-drawn` tells when all are there.
   let round = 0;
@@ -65,9 +57,9 @@
   };
   drawAll();
   // Selects of one name show one choice, wherever they stand.
-  for (const choice of choices)
-    choice.addEventListener("change", () => {
-      for (const other of choices) if (other.dataset.choice === choice.dataset.choice) other.value = choice.value;
+  for (const one of choices)
+    one.addEventListener("change", () => {
+      for (const other of choices) if (other.dataset.choice === one.dataset.choice) other.value = one.value;
       drawAll();
     });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);

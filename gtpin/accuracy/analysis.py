@@ -1,4 +1,4 @@
-"""What ``gtpin sensitivity`` writes: a table, expected errors as JSON, and figures."""
+"""An accuracy analysis: the sensitivity to each parameter, and the errors to expect over the workspace."""
 
 from __future__ import annotations
 
@@ -11,42 +11,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy import figures
 from gtpin.accuracy.dexterity import dexterity
-from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error, mean_length, response
+from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, workspace
-from gtpin.errors import GtpinError, ModelError, warn
+from gtpin.errors import ModelError
 from gtpin.kinematics.euler import well_told, zyz
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-from gtpin.output.figure import new_figure
-from gtpin.output.json_text import json_text
-from gtpin.output.results import results_folder
+from gtpin.output.shown import Presentation, Shown
 from gtpin.threads import one_thread
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from plotly.graph_objects import Figure
 
 Floats = npt.NDArray[np.float64]
 
 SCHEMA = "gtpin-accuracy/1"
-FILES = (
-    "sensitivity.csv",
-    "accuracy.json",
-    "sensitivity.png",
-    "map_position.png",
-    "map_orientation.png",
-    "map_condition.png",
-    "map_singularity.png",
-)
-"""What ``write_sensitivity`` may write."""
 COUNTS = (7, 21, 21)
 """Points of the maps along x, y and z."""
 
 
-@dataclass(frozen=True)
-class Accuracy:
+@dataclass(frozen=True, repr=False)
+class Accuracy(Shown):
     """An accuracy analysis.
 
     Parameters
@@ -61,6 +48,16 @@ class Accuracy:
         In words.
     expected
         The errors to expect.
+    seed
+        Of the machines that are drawn.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> from gtpin.accuracy.analysis import analyse
+    >>> accuracy = analyse(gtpin.read_model("gantry_tau"))
+    >>> accuracy.to_dataframe().columns.tolist()
+    ['parameter', 'link', 'position_mm', 'rotation_rad', 'cost_m4']
     """
 
     model: Model
@@ -69,6 +66,7 @@ class Accuracy:
     uncertainty: Uncertainty
     uncertain: str
     expected: ExpectedError
+    seed: int = 0
 
     @cached_property
     def space(self) -> Workspace:
@@ -103,6 +101,35 @@ class Accuracy:
             "zyz_range": _zyz_range(poses) if turns and well_told(poses.R) else None,
             "dexterity": measures,
         }
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write what ``gtpin sensitivity`` writes: ``sensitivity.csv``, ``accuracy.json``, ``report.html`` and plots.
+
+        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        """
+        from gtpin.report.show.accuracy import save
+
+        save(self, Path(folder), force=force)
+
+    def plot_workspace(self, quantity: str = "position error") -> Figure:
+        """Slices of the workspace, coloured by an expected error or a measure of dexterity.
+
+        ``quantity``: ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
+        """
+        from gtpin.report.workspace_maps import workspace_map
+
+        return workspace_map(self, quantity)
+
+    def plot_parameters(self) -> Figure:
+        """Mean change of the TCP's position by a step in each parameter of each link, as a table."""
+        from gtpin.report.show.accuracy import parameter_table
+
+        return parameter_table(self)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.accuracy import AccuracyPresentation
+
+        return AccuracyPresentation(self)
 
 
 @one_thread()
@@ -140,7 +167,7 @@ def analyse(
     uncertain = "as given"
     if uncertainty is None:
         uncertain, uncertainty = _usual_uncertainty(model, sigmas)
-    return Accuracy(model, q, found, uncertainty, uncertain, expected_error(model, q, uncertainty, seed=seed))
+    return Accuracy(model, q, found, uncertainty, uncertain, expected_error(model, q, uncertainty, seed=seed), seed)
 
 
 def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncertainty]:
@@ -149,75 +176,6 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
     if model.covariance is not None:
         return "covariance of the calibration", Uncertainty(model.covariance)
     return "manufacturing tolerances", Uncertainty(np.diag(model.geometry.tolerance**2))
-
-
-def write_sensitivity(
-    model: Model,
-    q: Floats | None,
-    folder: Path,
-    *,
-    costs: Mapping[str, float] | None = None,
-    cost_poses: int = 61,
-    uncertainty: Uncertainty | None = None,
-    seed: int = 0,
-    force: bool = False,
-) -> Accuracy:
-    """Write ``sensitivity.csv``, ``accuracy.json`` and figures into a folder; see :func:`analyse` for the rest.
-
-    With ``force``, files of these names that gtpin has not written, or that were changed since, are moved aside
-    (``NAME.old-1``).
-
-    Raises
-    ------
-    GtpinError
-        If, without ``force``, there are such files, or the folder can't be written.
-
-    Warns
-    -----
-    GtpinWarning
-        If matplotlib is missing: there are no figures then.
-    """
-    with results_folder(folder, FILES, force=force) as new:
-        found = analyse(model, q, costs=costs, cost_poses=cost_poses, uncertainty=uncertainty, seed=seed)
-        found.sensitivity.to_table().to_csv(new / "sensitivity.csv", index=False, lineterminator="\n")
-        told = json_text(found.to_json())
-        (new / "accuracy.json").write_text(told, encoding="utf-8")
-        try:
-            new_figure(1.0, 1.0)
-        except GtpinError as error:
-            warn(f"no figures: {error}")
-            return found
-        for name, figure in all_figures(found).items():
-            figure.savefig(new / f"{name}.png", metadata={"Software": None})
-    return found
-
-
-def all_figures(found: Accuracy) -> dict[str, Figure]:
-    """The figures of an analysis, by name: bars of the sensitivity, and maps over the box of the poses."""
-    model, space = found.model, found.space
-    made = {"sensitivity": figures.sensitivity_bars(found.sensitivity)}
-    for name, (values, unit, title) in _maps(found, space).items():
-        if name == "orientation" and model.geometry.reduced:
-            continue  # its plate never turns
-        made[f"map_{name}"] = figures.workspace_map(space, values, title, unit)
-    return made
-
-
-def _maps(found: Accuracy, space: Workspace) -> dict[str, tuple[Floats, str, str]]:
-    covariance = response(found.model, space.q, found.uncertainty).covariance
-    position, orientation = mean_length(covariance[:, :3, :3]), mean_length(covariance[:, 3:, 3:])
-    at = space.dexterity
-    return {
-        "position": (*_small(position, "m"), f"Expected position error ({found.uncertain})"),
-        "orientation": (*_small(orientation, "rad"), f"Expected orientation error ({found.uncertain})"),
-        "condition": (at.condition, "largest / smallest gain", "Condition number of TCP position by commands"),
-        "singularity": (at.singularity, "smallest singular value / at home", "Distance from singularity"),
-    }
-
-
-def _small(values: Floats, unit: str) -> tuple[Floats, str]:
-    """Values in thousandths or millionths of a unit, whichever reads better."""
-    return (1e3 * values, f"m{unit}") if values.max() >= 1e-3 else (1e6 * values, f"u{unit}")
 
 
 def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:

@@ -1,0 +1,73 @@
+"""A calibration as JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from gtpin.calibration.result import Calibration
+
+Floats = npt.NDArray[np.float64]
+
+
+def calibration_json(calibration: Calibration) -> dict[str, Any]:
+    """The content of ``calibration.json``."""
+    before, after = _rms(calibration.residual_before), _rms(calibration.residual)
+    return {
+        "schema": "gtpin-calibration/1",
+        "model": "default" if calibration.paper_model is None else calibration.paper_model,
+        "poses": calibration.poses,
+        "rejected": list(calibration.rejected),
+        "position_rms_before": before[0],
+        "position_rms_after": after[0],
+        "orientation_rms_before": before[1],
+        "orientation_rms_after": after[1],
+        "chi2_per_dof": calibration.chi2_per_dof,
+        "iterations": calibration.iterations,
+        "parameters": [
+            {
+                "name": p.name,
+                "value": float(value),
+                "sigma": float(sigma),
+                "unit": p.unit,
+                "nominal": p.nominal,
+                "tolerance": p.tolerance,
+                "learned": float(learned),
+            }
+            for p, value, sigma, learned in zip(
+                calibration.model.geometry.parameters,
+                calibration.values,
+                calibration.sigma,
+                calibration.learned,
+                strict=True,
+            )
+        ],
+        "unobservable": [{"direction": d.weights, "learned": d.learned} for d in calibration.unobservable],
+        "equivalent_zeros": [
+            {"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in calibration.zeros
+        ],
+        "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in calibration.correlated()],
+        "observability": calibration.observability.indices,
+        "degrees_of_freedom": calibration.dof,
+        "noise": {
+            "position_sigma": calibration.noise.position_sigma,
+            "orientation_sigma": calibration.noise.orientation_sigma if calibration.residual.shape[1] == 6 else None,
+            "repeatability": calibration.noise.repeatability,
+            "lack": calibration.noise.lack,
+            "range_ratio": calibration.noise.range_ratio if calibration.noise.sight is not None else None,
+            "source": calibration.noise.source,
+            "tail_freedom": calibration.freedom if np.isfinite(calibration.freedom) else None,
+            "enlarged": calibration.enlarged,
+        },
+    }
+
+
+def _rms(residual: Floats) -> tuple[float, float | None]:
+    """Root mean square length of position (m) and rotation (rad) residuals."""
+    position = float(np.sqrt((residual[:, :3] ** 2).sum(axis=1).mean()))
+    if residual.shape[1] == 3:
+        return position, None
+    return position, float(np.sqrt((residual[:, 3:] ** 2).sum(axis=1).mean()))

@@ -1,0 +1,182 @@
+"""Figures in a page: one for each combination of what the reader can choose, and what they share once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from gtpin.report.figure import LOOK
+from gtpin.report.palette import LIGHT, name_of
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+FEW = 8
+"""Entries up to which a list is written where it is used."""
+SHORT = 25
+"""Letters up to which settings are."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the reader can choose for several plots together: its name in plots, a label, and (value, label) of the options."""
+
+    name: str
+    label: str
+    options: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A place for a figure in a page.
+
+    Parameters
+    ----------
+    name
+        By which the page knows it.
+    title
+        Read to those who can't see it.
+    draw
+        Makes the figure; called with one option of each choice in ``follows``, by the choices' names.
+    follows
+        Choices of the reader that the figure depends on.
+    caption
+        Below it.
+    height
+        In pixels; the width is the page's.
+    whole
+        Whether it takes a row of its own among others.
+    """
+
+    name: str
+    title: str
+    draw: Callable[..., Figure]
+    follows: Sequence[Choice] = ()
+    caption: str = ""
+    height: int = 340
+    whole: bool = False
+
+    def figures(self) -> dict[tuple[str, ...], Figure]:
+        """The figures, by the options that are chosen; those of the last choice vary fastest."""
+        names = [choice.name for choice in self.follows]
+        options = product(*([value for value, _ in choice.options] for choice in self.follows))
+        return {chosen: self.draw(**dict(zip(names, chosen, strict=True))) for chosen in options}
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What a trace looks like: its name, shape, the name of its colour, and ``choice=option`` where one option alone has it."""
+
+    name: str
+    shape: str
+    color: str
+    when: str
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """A plot as the page's template has it: its JSON, and what its traces look like by (name, shape, colour)."""
+
+    plot: Plot
+    json: Markup
+    marks: Mapping[tuple[str, str, str], frozenset[tuple[str, ...]]]
+
+
+@dataclass
+class Shared:
+    """What the plots of a page share, each once: arrays, and settings of traces and layouts."""
+
+    parts: list[Any] = field(default_factory=list)
+    _known: dict[object, int] = field(default_factory=dict)
+
+    def embed(self, plot: Plot) -> Embedded:
+        """Draw a plot's figures, and write them with references to what is shared."""
+        drawn = plot.figures()
+        figures: list[dict[str, Any]] = []
+        marks: dict[tuple[str, str, str], frozenset[tuple[str, ...]]] = {}
+        for chosen, made in drawn.items():
+            traces = [trace.to_plotly_json() for trace in made.data]
+            layout = {name: value for name, value in made.layout.to_plotly_json().items() if name != "template"}
+            figures.append(self._written({"data": traces, "layout": layout}))
+            for look in filter(None, map(_look, traces)):
+                marks[look] = marks.get(look, frozenset()) | {chosen}
+        follows = [[choice.name, len(choice.options)] for choice in plot.follows]
+        return Embedded(plot, script({"follows": follows, "figures": figures}), marks)
+
+    @property
+    def json(self) -> Markup:
+        """The parts, the look of all figures, and the names of their colours."""
+        return script({"parts": self.parts, "look": LOOK, "palette": {value: name for name, value in LIGHT.items()}})
+
+    def _written(self, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            settings = {name: self._written(one) for name, one in value.items()}
+            text = json.dumps(settings)
+            return self._reference(text, settings) if len(text) > SHORT else settings
+        if isinstance(value, np.ndarray):
+            key = (value.dtype.str, value.shape, tuple(value) if value.dtype == object else value.tobytes())
+            return self._reference(key, value) if value.size > FEW else plain(value)
+        if isinstance(value, list | tuple):
+            if len(value) > FEW and all(isinstance(one, str | float | int) for one in value):
+                return self._reference(tuple(value), value)
+            return [self._written(one) for one in value]
+        return self._reference(value, value) if isinstance(value, str) and len(value) > SHORT else plain(value)
+
+    def _reference(self, key: object, value: npt.NDArray[Any] | Sequence[Any] | str | dict[str, Any]) -> dict[str, int]:
+        if key not in self._known:
+            self._known[key] = len(self.parts)
+            self.parts.append(plain(value))
+        return {"ref": self._known[key]}
+
+
+def key_of(embedded: Sequence[Embedded]) -> list[Mark]:
+    """The legend of several plots: each kind of trace once."""
+    marks: dict[str, Mark] = {}
+    for name, shape, color in dict.fromkeys(look for one in embedded for look in one.marks):
+        when = ""
+        for i, choice in enumerate(embedded[0].plot.follows):
+            options = {chosen[i] for one in embedded for chosen in one.marks.get((name, shape, color), ())}
+            if len(options) == 1 < len(choice.options):
+                when = f"{choice.name}={options.pop()}"
+        marks.setdefault(name, Mark(name, shape, color, when))
+    return list(marks.values())
+
+
+def _look(trace: Mapping[str, Any]) -> tuple[str, str, str] | None:
+    color = (trace.get("line") or trace.get("marker") or {}).get("color")
+    if "name" not in trace or not isinstance(color, str):
+        return None
+    return trace["name"], trace.get("mode", trace["type"]), name_of(color)
+
+
+def script(content: Mapping[str, Any]) -> Markup:
+    """JSON so written that no text in it can end the script that holds it."""
+    text = json.dumps(plain(content), allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def plain(value: Any) -> Any:
+    """Arrays and numbers as JSON has them, with five digits: more than a screen shows. None for what is not finite."""
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return float(f"{value:.5g}") if np.isfinite(value) else None
+    return value
+
+
+def escaped(text: str) -> str:
+    """Text as plots show it: they read a little HTML."""
+    return str(Markup.escape(text))

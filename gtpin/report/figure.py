@@ -1,0 +1,56 @@
+"""Plotly figures in the look of gtpin's pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from gtpin.errors import GtpinError
+from gtpin.report.palette import ACCENT, BAD, FIT, GOOD, INK, LIGHT, LINE, MYSTERY, WARN, ZERO
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+EXTRA = "plots"
+"""The extra that installs plotly."""
+_AXIS = {"gridcolor": LINE, "zerolinecolor": ZERO, "linecolor": LINE, "title": {"standoff": 8}}
+LOOK: Mapping[str, Any] = {
+    "paper_bgcolor": LIGHT["paper"],
+    "plot_bgcolor": LIGHT["paper"],
+    "colorway": [ACCENT, FIT, GOOD, MYSTERY, WARN, BAD],
+    "font": {"family": "system-ui, sans-serif", "size": 12, "color": INK},
+    "xaxis": _AXIS,
+    "yaxis": _AXIS,
+    "hoverlabel": {"bgcolor": LIGHT["panel"], "bordercolor": LINE, "font": {"color": INK}},
+    "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+    "margin": {"l": 58, "r": 12, "t": 36, "b": 46},
+}
+"""Layout that all figures share, as plotly's template: a page sets it itself, in its own colours."""
+
+
+def has_plotly() -> bool:
+    """Whether figures can be made."""
+    return find_spec("plotly") is not None
+
+
+def figure(traces: Sequence[Mapping[str, Any]], layout: Mapping[str, Any] | None = None) -> Figure:
+    """Make a figure for a page of traces and a layout, both in plotly's terms.
+
+    Raises
+    ------
+    GtpinError
+        If plotly is not installed.
+    """
+    try:
+        from plotly.graph_objects import Figure
+    except ImportError:
+        raise GtpinError("figures need plotly", hint=f"pip install 'gtpin[{EXTRA}]'") from None
+    return Figure(data=list(traces), layout=layout)
+
+
+def alone(made: Figure, title: str) -> Figure:
+    """A figure as it is shown where no page gives it its look and says what it shows."""
+    made.update_layout(template={"layout": LOOK}, margin={"t": 80})
+    made.update_layout(title={"text": title, "font": {"size": 14}, "x": 0, "xref": "paper"})
+    return made

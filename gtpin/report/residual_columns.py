@@ -1,0 +1,152 @@
+"""What residuals are plotted against, and along what they are seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import DatasetError
+from gtpin.report.embedded import escaped
+from gtpin.report.fit_along import Along, fit_along
+from gtpin.report.residuals import AXES, Residuals
+from gtpin.report.words import covariate_unit, typeset, with_unit
+
+Floats = npt.NDArray[np.float64]
+
+FEW = 8
+"""Values up to which a covariate is shown as boxes side by side."""
+GROUPS = 18
+"""Groups of neighbouring poses whose means are drawn."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Residuals along one component.
+
+    Parameters
+    ----------
+    name, title
+        The component, and the title of its axis.
+    before, after
+        (N,) what geometry alone leaves, and what it leaves with the causes, in the title's unit.
+    factor
+        From m or rad to that unit.
+    """
+
+    name: str
+    title: str
+    before: Floats
+    after: Floats
+    factor: float
+
+    def left(self, layer: str) -> Floats:
+        """(N,) residuals of ``before`` or ``after``."""
+        return self.before if layer == "before" else self.after
+
+
+@dataclass(frozen=True)
+class Column:
+    """A command or covariate that residuals are plotted against.
+
+    Parameters
+    ----------
+    name, title
+        The column, and the title of its axis.
+    values
+        (N,) its values: texts where there are few of them, which are then shown as boxes.
+    order
+        The few values, each once, in order; None for a column of numbers.
+    line
+        What the causes make of residuals along it; None where there is no cause that depends on it.
+    """
+
+    name: str
+    title: str
+    values: npt.NDArray[np.generic]
+    order: tuple[str, ...] | None
+    line: Along | None
+
+    @property
+    def groups(self) -> list[npt.NDArray[np.intp]]:
+        """Neighbouring poses whose means are drawn; poses of one value are never parted."""
+        count = min(GROUPS, max(1, len(self.values) // 6))
+        values = self.values.astype(float)
+        edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1]))
+        group = np.searchsorted(edges, values)
+        return [np.flatnonzero(group == k) for k in np.unique(group)]
+
+
+def scale_of(values: Floats, unit: str) -> tuple[float, str]:
+    """A factor to thousandths or millionths of m or rad, whichever reads better, and the unit's name."""
+    largest = float(np.abs(values).max(initial=0.0))
+    return (1e3, f"m{unit}") if largest >= 2e-3 else (1e6, f"µ{unit}")
+
+
+def view(residuals: Residuals, name: str) -> View:
+    """Residuals along an axis (``x``, ``rx``) or along the travel of an actuator (``cart2``).
+
+    Raises
+    ------
+    DatasetError
+        If there is no such component.
+    """
+    if name not in residuals.component_names:
+        hint = f"there are {', '.join(residuals.component_names)}"
+        raise DatasetError(f"residuals have no component {name!r}", hint=hint)
+    before, after = residuals.component(name, residuals.before), residuals.component(name, residuals.after)
+    factor, unit = scale_of(before, residuals.unit(name))
+    title = f"{name} ({unit})" if name in AXES else f"travel of {name} ({unit})"
+    return View(name, title, factor * before, factor * after, factor)
+
+
+def leading(residuals: Residuals, sites: Sequence[str], axes: Mapping[str, float]) -> str:
+    """Along what residuals are seen first: the travel of the first of the sites that has any, else the axis of most share."""
+    for site in sites:
+        if site in residuals.model.robot.sites:
+            return site
+    return max((axis for axis in AXES[: residuals.components]), key=lambda axis: axes.get(axis, 0.0))
+
+
+def commanded(residuals: Residuals) -> dict[str, Floats]:
+    """The commands by name: q1 .. qn."""
+    return {f"q{j + 1}": residuals.dataset.q[:, j] for j in range(residuals.dataset.n_actuators)}
+
+
+def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> list[Column]:
+    """Each command and covariate that varies: those that a cause depends on first, then the most telling.
+
+    Parameters
+    ----------
+    share
+        How telling each is.
+    causes
+        Whether there are any.
+    """
+    varying = [name for name, values in residuals.dataset.covariates.items() if bool((values != values[0]).any())]
+    found = [column(residuals, name, causes) for name in (*commanded(residuals), *varying)]
+    return sorted(found, key=lambda one: (one.line is None, -share.get(one.name, 0.0)))
+
+
+def column(residuals: Residuals, name: str, causes: bool = True) -> Column:
+    """A command (``q1``) or covariate.
+
+    Raises
+    ------
+    DatasetError
+        If the dataset has no such column.
+    """
+    known = {**commanded(residuals), **residuals.dataset.covariates}
+    if name not in known:
+        raise DatasetError("this column is not there", column=name, hint=f"there are {', '.join(known)}")
+    values = known[name]
+    number = name[1:] if name.startswith("q") else ""
+    turns = number.isdigit() and residuals.model.robot.actuators[int(number) - 1].revolute
+    title = escaped(with_unit(name, covariate_unit(name, turns)))
+    if name != "session" and len(np.unique(values.astype(float))) > FEW:
+        return Column(name, title, values, None, fit_along(residuals, name) if causes else None)
+    words = [escaped(str(v) if name == "session" else typeset(f"{float(v):g}")) for v in values.tolist()]
+    order = dict.fromkeys(words[i] for i in np.argsort(values, kind="stable"))
+    return Column(name, title, np.array(words, dtype=object), tuple(order), None)

@@ -1,0 +1,79 @@
+"""How a calibration is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from gtpin.calibration.result import Calibration
+from gtpin.output.shown import Presentation
+from gtpin.report.calibration_text import calibration_text
+from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.maps import residual_map
+from gtpin.report.residual_plots import residual_figure
+from gtpin.report.residuals import Residuals
+from gtpin.report.show.table_figure import table_figure
+from gtpin.report.words import length
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+
+@dataclass(frozen=True)
+class CalibrationPresentation(Presentation):
+    """A calibration as a table of its parameters."""
+
+    calibration: Calibration
+
+    def short(self) -> str:
+        """How many parameters from how many poses, and how well they fit."""
+        c = self.calibration
+        told = c.to_json()
+        before, after = length(told["position_rms_before"]), length(told["position_rms_after"])
+        return (
+            f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measured poses\n"
+            f"position error, RMS: {before} nominal, {after} calibrated\n"
+            f"chi-square per degree of freedom: {c.chi2_per_dof:.3f}"
+        )
+
+    def text(self) -> str:
+        """The content of ``report.txt``."""
+        return calibration_text(self.calibration)
+
+    def table(self) -> pd.DataFrame:
+        """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""
+        c = self.calibration
+        estimates = [c[name] for name in c.names]
+        known = c.model.geometry.parameters
+        return pd.DataFrame(
+            {
+                "value": [e.value for e in estimates],
+                "sigma": [e.sigma for e in estimates],
+                "low": [e.interval[0] for e in estimates],
+                "high": [e.interval[1] for e in estimates],
+                "unit": [e.unit for e in estimates],
+                "nominal": [p.nominal for p in known],
+                "tolerance": [p.tolerance for p in known],
+                "learned": c.learned,
+            },
+            index=pd.Index(c.names, name="parameter"),
+        )
+
+
+def residuals_against(calibration: Calibration, against: str, component: str | None) -> Figure:
+    """Residuals against a column."""
+    residuals = Residuals.of(calibration.dataset, calibration)
+    return residual_figure(residuals, against, component or residuals.component_names[0])
+
+
+def workspace(calibration: Calibration, view: str) -> Figure:
+    """Position residuals over the workspace."""
+    return residual_map(Residuals.of(calibration.dataset, calibration), view)
+
+
+def parameter_table(calibration: Calibration) -> Figure:
+    """The report's table of all parameters."""
+    _, every = geometry_tables(calibration)
+    return table_figure(every, "Parameters of the geometry")

@@ -1,0 +1,65 @@
+"""How a comparison of the paper's models is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from gtpin.comparison.figures import FILES, write_comparison
+from gtpin.comparison.result import Comparison
+from gtpin.errors import GtpinError
+from gtpin.output.results import results_folder
+from gtpin.output.shown import Presentation
+from gtpin.report.comparison_page import comparison_page
+from gtpin.report.comparison_plots import angles_figure, errors_figure
+from gtpin.report.comparison_text import comparison_text
+from gtpin.report.figure import alone
+from gtpin.robot.library import load_robot
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+
+@dataclass(frozen=True)
+class ComparisonPresentation(Presentation):
+    """A comparison as a table of its models."""
+
+    comparison: Comparison
+
+    def short(self) -> str:
+        """Which models, on how many poses."""
+        c = self.comparison
+        models = ", ".join(f"{held.model} ({1e6 * held.position.mean():.0f} µm)" for held in c.held)
+        return f"Comparison of models on {len(c.held[0].position)} held-out poses\nmean position error: {models}"
+
+    def text(self) -> str:
+        """What ``gtpin compare`` prints."""
+        return comparison_text(self.comparison) + "\n"
+
+    def table(self) -> pd.DataFrame:
+        """The columns of compare.csv."""
+        return self.comparison.table()
+
+
+def save(comparison: Comparison, folder: Path, *, force: bool) -> None:
+    """Write what the command writes."""
+    data = comparison.dataset
+    if data is None:
+        raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")
+    with results_folder(folder, (*FILES, "report.html"), force=force) as new:
+        write_comparison(comparison, new, carts=data.carts)
+        page = comparison_page(comparison, data, load_robot(data.robot_reference))
+        (new / "report.html").write_text(page, encoding="utf-8")
+
+
+def errors(comparison: Comparison) -> Figure:
+    """Position errors of each model."""
+    return alone(errors_figure(comparison), "Position errors on held-out poses, 95 % intervals")
+
+
+def angles(comparison: Comparison, angle: str) -> Figure:
+    """Errors of an Euler angle."""
+    return alone(angles_figure(comparison, angle), f"Errors of the Euler angle {angle} on held-out poses")

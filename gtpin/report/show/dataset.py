@@ -1,0 +1,78 @@
+"""How a dataset is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from gtpin.data.names import ORIENTATION, POSITION, command_names
+from gtpin.errors import DatasetError
+from gtpin.output.shown import Presentation
+from gtpin.report.show.positions import position_map
+from gtpin.report.words import covariate_unit, with_unit
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+    from gtpin.data.dataset import Dataset
+
+
+@dataclass(frozen=True)
+class DatasetPresentation(Presentation):
+    """A dataset as a table of its rows."""
+
+    dataset: Dataset
+
+    def short(self) -> str:
+        """How many poses and of what, and the columns."""
+        data = self.dataset
+        visits = len(set(data.pose.tolist()))
+        what = "positions" if data.orientation is None else "positions and orientations"
+        return (
+            f"Dataset of {data.robot}: {len(data)} measured {what} at {visits} poses\n"
+            f"covariates: {', '.join(data.covariates) or 'none'}"
+        )
+
+    def text(self) -> str:
+        """The few lines, the instrument, and the range of every column."""
+        data = self.dataset
+        instrument = data.instrument.model_dump(exclude_none=True)
+        lines = [self.short(), "", "instrument"]
+        lines += [f"  {name:<24}{value}" for name, value in instrument.items()]
+        lines += ["", f"  {'column':<24}{'least':>14}{'most':>14}"]
+        for name, column in self.table().items():
+            if column.dtype.kind in "fi":
+                lines.append(f"  {name!s:<24}{column.min():>14.6g}{column.max():>14.6g}")
+        return "\n".join(lines) + "\n"
+
+    def table(self) -> pd.DataFrame:
+        """The columns of poses.csv."""
+        data = self.dataset
+        columns = {"pose": data.pose, **dict(zip(command_names(data.n_actuators), data.q.T, strict=True))}
+        columns |= dict(zip(POSITION, data.position.T, strict=True))
+        if data.orientation is not None:
+            columns |= dict(zip(ORIENTATION, data.orientation.T, strict=True))
+        return pd.DataFrame({**columns, **data.covariates})
+
+
+def workspace(dataset: Dataset, view: str, color: str | None) -> Figure:
+    """Measured positions, coloured by a column of numbers."""
+    table = DatasetPresentation(dataset).table()
+    values = None
+    if color is not None:
+        numbers = [str(name) for name in table if table[name].dtype.kind in "fi"]
+        if color not in numbers:
+            raise DatasetError("no such column of numbers", column=color, hint=f"there are {', '.join(numbers)}")
+        values = table[color].to_numpy(dtype=np.float64)
+    title = f"Measured positions, {dataset.robot}"
+    return position_map(
+        dataset.position,
+        dataset.pose.tolist(),
+        view,
+        title,
+        values,
+        with_unit(color or "", covariate_unit(color or "")),
+    )

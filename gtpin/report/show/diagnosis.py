@@ -1,0 +1,116 @@
+"""How a diagnosis is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pandas as pd
+from rich.console import Console
+
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.errors import GtpinError
+from gtpin.output.shown import Presentation
+from gtpin.report.curve_plots import curve_figure, drawn_curves
+from gtpin.report.diagnosis_text import diagnosis_summary
+from gtpin.report.effect_curves import curves
+from gtpin.report.figure import alone
+from gtpin.report.maps import residual_map
+from gtpin.report.page import Table
+from gtpin.report.residual_columns import leading
+from gtpin.report.residual_plots import residual_figure
+from gtpin.report.residuals import Residuals
+from gtpin.report.show.table_figure import table_figure
+from gtpin.report.words import chance, length, percent, quantity
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+WIDTH = 120
+"""Letters of a line of text."""
+COLUMNS = ("effect", "site", "probability", "shrinkage", "parameter", "value", "sigma", "low", "high", "unit")
+"""Of the table of causes."""
+
+
+@dataclass(frozen=True)
+class DiagnosisPresentation(Presentation):
+    """A diagnosis as a table of its causes' parameters."""
+
+    diagnosis: Diagnosis
+
+    def short(self) -> str:
+        """Verdict, causes and the gap."""
+        d = self.diagnosis
+        lines = [f"Diagnosis of {d.model.robot.name}: {d.verdict}"]
+        for cause in d.causes:
+            name, first = next(iter(cause.parameters.items()))
+            size = f"{name.replace('_', ' ')} {quantity(first.value, first.unit, first.sigma)}"
+            lines.append(f"  {cause.effect} at {cause.site}, probability {chance(cause.probability)}, {size}")
+        gap = d.gap
+        after = f", {length(gap.after)} with the causes" if d.causes else ""
+        lines.append(
+            f"held-out position error, RMS: {length(gap.before)} by geometry alone{after}; noise {length(gap.floor)}"
+        )
+        return "\n".join(lines)
+
+    def text(self) -> str:
+        """What ``gtpin diagnose`` prints."""
+        console = Console(highlight=False, markup=False, width=WIDTH, soft_wrap=True, color_system=None, record=False)
+        with console.capture() as captured:
+            console.print(diagnosis_summary(self.diagnosis))
+        return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+
+    def table(self) -> pd.DataFrame:
+        """A row for each parameter of each cause."""
+        rows = [
+            (c.effect, c.site, c.probability, c.shrinkage, name, e.value, e.sigma, *e.interval, e.unit)
+            for c in self.diagnosis.causes
+            for name, e in c.parameters.items()
+        ]
+        return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _residuals(d: Diagnosis) -> Residuals:
+    return Residuals.of(d.dataset, d.baseline, d.model, d.set_aside_rows)
+
+
+def residuals_against(d: Diagnosis, against: str, component: str | None, *, after: bool) -> Figure:
+    """Residuals against a column, with what the causes make of them."""
+    residuals = _residuals(d)
+    if component is None:
+        component = leading(residuals, [c.site for c in d.causes], d.where.axis)
+    return residual_figure(residuals, against, component, causes=bool(d.causes), after=after)
+
+
+def workspace(d: Diagnosis, view: str, *, after: bool) -> Figure:
+    """Position residuals over the workspace."""
+    return residual_map(_residuals(d), view, after=after)
+
+
+def effect_curve(d: Diagnosis, number: int, quantity: str | None) -> Figure:
+    """The curve of a cause with its interval."""
+    if not 0 <= number < len(d.causes):
+        raise GtpinError(f"there is no cause {number}", hint=f"there are {len(d.causes)}, counted from 0")
+    cause = d.causes[number]
+    active = next(e for e in d.model.effects if (e.effect.id, e.site) == (cause.effect, cause.site))
+    found = curves(active, _residuals(d))
+    chosen = drawn_curves(found)[:1] if quantity is None else [curve for curve in found if curve.name == quantity][:1]
+    if not chosen:
+        known = ", ".join(dict.fromkeys(curve.name for curve in found))
+        raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {quantity!r}", hint=f"it has {known}")
+    made = curve_figure(chosen[0])
+    made.update_layout(yaxis_title=made.layout.title.text)
+    return alone(made, f"{cause.effect} at {cause.site}, 95 % interval")
+
+
+def parameter_table(d: Diagnosis) -> Figure:
+    """The causes' parameters."""
+    rows = [
+        [c.effect, c.site, chance(c.probability), name.replace("_", " "), quantity(e.value, e.unit, e.sigma)]
+        + [quantity(end, e.unit) for end in e.interval]
+        + [percent(c.shrinkage)]
+        for c in d.causes
+        for name, e in c.parameters.items()
+    ]
+    head = ("effect", "site", "probability", "parameter", "value", "95 % from", "to", "takes away")
+    return table_figure(Table(head, rows), "Parameters of the causes")

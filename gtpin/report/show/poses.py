@@ -1,0 +1,42 @@
+"""How poses are shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from gtpin.output.shown import Presentation
+
+if TYPE_CHECKING:
+    from gtpin.kinematics.poses import Poses
+
+
+@dataclass(frozen=True)
+class PosesPresentation(Presentation):
+    """Poses as a table of positions and quaternions."""
+
+    poses: Poses
+
+    def short(self) -> str:
+        """How many, and the box that they span."""
+        poses = self.poses
+        there = poses.T[poses.reached]
+        first = f"Poses: {len(poses)}"
+        if len(there) < len(poses):
+            first += f", of which {len(poses) - len(there)} could not be computed"
+        if not len(there):
+            return first
+        ends = zip("xyz", there.min(axis=0), there.max(axis=0), strict=True)
+        return f"{first}\n{', '.join(f'{axis} {low:.4f} to {high:.4f}' for axis, low, high in ends)} m"
+
+    def text(self) -> str:
+        """The few lines, and the table."""
+        return f"{self.short()}\n\n{self.table().to_string(max_rows=60)}\n"
+
+    def table(self) -> pd.DataFrame:
+        """The columns ``x y z qw qx qy qz``: m, and unit quaternions."""
+        values = np.hstack([self.poses.T, self.poses.quaternions])
+        return pd.DataFrame(values, columns=["x", "y", "z", "qw", "qx", "qy", "qz"])
