@@ -8,8 +8,8 @@ from typing import Literal
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
+from gtpin.diagnosis.inference.findings import Verdict
 from gtpin.diagnosis.priors import SURE
-from gtpin.diagnosis.result import Verdict
 
 Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_groups", "two_valued", "scatter"]
 """Why something unknown is believed:

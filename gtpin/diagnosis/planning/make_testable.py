@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import Untested
-from gtpin.diagnosis.planning.discrimination import LEAST, Standing, beside, best_rows, chosen, concerns
-from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain
+from gtpin.diagnosis.planning.discrimination import LEAST, CauseClass, beside, best_rows, chosen, concerns
+from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking
 from gtpin.diagnosis.planning.measurement_conditions import FORCES, kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
@@ -38,9 +38,9 @@ class _Group:
     lacking: Lacking
 
 
-def reveal(
+def make_testable(
     known: Known,
-    standings: Sequence[Standing],
+    classes: Sequence[CauseClass],
     untestable: Sequence[Untested],
     poses: int,
     rng: np.random.Generator,
@@ -49,7 +49,7 @@ def reveal(
     found = [
         experiment
         for group in _groups(known.situation, untestable)
-        for experiment in _experiments(group, known, standings, min(poses, POSES), rng)
+        for experiment in _experiments(group, known, classes, min(poses, POSES), rng)
     ]
     return sorted(found, key=lambda e: -(e.expected_gain or 0.0) if len(e.poses) else 1.0)
 
@@ -74,7 +74,7 @@ def _groups(at: Situation, untestable: Sequence[Untested]) -> list[_Group]:
 def _experiments(
     group: _Group,
     known: Known,
-    standings: Sequence[Standing],
+    classes: Sequence[CauseClass],
     poses: int,
     rng: np.random.Generator,
 ) -> list[Experiment]:
@@ -87,13 +87,13 @@ def _experiments(
         shown = _testable(group, trials)
         if not shown:
             break
-        others = beside(trials, standings, words)
+        others = beside(trials, classes, words)
         predictions = [Prediction.of(trials, others)]
         predictions += [_prediction(trials, others, candidate, group) for candidate in shown[:EXAMPLES]]
-        rivalries = [Rivalry(i, 0, 1.0) for i in range(1, len(predictions))]
-        if expected_gain(predictions, rivalries, np.arange(min(poses, len(trials)))) < LEAST:
+        pairs = [HypothesisPair(i, 0, 1.0) for i in range(1, len(predictions))]
+        if expected_gain(predictions, pairs, np.arange(min(poses, len(trials)))) < LEAST:
             continue
-        rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
+        rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
         set_too = chosen(trials, rows, words)
         shown_by = Experiment(
             "make_testable",

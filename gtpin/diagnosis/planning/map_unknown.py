@@ -32,7 +32,7 @@ class _Plan:
     covariates: dict[str, Column] = field(default_factory=dict)
 
 
-def trace(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
+def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
     """A dense experiment along the coordinates that an unknown effect depends on.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Circumstances that a machine can be put in for the next measurements: which way it comes, its load, how warm it is."""
+"""Conditions that a machine can be put in for the next measurements: direction of approach, load, temperature."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
 
 
 @dataclass(frozen=True)
-class Circumstances:
+class MeasurementConditions:
     """Covariates of the rows that were measured, and of M that could be.
 
     Parameters
@@ -75,8 +75,8 @@ def draw(
     *,
     ways: Floats,
     effort: float = 1.0,
-) -> Circumstances:
-    """Draw circumstances over what can be set.
+) -> MeasurementConditions:
+    """Draw conditions over what can be set.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def draw(
         start, span = float(_numbers(known["time"]).max()) + LATER, HOURS if timed else INTERVAL * count
         new["time"] = start + rng.uniform(0.0, span, count) + NIGHT * cold
         fixed = replace(fixed, time=(start, span)) if idle else fixed
-    return Circumstances(known, new, fixed, timed)
+    return MeasurementConditions(known, new, fixed, timed)
 
 
 def _numbers(values: Column) -> Floats:
