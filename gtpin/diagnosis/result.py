@@ -31,7 +31,7 @@ class Diagnosis(Shown):
     model
         Predicts with the causes in; ``baseline.model`` without.
     set_aside
-        Ids of the poses of which rows were taken for gross errors, beside the causes.
+        Ids of the poses of which rows were taken for outliers, given the causes.
     set_aside_rows
         Lines of these rows in their file.
     next_experiment

@@ -48,7 +48,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Considered:
-    """A candidate, and what came of it; what can't be tested has a probability where a proxy shows it.
+    """A hypothesis that was considered, and its evidence; what can't be tested has a probability where a proxy shows it.
 
     ``reason`` says why it can't be tested or, of what can be, why it could be the cause all the same; None where nothing
     does.

@@ -22,7 +22,7 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
     model
         The causes that are named.
     unknown
-        Whether something unknown is beside them.
+        Whether something unknown is there as well.
     """
     groups, design = hypotheses.groups, hypotheses.design
     power = _power(hypotheses, model)

@@ -37,7 +37,7 @@ HOPELESS = 0.1
 
 @dataclass(frozen=True)
 class CauseClass:
-    """A cause, and what could stand in for it.
+    """A cause, and what could be the cause in its place.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class CauseClass:
 def discriminate(
     known: Known, classes: Sequence[CauseClass], which: int, poses: int, rng: np.random.Generator
 ) -> Experiment:
-    """The experiment that best parts the leader of one class from its likeliest rivals, beside all other causes.
+    """The experiment that best discriminates the leader of one class from its likeliest alternatives, given all other causes.
 
     A cause without a rival is parted from no effect at all.
     """
@@ -63,7 +63,7 @@ def discriminate(
     members = sorted(classes[which].members, key=lambda member: -member[1])[: RIVALS + 1]
     words = {word for hypothesis, _ in members for word in concerns(hypothesis, robot)}
     trials = possible(known, words, POOL, rng)
-    others = beside(trials, [s for i, s in enumerate(classes) if i != which], words)
+    others = other_causes(trials, [s for i, s in enumerate(classes) if i != which], words)
     predictions = [_prediction(trials, others, hypothesis) for hypothesis, _ in members]
     weights = [p for _, p in members[1:]]
     if not weights:
@@ -83,11 +83,11 @@ def discriminate(
 
 
 def concerns(hypothesis: Hypothesis, robot: Robot) -> tuple[str, ...]:
-    """Covariates and coordinates that a hypothesis goes with."""
+    """Covariates and coordinates that a hypothesis depends on."""
     return (*hypothesis.covariates(robot), *hypothesis.effect.coordinates(robot, hypothesis.site))
 
 
-def beside(trials: Trials, classes: Sequence[CauseClass], words: set[str]) -> Floats:
+def other_causes(trials: Trials, classes: Sequence[CauseClass], words: set[str]) -> Floats:
     """((N + M) c, m) displacements of causes, as large as their priors have them, and of what may change in between.
 
     Nothing changes in between where sessions themselves are asked about.
@@ -98,7 +98,7 @@ def beside(trials: Trials, classes: Sequence[CauseClass], words: set[str]) -> Fl
 
 
 def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis) -> Prediction:
-    """What a hypothesis beside other causes expects, as large as what was measured has it."""
+    """What a hypothesis predicts given other causes, of the size that was measured."""
     design, old = trials.design, trials.old
     X = design.columns(hypothesis.basis(design.situation))
     groups: Groups[Hypothesis] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])

@@ -128,9 +128,9 @@ class _Race:
 
     def take(self, row: int, spread: Floats, inverse: Floats, gain: float) -> None:
         """Let the rival learn from a row, and from its noise, by its root of the covariance (M, c, r) so far."""
-        learned = (spread @ spread[row].T) @ inverse[row]
-        self.shift = self.shift - learned @ self.shift[row]
-        self.spread = np.concatenate([self.spread - learned @ self.spread[row], learned], axis=2)
+        update = (spread @ spread[row].T) @ inverse[row]
+        self.shift = self.shift - update @ self.shift[row]
+        self.spread = np.concatenate([self.spread - update @ self.spread[row], update], axis=2)
         self.gain += gain
 
 

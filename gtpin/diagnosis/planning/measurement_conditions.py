@@ -23,7 +23,7 @@ HOURS = 4.0 * 3600.0
 HEAVIER = 5.0
 """Payload that a machine takes, kg, where the data show but one."""
 MOST_PAYLOAD = 4.0
-"""Times HEAVIER that are asked for at most."""
+"""Times HEAVIER at most."""
 PUSH = 50.0
 """Push on the tool that a machine takes, N, where the data show none."""
 FAST = 0.2
@@ -32,7 +32,7 @@ LEAST_WARMER = 1.0
 """Variation of a temperature, K, below which the data do not say by how much the machine warms up in use."""
 FORCES = ("fx", "fy", "fz")
 OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
-"""What goes with the pose, or with several covariates, and is none itself."""
+"""What depends on the pose, or on several covariates, and is none itself."""
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def plan(
     untestable
         What these data can't show.
     unknown
-        Site and coordinates of the free motion that goes best with what no known effect explains; None where nothing is left.
+        Site and coordinates of the smooth term that best explains what no known effect does; None where nothing is left.
     rng
         Of the rows from which the most telling are taken; same state, same plan.
     poses
