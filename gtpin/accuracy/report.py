@@ -23,7 +23,7 @@ from gtpin.model.model import Model
 from gtpin.output.figure import new_figure
 from gtpin.output.json_text import json_text
 from gtpin.output.results import results_folder
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,7 +105,7 @@ class Accuracy:
         }
 
 
-@one_thread()
+@in_one_thread
 def analyse(
     model: Model,
     q: Floats | None = None,

@@ -18,6 +18,7 @@ from gtpin.report.corrected import sure_corrections
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.experiments import FOLDER, write_experiments
+from gtpin.threads import in_one_thread
 
 FILES = ("baseline", "model", "diagnosis.json", "report.html", FOLDER)
 
@@ -66,6 +67,7 @@ def corrections_hint(found: Diagnosis, output: Path) -> list[str]:
     ]
 
 
+@in_one_thread
 def write_diagnosis(found: Diagnosis, dataset: Dataset, folder: Path, seed: int = 0) -> dict[str, object]:
     """Write ``baseline/``, ``model/``, ``diagnosis.json``, ``report.html`` and the next experiments' commands.
 
