@@ -30,7 +30,7 @@ from gtpin.memory import require
 from gtpin.model.model import Model
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 Mask = npt.NDArray[np.bool_]
 
@@ -44,7 +44,7 @@ hypothesis. Measured: docs/speed.md.
 """
 
 
-@one_thread()
+@in_one_thread
 def diagnose(
     dataset: Dataset,
     robot: Robot | Model | None = None,
