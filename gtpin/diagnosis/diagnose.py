@@ -145,6 +145,7 @@ def _diagnosis(
         next_experiment=experiments,
         questions=fitted.questions,
         effects=scope.effects,
+        doubts=found.doubts,
         dataset=prepared.recorded,
     )
 

@@ -127,6 +127,9 @@ class Priors:
     two_valued: float = 0.05
     """Gain in log likelihood for each pose, by two values of a drive's errors over one, from which they are no scatter; 10 nats
     at least. Derived: two values three standard deviations apart give 0.08, a uniform distribution 0.1. Assumed beyond that."""
+    two_valued_left: float = 0.5
+    """Share of a drive's errors beyond the instrument's noise that its causes may leave before two values are a doubt.
+    Assumed."""
     least_group: float = 0.1
     """Share of the rows that the smaller group has at least. Assumed."""
     implausible: float = 3.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference.findings import Cause, Considered, Question, Unexplained, Verdict
+from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Unexplained, Verdict
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
@@ -42,6 +42,8 @@ class Diagnosis(Shown):
         Parameters that are outside what physics allows or machines have.
     effects
         Those that were tried.
+    doubts
+        Why something unknown is inferred; each makes the verdict ``unknown``.
     seed
         Of the resampling behind intervals.
 
@@ -74,6 +76,7 @@ class Diagnosis(Shown):
     questions: tuple[Question, ...] = ()
     effects: tuple[Effect, ...] = field(default_factory=catalogue)
     seed: int = 0
+    doubts: tuple[Doubt, ...] = ()
 
     def effect(self, name: str) -> Effect:
         """The effect that has an id, of those that were tried."""

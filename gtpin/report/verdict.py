@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from gtpin.diagnosis.inference.findings import Cause, Question
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.doubt import sure_and_doubtful
+from gtpin.report.doubts import doubt_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.phrases import clause, sentence
 from gtpin.report.quality import scatters
@@ -118,7 +119,7 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
     else:
         headline = sentence(f"{what} is in these measurements: don't compensate it by name")
         look = "It goes with no single coordinate that was recorded; the maps below show where it is."
-    advice = [look, *could_be(d)]
+    advice = [look, *doubt_words(d.doubts), *could_be(d)]
     if d.causes:
         sure = joined(_clauses(d, d.causes))
         advice += [f"Sure beside it: {sure}.", *_remedies(d, d.causes), _shrinks(d)]

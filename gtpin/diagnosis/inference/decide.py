@@ -9,9 +9,10 @@ from scipy.special import expit
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, smooth_terms
 from gtpin.diagnosis.inference.classes import contenders, temperature, unnamed
+from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.redundant_causes import without_redundant
 from gtpin.diagnosis.inference.search import search
-from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
+from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.evidence import NOTHING, tuned, without
 
 

@@ -108,3 +108,33 @@ class Unexplained:
     p_value: float
     correlates: tuple[tuple[str, str, float], ...]
     could_be: tuple[tuple[str, str], ...] = ()
+
+
+Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_groups", "two_valued", "scatter"]
+"""Why something unknown is inferred:
+
+``smooth_term``
+    Smooth nonparametric terms are likelier than the named causes alone (``decide.py``).
+``restless``
+    An actuator errs from pose to pose more than repeated visits let it scatter (``noise.py``).
+``impossible``
+    A cause would need a parameter that physics does not allow (``questions.py``).
+``held_out``
+    Left-out poses are much farther off than noise (``held_out.py``), or no nearer with causes than without
+    (``predictive.py``).
+``two_groups``
+    What passes for noise are two groups of rows (``two_groups.py``).
+``two_valued``
+    What passes for scatter of a drive takes two values (``two_valued.py``).
+``scatter``
+    Visits scatter, and the columns that would tell why contradict each other (``scatter.py``).
+"""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason for which something unknown is inferred; ``site`` and ``over``, its coordinates, where they are known."""
+
+    reason: Reason
+    site: str = ""
+    over: tuple[str, ...] = ()

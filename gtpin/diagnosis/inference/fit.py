@@ -15,7 +15,7 @@ from gtpin.diagnosis.inference.digits import with_full_digits
 from gtpin.diagnosis.inference.findings import Cause, Question, Unexplained
 from gtpin.diagnosis.inference.held_out import held_out
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.predictive import without_idle
+from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_idle
 from gtpin.diagnosis.inference.questions import questions, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
@@ -64,6 +64,7 @@ def fit(prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.
     hypotheses, searched = settled.hypotheses, settled.searched
     found = with_full_digits(without_idle(hypotheses, found, _blocks(searched)), hypotheses, searched)
     found = with_two_valued(hypotheses, found, settled.observed.noise)
+    found = with_smaller_errors(hypotheses, found, _blocks(searched))
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
     if asked.impossible:

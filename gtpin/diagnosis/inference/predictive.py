@@ -6,7 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import without
 
@@ -36,6 +38,23 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
         if gain <= hypotheses.priors.predicted * max(evidence, 0.0):
             kept = [c for c in kept if c != cause]
     return found if len(kept) == len(found.classes) else found.only(hypotheses, kept)
+
+
+def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
+    """The conclusion; doubted, and without causes, where these together make position errors of left-out poses no smaller.
+
+    Parameters
+    ----------
+    blocks
+        (N,) masks of the poses left out together, a partition.
+    """
+    if not found.classes:
+        return found
+    columns = np.hstack([hypotheses.groups.columns[cause] * found.scale[cause] for cause in found.classes])
+    alone, whole = (leave_out(hypotheses.design, some, blocks).errors for some in (columns[:, :0], columns))
+    if float((whole**2).sum()) < float((alone**2).sum()):
+        return found
+    return found.only(hypotheses, []).doubted(Doubt("held_out"))
 
 
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:

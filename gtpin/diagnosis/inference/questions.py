@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.inference.findings import Cause, Question
-from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
+from gtpin.diagnosis.inference.findings import Cause, Doubt, Question
+from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.effect import Range
 

@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterable
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
+from gtpin.diagnosis.inference.findings import Doubt
+from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.situation import Situation
 from gtpin.noise.noise import Noise

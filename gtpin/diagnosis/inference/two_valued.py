@@ -7,16 +7,17 @@ width apart then describe a drive's errors far better than one.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
+from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.noise import left_over
-from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
+from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
@@ -25,6 +26,8 @@ WIDTHS = np.linspace(0.3, 2.0, 18)
 """Half the distance of the two values, over the errors' standard deviation, that are tried."""
 REST = np.linspace(0.0, 1.0, 9)
 """Standard deviations about each value beyond the instrument's, likewise."""
+SINGULAR = 1e12
+"""Condition number from which drives can't be told apart."""
 SHARES = (0.3, 0.5, 0.7)
 """Shares of the upper value."""
 
@@ -32,25 +35,44 @@ SHARES = (0.3, 0.5, 0.7)
 def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Noise) -> Conclusion:
     """The conclusion; doubted, and without the causes of the drive, where a drive's errors take two values.
 
+    Causes of the drive that explain its errors settle the question; those that leave most of them do not.
+
     Parameters
     ----------
     noise
         Of the poses; its repeatability is in question.
     """
-    errors = drive_errors(hypotheses, found, noise)
-    if errors is None or found.doubts:
+    whole = drive_errors(hypotheses, found.model, noise)
+    if whole is None or found.doubts:
         return found
     priors, sites = hypotheses.priors, hypotheses.design.situation.robot.sites
-    gains = [two_values(e, v) for e, v in zip(errors[0].T, errors[1].T, strict=True)]
-    best = int(np.argmax(gains))
-    if gains[best] < max(priors.surely, priors.two_valued * len(errors[0])):
-        return found
-    kept = found.only(hypotheses, [cause for cause in found.sure() if cause.site != sites[best]])
-    return kept.doubted(Doubt("two_valued", sites[best], (f"approach{best + 1}",)))
+    least = max(priors.surely, priors.two_valued * len(whole.errors))
+    for drive, site in enumerate(sites):
+        others = hypotheses.only(found.model, [cause for cause in found.classes if cause.site != site])
+        alone = drive_errors(hypotheses, others, noise)
+        if alone is None or two_values(alone.errors[:, drive], alone.variance[:, drive]) < least:
+            continue
+        if whole.excess[drive] > priors.two_valued_left * alone.excess[drive]:
+            kept = found.only(hypotheses, [cause for cause in found.sure() if cause.site != site])
+            return kept.doubted(Doubt("two_valued", site, (f"approach{drive + 1}",)))
+    return found
 
 
-def drive_errors(hypotheses: HypothesisSet, found: Conclusion, noise: Noise) -> tuple[Floats, Floats] | None:
-    """(N, n) error of each drive that a conclusion leaves, and its variance by the instrument's noise; m or rad.
+@dataclass(frozen=True)
+class DriveErrors:
+    """(N, n) errors of the drives, m or rad, and their variances by the instrument's noise alone."""
+
+    errors: Floats
+    variance: Floats
+
+    @property
+    def excess(self) -> Floats:
+        """(n,) mean square of the errors beyond the instrument's noise."""
+        return np.asarray((self.errors**2 - self.variance).mean(axis=0))
+
+
+def drive_errors(hypotheses: HypothesisSet, model: Model, noise: Noise) -> DriveErrors | None:
+    """Error of each drive that geometry and a model leave.
 
     None where poses have too few numbers to tell the drives apart.
     """
@@ -59,15 +81,15 @@ def drive_errors(hypotheses: HypothesisSet, found: Conclusion, noise: Noise) -> 
     J = design.command_jacobian[:, :c]
     if J.shape[2] > c:
         return None
-    left = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, found.model)[0])
+    left = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, model)[0])
     instrument = replace(noise, repeatability=0.0, lack=0.0).covariance(design.command_jacobian, c)
     seen = np.linalg.solve(instrument, J)
     information = np.swapaxes(J, 1, 2) @ seen
-    if np.linalg.cond(information).max() > 1e12:
+    if np.linalg.cond(information).max() > SINGULAR:
         return None
     covariance = np.linalg.inv(information)
     errors = np.einsum("nij,ncj,nc->ni", covariance, seen, left)
-    return errors, np.diagonal(covariance, axis1=1, axis2=2)
+    return DriveErrors(errors, np.diagonal(covariance, axis1=1, axis2=2))
 
 
 def two_values(errors: Floats, variance: Floats) -> float:
