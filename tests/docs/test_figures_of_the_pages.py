@@ -99,9 +99,9 @@ CONSTANTS = (
     ("docs/diagnosis.md", "{} % where one could pass for the departure of the other", 100 * priors.PRIORS.related),
     ("docs/diagnosis.md", "or both depend on load), {} % elsewhere", 100 * priors.PRIORS.other),
     ("docs/diagnosis.md", "Above {} poses the search takes", f"{MOST_POSES:,}"),
-    ("docs/next_experiment.md", "is expected to tell less than {} nats is not proposed", splitting.HOPELESS),
+    ("docs/next_experiment.md", "with an expected gain of less than {} nats is not proposed", splitting.HOPELESS),
     ("docs/next_experiment.md", "Up to {} nats it says", splitting.SETTLED),
-    ("docs/next_experiment.md", "up to {} nat what to watch", splitting.LEAST),
+    ("docs/next_experiment.md", "up to {} nat what to observe", splitting.LEAST),
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
 )
 """Numbers that a page says of the code, and the code's own."""
