@@ -32,7 +32,6 @@ VISIBLE = 63.0
 """Energy from which an effect is to be found, as docs/blind.md has it."""
 VARIED = (
     "scale_spread",
-    "least_core",
     "unnamed",
     "third",
     "same",
@@ -41,8 +40,6 @@ VARIED = (
     "departure",
     "modulation",
     "temperature",
-    "warming",
-    "warmest",
 )
 """Numbers that matter while hypotheses are compared."""
 FACTORS = (0.5, 2.0)

@@ -20,7 +20,7 @@ from gtpin.data.table import Column
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, gain
 from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.planning.discrimination import Standing, chosen, concerns, split
+from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns, discriminate
 from gtpin.diagnosis.planning.measurement_conditions import INTERVAL, LATER, NIGHT
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id
@@ -62,7 +62,7 @@ def compare(truth: Hypothesis, rival: Hypothesis, seed: int) -> Told | None:
     baseline = gtpin.calibrate(case.dataset)
     known = known_from(case.dataset, baseline)
     rng = np.random.default_rng(seed)
-    planned = split(known, [Standing(truth, 1.0, ((truth, 0.5), (rival, 0.5)))], 0, ROUND, rng)
+    planned = discriminate(known, [CauseClass(truth, 1.0, ((truth, 0.5), (rival, 0.5)))], 0, ROUND, rng)
     if not len(planned.poses):
         return None
     words = {*concerns(truth, known.robot), *concerns(rival, known.robot)}

@@ -74,5 +74,6 @@ FIGURES = (
     Figure("mistakes", "mistakes/bench.py", 5),
     Figure("next_experiment", "next_experiment/compare.py", 10),
     Figure("noise_floor", "diagnosis/noise_floor.py", 15),
+    Figure("priors", "diagnosis/priors.py", 40),
     Figure("imitators", "effects/confusable.py", 1),
 )

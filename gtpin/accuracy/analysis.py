@@ -20,7 +20,7 @@ from gtpin.kinematics.euler import well_told, zyz
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.output.shown import Presentation, Shown
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -132,7 +132,7 @@ class Accuracy(Shown):
         return AccuracyPresentation(self)
 
 
-@one_thread()
+@in_one_thread
 def analyse(
     model: Model,
     q: Floats | None = None,

@@ -13,7 +13,7 @@ from gtpin.calibration.observability import Observability
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
@@ -92,7 +92,7 @@ class Plan:
     observability: Observability
 
 
-@one_thread()
+@in_one_thread
 def plan_poses(
     model: Model,
     candidates: Floats,

@@ -23,7 +23,7 @@ from gtpin.data import Commands, Dataset
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.robot.library import load_robot
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 Floats = npt.NDArray[np.float64]
 Left = Mapping[str, Best]
@@ -34,7 +34,7 @@ SMOOTHED = frozenset({"one"})
 """Sorts of cases on which the rivals are tried."""
 
 
-@one_thread()
+@in_one_thread
 def judge(folder: Path, sealed: Path, digest: str, said: Said | None, without: Said | None = None) -> Judged:
     """Judge a case; ``without`` is what was said with its effect taken out of the catalogue.
 

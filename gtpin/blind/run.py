@@ -21,7 +21,7 @@ from gtpin.blind.truth import Truth
 from gtpin.blind.worker import Said, diagnose_alone
 from gtpin.errors import GtpinError, warn
 from gtpin.plant.digest import digest as plant_digest
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 TAKEN_OUT = 2
 """Of the cases with one effect, every so many are diagnosed again with the effect taken out of the catalogue."""
@@ -114,7 +114,7 @@ def check_given(
         return _diagnosed_and_judged(folder, settings, watch, address)
 
 
-@one_thread()
+@in_one_thread
 def _make(root: Path, draft: Draft) -> None:
     """Make a case: its dataset, the digest of its truth, and its truth, last."""
     folder = CheckFolder(root)

@@ -20,7 +20,7 @@ from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.errors import GtpinError
 from gtpin.model.model import Model
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -44,7 +44,7 @@ class Said(BaseModel):
     error: str | None = None
 
 
-@one_thread()
+@in_one_thread
 def diagnose_alone(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[Said, float]:
     """Diagnose the dataset whose files these are; give what was said, and how many seconds it took.
 

@@ -29,7 +29,7 @@ from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.parameters import KINDS, TOLERANCE, Per
 from gtpin.robot.robot import Robot
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 FIXED = 80e6
 """Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
@@ -39,7 +39,7 @@ MANY = 100_000
 """Poses from which on the memory that they need is told beforehand."""
 
 
-@one_thread()
+@in_one_thread
 def calibrate(
     dataset: Dataset,
     robot: Robot | None = None,
@@ -125,7 +125,7 @@ def calibrate(
     return replace(found, dataset=dataset, paper_model=model)
 
 
-@one_thread()
+@in_one_thread
 def calibrate_geometry(
     dataset: Dataset,
     geometry: Geometry,

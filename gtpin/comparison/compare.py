@@ -26,7 +26,7 @@ from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 Rows = npt.NDArray[np.intp]
 Choice = Literal["paper", "validation"]
@@ -37,7 +37,7 @@ FOLDS = 5
 """Parts of a half by which model 5 chooses."""
 
 
-@one_thread()
+@in_one_thread
 def compare(
     dataset: Dataset,
     robot: Robot | None = None,

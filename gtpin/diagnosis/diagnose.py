@@ -20,7 +20,7 @@ from gtpin.diagnosis.inference.settle import Settled, settle
 from gtpin.diagnosis.inference.understated_noise import understated_noise, warn_of_noise
 from gtpin.diagnosis.inference.where import where
 from gtpin.diagnosis.planning.experiment import Experiment
-from gtpin.diagnosis.planning.next_experiment import plan, standings
+from gtpin.diagnosis.planning.next_experiment import classes, plan
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import Diagnosis
@@ -30,7 +30,7 @@ from gtpin.memory import require
 from gtpin.model.model import Model
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
-from gtpin.threads import one_thread
+from gtpin.threads import in_one_thread
 
 Mask = npt.NDArray[np.bool_]
 
@@ -44,7 +44,7 @@ hypothesis. Measured: docs/speed.md.
 """
 
 
-@one_thread()
+@in_one_thread
 def diagnose(
     dataset: Dataset,
     robot: Robot | Model | None = None,
@@ -114,7 +114,7 @@ def diagnose(
         settled.observed,
         prepared.baseline.model,
         settled.hypotheses.design.situation.references,
-        standings=standings(fitted.conclusion, fitted.causes),
+        classes=classes(fitted.conclusion, fitted.causes),
         untestable=settled.proposal.untested,
         unknown=next(((d.site, ",".join(d.over)) for d in fitted.conclusion.doubts if d.over), None),
         rng=rng,

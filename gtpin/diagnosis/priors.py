@@ -73,6 +73,10 @@ class Priors:
     smooth_change: float = 0.4
     """Size of a slow change along a track, relative to what changes. Assumed."""
 
+    smooth_reach: float = 1.7
+    """Distance over which functions of the position go through half a wave, in half extents of the measured positions along the
+    axis of the largest. Assumed."""
+
     # What can be tested.
     large: float = 10.0
     """Times its typical size, at which an effect that geometry absorbs nearly whole can't be tested. Assumed."""

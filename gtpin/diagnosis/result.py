@@ -4,124 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.diagnosis.inference.findings import Cause, Considered, Question, Unexplained, Verdict
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import Effect
-from gtpin.effects.untestable import Untestable
-from gtpin.estimate import Estimate
 from gtpin.model.model import Model
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation, Shown
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-
-Verdict = Literal["none", "explained", "ambiguous", "unknown"]
-
-
-@dataclass(frozen=True)
-class Member:
-    """An effect at a site that could be the cause; ``recorded`` is false where it goes with what was not recorded."""
-
-    effect: str
-    site: str
-    probability: float
-    recorded: bool = True
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A cause, and everything that could stand in for it.
-
-    Parameters
-    ----------
-    effect, site, probability
-        The leader of its class.
-    members
-        Its class: itself and what has at least 5 % of its probability; also what can't be tested for lack of a covariate, as
-        far as other columns tell that it could stand in.
-    parameters
-        By name.
-    shrinkage
-        Share of the gap's power that goes away with it, beside the other causes.
-    """
-
-    effect: str
-    site: str
-    probability: float
-    members: tuple[Member, ...]
-    parameters: dict[str, Estimate]
-    shrinkage: float
-
-
-@dataclass(frozen=True)
-class Considered:
-    """A candidate, and what came of it; what can't be tested has a probability where it could stand in for a cause.
-
-    ``reason`` says why it can't be tested or, of what can be, why it could be the cause all the same; None where nothing
-    does.
-    """
-
-    effect: str
-    site: str
-    log_evidence: float
-    probability: float
-    testable: bool
-    reason: Untestable | None
-
-
-@dataclass(frozen=True)
-class Question:
-    """A parameter outside what its effect calls plausible or usual.
-
-    Parameters
-    ----------
-    effect, site, parameter, value, sigma, unit
-        What it is, and what was found.
-    low, high, why
-        What was expected.
-    believed
-        Whether the cause is named all the same.
-    """
-
-    effect: str
-    site: str
-    parameter: str
-    value: float
-    sigma: float
-    unit: str
-    low: float
-    high: float
-    why: str
-    believed: bool
-
-
-@dataclass(frozen=True)
-class Unexplained:
-    """What is left after the causes.
-
-    Parameters
-    ----------
-    share
-        Of the excess of chi-square that geometry alone leaves.
-    p_value
-        Chance of a larger chi-square from noise alone.
-    correlates
-        Site, coordinates and p-value of free motions that go with it.
-    could_be
-        Effect and site of what can't be tested for lack of a covariate, and would account for what is unknown all the same.
-    """
-
-    share: float
-    p_value: float
-    correlates: tuple[tuple[str, str, float], ...]
-    could_be: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -133,7 +31,7 @@ class Diagnosis(Shown):
     model
         Predicts with the causes in; ``baseline.model`` without.
     set_aside
-        Ids of the poses of which rows were taken for gross errors, beside the causes.
+        Ids of the poses of which rows were taken for outliers, given the causes.
     set_aside_rows
         Lines of these rows in their file.
     next_experiment

@@ -6,7 +6,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from gtpin.diagnosis.result import Cause, Diagnosis, Member
+from gtpin.diagnosis.inference.findings import Cause, Member
+from gtpin.diagnosis.result import Diagnosis
 from gtpin.estimate import Estimate
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.verdict import questions, verdict

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from gtpin.diagnosis.result import Cause
+from gtpin.diagnosis.inference.findings import Cause
 
 SURE = 0.95
 """Probability from which a cause stands alone."""

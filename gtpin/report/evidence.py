@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from gtpin.diagnosis.result import Cause, Considered, Diagnosis, Member
+from gtpin.diagnosis.inference.findings import Cause, Considered, Member
+from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.effect import Effect
 from gtpin.report.meaning import meaning
 from gtpin.report.page import Table

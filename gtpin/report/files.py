@@ -12,6 +12,7 @@ from gtpin.report.calibration_page import calibration_page
 from gtpin.report.calibration_text import calibration_text
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.experiments import FOLDER, write_experiments
+from gtpin.threads import in_one_thread
 
 CALIBRATION = ("calibration.json", "report.html", "report.txt", "model")
 """What a calibration's folder may consist of."""
@@ -29,6 +30,7 @@ def write_calibration(calibration: Calibration, folder: Path) -> dict[str, objec
     return result
 
 
+@in_one_thread
 def write_diagnosis(found: Diagnosis, folder: Path) -> dict[str, object]:
     """Write ``baseline/``, ``model/``, ``diagnosis.json``, ``report.html`` and the next experiments' commands.
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from gtpin.diagnosis.inference.findings import Considered
 from gtpin.diagnosis.planning.measurement_conditions import kind
-from gtpin.diagnosis.result import Considered, Diagnosis
+from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.doubt import sure_and_doubtful
 from gtpin.report.quality import scatters
 from gtpin.report.reasons import reason_words

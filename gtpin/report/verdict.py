@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gtpin.diagnosis.result import Cause, Diagnosis, Question
+from gtpin.diagnosis.inference.findings import Cause, Question
+from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.doubt import sure_and_doubtful
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.phrases import clause, sentence

@@ -223,12 +223,24 @@ def test_a_name_that_is_too_long_is_one_line_that_names_it(run, source, tmp_path
 
 
 @pytest.mark.parametrize("start", [0, 1])
-@pytest.mark.parametrize("module", ["typer", "pandas"])
+@pytest.mark.parametrize("module", ["typer", "pydantic"])
 def test_an_interruption_of_the_imports_is_one_line(tmp_path, start, module):
     number = int(signal.SIGTERM if start else signal.SIGINT)
     code = f"import os, time\nos.kill(os.getpid(), {number})\ntime.sleep(600)\n"
     (tmp_path / f"{module}.py").write_text(code)  # stands in for one of the many that are imported
     process = started("calibrate", "set", "-o", tmp_path / "out", start=start, paths=[str(tmp_path)])
+    said = process.communicate(timeout=600)[1].decode()
+    assert (process.returncode, said) == (130, "gtpin: error: interrupted\n")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("start", [0, 1])
+def test_an_interruption_of_an_import_amid_the_work_is_one_line(source, tmp_path, start):
+    code = (
+        f"import os, time\nos.kill(os.getpid(), {int(signal.SIGTERM if start else signal.SIGINT)})\ntime.sleep(600)\n"
+    )
+    (tmp_path / "pandas.py").write_text(code)  # it is imported once a dataset was read
+    process = started("calibrate", source, "-o", tmp_path / "out", start=start, paths=[str(tmp_path)])
     said = process.communicate(timeout=600)[1].decode()
     assert (process.returncode, said) == (130, "gtpin: error: interrupted\n")
     assert not (tmp_path / "out").exists()

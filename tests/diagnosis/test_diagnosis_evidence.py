@@ -59,7 +59,7 @@ def test_gain_is_the_largest_density_over_the_scales_beside_a_model(dense, other
 
 def test_gains_of_groups_of_unequal_width_in_one_batch_are_those_one_by_one(dense):
     groups = dense.groups
-    groups.add("bent", dense.E["d"], form=(0, 2))
+    groups.add("bent", dense.E["d"], core=(0, 2))
     model = fixed(groups, ("b",), (0.7,))
     names = [n for n in groups.columns if n != "b"]
     together = all_gains(groups, model, names)
@@ -135,7 +135,7 @@ def test_bends_without_their_form_gain_little_unless_all_are_form(seed):
     bends = np.stack([column * np.cos(np.pi / 2.0 * k * (t + 1.0)) for k in (1, 2, 3)], axis=1)
     X = np.column_stack([column, 0.2 * bends])
     groups = Groups(Marginal(rng.standard_normal((m, 4))), rng.standard_normal(m) + bends @ rng.standard_normal(3))
-    groups.add("with form", X, form=(0,))
+    groups.add("with form", X, core=(0,))
     groups.add("all form", X)
     bound, free = (gain(groups, NOTHING, name)[0] for name in ("with form", "all form"))
     assert bound < free / 4.0
@@ -149,7 +149,7 @@ def test_bends_beside_a_form_of_their_size_gain_as_if_all_were_form(seed):
     X = np.column_stack([column, *(0.2 * column * np.cos(np.pi / 2.0 * k * (t + 1.0)) for k in (1, 2, 3))])
     y = rng.standard_normal(m) + X @ np.array([1.0, *(0.5 * rng.standard_normal(3))])
     groups = Groups(Marginal(rng.standard_normal((m, 4))), y)
-    groups.add("with form", X, form=(0,))
+    groups.add("with form", X, core=(0,))
     groups.add("all form", X)
     bound, free = (gain(groups, NOTHING, name)[0] for name in ("with form", "all form"))
     assert_allclose(bound, free, rtol=1e-9)

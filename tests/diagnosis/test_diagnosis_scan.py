@@ -94,11 +94,11 @@ def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_mo
     settings = np.sort(effect.nonlinear_values(design.situation, SITE))
     gains = np.array([by_itself(s)[0] for s in settings])
     top = int(np.argmax(gains))
-    assert settings[max(top - 1, 0)] <= found.setting <= settings[min(top + 1, len(settings) - 1)]
+    assert settings[max(top - 1, 0)] <= found.value <= settings[min(top + 1, len(settings) - 1)]
     # No less than what all settings share, no more than the best there is, less what so many trials cost.
     trials = np.log(len(settings))
     assert found.gain >= np.logaddexp.reduce(gains) - trials - 1e-6
-    own, scale = by_itself(found.setting)
+    own, scale = by_itself(found.value)
     # A finer grid about the best setting need not hit it, but no farther off than half a step below a sigma.
     assert own >= gains[top] - 0.5**2 / 2.0
     assert_allclose(found.gain, max(own - trials, np.logaddexp.reduce(gains) - trials), rtol=1e-6)
@@ -121,8 +121,8 @@ def test_what_is_kept_between_scans_changes_nothing(monkeypatch):
     ):
         again = second.best(model_, columns)
         assert_allclose(
-            (again.setting, again.sigma, again.gain, again.scale),
-            (found.setting, found.sigma, found.gain, found.scale),
+            (again.value, again.sigma, again.gain, again.scale),
+            (found.value, found.sigma, found.gain, found.scale),
             rtol=1e-9,
         )
 
@@ -137,7 +137,7 @@ def test_sigmas_of_periods_cover_the_true_ones():
         true = float(rng.uniform(min(periods[20:-20]), max(periods[20:-20])))
         design = problem(effect, true, seed)
         found = Scan(design, Marginal(design.B), effect, SITE).best(NOTHING, np.zeros((len(design.y), 0)))
-        z.append((found.setting - true) / found.sigma)
+        z.append((found.value - true) / found.sigma)
     inside = int((np.abs(z) < 1.96).sum())
     assert inside >= binom.ppf(1e-4, draws, 0.95), z
     # Nor are they so large that they say nothing.

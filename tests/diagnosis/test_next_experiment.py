@@ -16,9 +16,9 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import free_motions
 from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain, most_telling
-from gtpin.diagnosis.planning.map_unknown import trace
-from gtpin.diagnosis.planning.next_experiment import Experiment, Standing, plan
+from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
+from gtpin.diagnosis.planning.map_unknown import map_unknown
+from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, plan
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
@@ -59,13 +59,13 @@ def known(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     return Known(observed, baseline.model, observed.situation(baseline.model).references)
 
 
-def class_of(*names: str) -> Standing:
+def class_of(*names: str) -> CauseClass:
     members = tuple((candidate(name), 1.0 / len(names)) for name in names)
-    return Standing(members[0][0], 1.0, members)
+    return CauseClass(members[0][0], 1.0, members)
 
 
 def proposed(
-    known: Known, *standings: Standing, untestable: tuple[str, ...] = (), seed: int = 0
+    known: Known, *classes: CauseClass, untestable: tuple[str, ...] = (), seed: int = 0
 ) -> tuple[Experiment, ...]:
     rows = [Untested(candidate(name), Untestable("absorbed")) for name in untestable]
     rng = np.random.default_rng(seed)
@@ -73,7 +73,7 @@ def proposed(
         known.observed,
         known.model,
         known.references,
-        standings=standings,
+        classes=classes,
         untestable=rows,
         unknown=None,
         rng=rng,
@@ -133,7 +133,7 @@ def test_planned_poses_part_causes_from_their_rivals_better_than_as_many_random_
             expected.append(experiment.expected_gain)
             planned.append(_gain(case, known, truth, rival, measured(case, poses, set_too, seed)))
             trials = possible(known, words, len(poses), np.random.default_rng(100 + seed))
-            new = {name: trials.circumstances.new[name] for name in set_too}
+            new = {name: trials.conditions.new[name] for name in set_too}
             random.append(_gain(case, known, truth, rival, measured(case, trials.q, new, seed)))
     assert len(planned) >= 5
     assert np.mean(planned) > 1.5 * np.mean(random)
@@ -163,7 +163,7 @@ def test_recording_what_was_missing_reveals_the_effect_that_lacked_it_better_tha
         trials = possible(known, ("approach1",), len(experiment.poses), np.random.default_rng(100 + seed))
         for found, q, new in (
             (planned, experiment.poses, experiment.covariates),
-            (random, trials.q, {"approach1": trials.circumstances.new["approach1"]}),
+            (random, trials.q, {"approach1": trials.conditions.new["approach1"]}),
         ):
             data = together(case, measured(case, q, new, seed), {"approach1": 1.0})
             found.append(log_evidence(known, data, name, unseen=len(case.dataset)))
@@ -196,27 +196,27 @@ def test_expected_gain_is_the_mean_log_density_ratio_of_data_drawn_from_the_true
         densities.append(multivariate_normal(p.mean[rows].ravel(), np.eye(4) + L @ L.T))
     drawn = densities[0].rvs(200_000, random_state=1)
     ratio = densities[0].logpdf(drawn) - densities[1].logpdf(drawn)
-    expected = expected_gain(predictions, [Rivalry(0, 1, 3.0)], rows)
+    expected = expected_gain(predictions, [HypothesisPair(0, 1, 3.0)], rows)
     assert expected == pytest.approx(ratio.mean(), abs=5.0 * ratio.std() / np.sqrt(len(drawn)))
 
 
 def test_the_first_row_chosen_is_the_best_single_one_and_the_second_the_best_beside_it() -> None:
     rng = np.random.default_rng(2)
     predictions = [Prediction(rng.standard_normal((30, 3)), rng.standard_normal((30, 3, 4))) for _ in range(2)]
-    rivalries = [Rivalry(0, 1, 1.0)]
-    first, second = most_telling(predictions, rivalries, 2)
-    alone = [expected_gain(predictions, rivalries, np.array([i])) for i in range(30)]
+    pairs = [HypothesisPair(0, 1, 1.0)]
+    first, second = most_telling(predictions, pairs, 2)
+    alone = [expected_gain(predictions, pairs, np.array([i])) for i in range(30)]
     assert first == np.argmax(alone)
-    pairs = [expected_gain(predictions, rivalries, np.array([first, i])) if i != first else -1.0 for i in range(30)]
+    pairs = [expected_gain(predictions, pairs, np.array([first, i])) if i != first else -1.0 for i in range(30)]
     assert second == np.argmax(pairs)
 
 
 def test_a_plan_is_worth_more_than_every_random_choice_out_of_the_same_rows() -> None:
     rng = np.random.default_rng(3)
     predictions = [Prediction(rng.standard_normal((80, 6)), rng.standard_normal((80, 6, 10))) for _ in range(3)]
-    rivalries = [Rivalry(0, 1, 0.6), Rivalry(1, 0, 0.6), Rivalry(0, 2, 0.3), Rivalry(2, 0, 0.3)]
-    plan = expected_gain(predictions, rivalries, most_telling(predictions, rivalries, 10))
-    drawn = [expected_gain(predictions, rivalries, rng.choice(80, 10, replace=False)) for _ in range(200)]
+    pairs = [HypothesisPair(0, 1, 0.6), HypothesisPair(1, 0, 0.6), HypothesisPair(0, 2, 0.3), HypothesisPair(2, 0, 0.3)]
+    plan = expected_gain(predictions, pairs, most_telling(predictions, pairs, 10))
+    drawn = [expected_gain(predictions, pairs, rng.choice(80, 10, replace=False)) for _ in range(200)]
     assert plan > max(drawn)
 
 
@@ -278,7 +278,7 @@ class Twin(Linearity):
 def test_twins_are_not_promised_to_be_told_apart_by_poses() -> None:
     _, known = known_of("linearity@cart2", 0)
     members = ((candidate("linearity@cart2"), 0.5), (Hypothesis(Twin(), "cart2"), 0.5))
-    (experiment,) = proposed(known, Standing(members[0][0], 1.0, members))
+    (experiment,) = proposed(known, CauseClass(members[0][0], 1.0, members))
     assert experiment.poses.shape == (0, 3)
     assert experiment.expected_gain == pytest.approx(0.0, abs=1e-6)
     assert "watch cart2" in experiment.measure
@@ -293,7 +293,7 @@ def test_an_unknown_is_traced_along_its_coordinates_and_nothing_else_moves(coord
         known.observed,
         known.model,
         known.references,
-        standings=(),
+        classes=(),
         untestable=(),
         unknown=("cart1", coordinates),
         rng=np.random.default_rng(0),
@@ -313,10 +313,10 @@ def test_an_unknown_is_traced_along_its_coordinates_and_nothing_else_moves(coord
 def test_a_cause_without_a_rival_is_confirmed_where_it_is_not_sure() -> None:
     _, known = known_of("linearity@cart2", 0)
     cause = candidate("linearity@cart2")
-    (experiment,) = proposed(known, Standing(cause, 1.0, ((cause, 0.7),)))
+    (experiment,) = proposed(known, CauseClass(cause, 1.0, ((cause, 0.7),)))
     assert experiment.separates == (cause.name,)
     assert experiment.expected_gain > experiment.random_gain > 0.0
-    assert not proposed(known, Standing(cause, 1.0, ((cause, 0.99),)))
+    assert not proposed(known, CauseClass(cause, 1.0, ((cause, 0.99),)))
 
 
 def test_every_free_motion_can_be_traced() -> None:
@@ -324,7 +324,7 @@ def test_every_free_motion_can_be_traced() -> None:
     frees = {free.over: free for free, _ in free_motions(known.situation)}
     assert len(frees) > 10
     for free in frees.values():
-        experiment = trace(known, free.site, free.words, 20)
+        experiment = map_unknown(known, free.site, free.words, 20)
         assert 10 <= len(experiment.poses) <= 30
         assert all(len(values) == len(experiment.poses) for values in experiment.covariates.values())
         at_will = {n: v for n, v in experiment.covariates.items() if not n.startswith("temp_")}

@@ -30,6 +30,7 @@ AGAIN = {
     "next_experiment": 4,
     "noise_floor": 4,
     "imitators": 1,
+    "priors": 1,
 }
 """Jobs that are measured again, spread over all; a whole measurement takes minutes."""
 SAME = 0.75

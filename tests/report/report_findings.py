@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from gtpin.data import Dataset
-from gtpin.diagnosis.result import Diagnosis, Member, Unexplained
+from gtpin.diagnosis.inference.findings import Member, Unexplained
+from gtpin.diagnosis.result import Diagnosis
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from gtpin.diagnosis.result import Considered, Member
+from gtpin.diagnosis.inference.findings import Considered, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.report.verdict import verdict
 

@@ -162,7 +162,7 @@ class HypothesisSet:
                 self.design, self.groups.marginal, hypothesis.effect, hypothesis.site, self.priors
             )
         best = self._scans[hypothesis].best(model, self.columns(model))
-        return Gain(best.gain, Hypothesis(hypothesis.effect, hypothesis.site, best.setting, best.sigma))
+        return Gain(best.gain, Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma))
 
     def extended(self, model: Model, term: Term) -> Model:
         """A model with one more explanation, all scales estimated again."""

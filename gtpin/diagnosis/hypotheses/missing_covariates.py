@@ -1,4 +1,4 @@
-"""What a covariate that nobody recorded may have been, by what goes with it."""
+"""What a covariate that nobody recorded may have been: proxies of it, from what was recorded."""
 
 from __future__ import annotations
 

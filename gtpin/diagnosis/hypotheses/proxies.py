@@ -61,7 +61,7 @@ def proxies(
             if columns is not None:
                 yield Proxy(hypothesis, columns, priors.not_varied, UNLOADED)
     for effect, why in failed.items():
-        text = f"{effect} can't be tried with a guess of what was not recorded ({why}): it stands in no class"
+        text = f"{effect} can't be tried with a proxy of what was not recorded ({why}): it is in no class"
         warn(text)
 
 
@@ -78,11 +78,11 @@ def _tried(hypothesis: Hypothesis, columns: Callable[[], Floats | None], failed:
 
 
 def _under(design: Design, hypothesis: Hypothesis, spells: list[Situation]) -> Floats:
-    """An effect's displacements, and by how much more its form moves with a payload in each spell."""
+    """An effect's displacements, and by how much more its core moves with a payload in each spell."""
     effect, site = hypothesis.effect, hypothesis.site
     plain = design.columns(effect.basis(design.situation, site))
-    form = list(effect.core) or list(range(plain.shape[1]))
-    more = [design.columns(effect.basis(at, site))[:, form] - plain[:, form] for at in spells]
+    core = list(effect.core) or list(range(plain.shape[1]))
+    more = [design.columns(effect.basis(at, site))[:, core] - plain[:, core] for at in spells]
     return np.hstack([plain, *more])
 
 
@@ -119,7 +119,7 @@ def _missing(at: Situation, hypothesis: Hypothesis) -> list[str]:
 
 
 def _best(design: Design, found: list[Floats]) -> Floats:
-    """The guess that fits best."""
+    """The proxy that fits best."""
     if len(found) == 1:
         return found[0]
     groups: Groups[int] = Groups(Marginal(design.B), design.y)

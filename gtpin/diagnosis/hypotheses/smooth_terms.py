@@ -161,7 +161,7 @@ def _all_moves(at: Situation) -> Floats | None:
 def _of_arm(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
     """All links, each by itself."""
     n = len(at.robot.rods)
-    functions = [*_conditions(at), (("position",), *_field(at, 2))]
+    functions = [*_conditions(at), (("position",), *_field(at, 2, priors))]
     moves = _all_moves(at)
     if moves is not None:
         functions.append((("approach",), moves, np.full(moves.shape[1], 0.5)))
@@ -175,7 +175,7 @@ def _of_arm(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]
 
 def _of_platform(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
     """Motions of the target and tool on the plate, TCP frame."""
-    functions = [*_conditions(at), (("position",), *_field(at, 2))]
+    functions = [*_conditions(at), (("position",), *_field(at, 2, priors))]
     moves = _all_moves(at)
     if moves is not None:
         functions.append((("approach",), moves, np.full(moves.shape[1], 0.5)))
@@ -192,17 +192,18 @@ def _of_frame(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis
     for over, waves, size in _conditions(at):
         columns = np.concatenate([freedoms * wave[:, None, None] for wave in waves.T], axis=2)
         yield SmoothTerm("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
-    waves, size = _field(at, 3)
+    waves, size = _field(at, 3, priors)
     twist = np.zeros((len(at), 6, 3, waves.shape[1]))
     twist[:, :3] = np.eye(3)[None, :, :, None] * waves[:, None, None, :]
     sigma = np.tile(priors.smooth_shift * size, 3)
     yield SmoothTerm("frame", ("position",), "shift"), Basis(sigma, twist=twist.reshape(len(at), 6, -1))
 
 
-def _field(at: Situation, orders: int) -> tuple[Floats, Floats]:
+def _field(at: Situation, orders: int, priors: Priors) -> tuple[Floats, Floats]:
     """Smooth functions (N, m) of the TCP's position."""
     T = at.poses.T
-    x = np.clip((T - at.kinematics.home.T[0]) / 0.8, -1.5, 1.5)
+    reach = priors.smooth_reach * max(float(np.ptp(T, axis=0).max()) / 2.0, 1e-9)
+    x = np.clip((T - at.kinematics.home.T[0]) / reach, -1.5, 1.5)
     columns, sizes = [], []
     for a in range(orders + 1):
         for b in range(orders + 1 - a):

@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterable
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.inference.findings import Considered
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.result import Considered
 
 
 def considered(

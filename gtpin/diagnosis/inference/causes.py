@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.inference.findings import Cause, Member
 from gtpin.diagnosis.inference.verdict import Contender
-from gtpin.diagnosis.result import Cause, Member
 from gtpin.effects.active import ActiveEffect
 from gtpin.estimate import Estimate
 from gtpin.model.model import Model as FittedModel

@@ -12,6 +12,7 @@ from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.digits import with_full_digits
+from gtpin.diagnosis.inference.findings import Cause, Question, Unexplained
 from gtpin.diagnosis.inference.held_out import held_out
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import without_idle
@@ -23,7 +24,6 @@ from gtpin.diagnosis.inference.unexplained import unexplained
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import Gap, gap
 from gtpin.diagnosis.preparation.prepare import Prepared
-from gtpin.diagnosis.result import Cause, Question, Unexplained
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]

@@ -69,7 +69,7 @@ def reestimate_noise(
     Parameters
     ----------
     model
-        Causes and free motions: everything that is no noise.
+        Causes and smooth terms: everything that is no noise.
     declared
         Whether the position's and the orientation's sigma are known.
     """
@@ -142,7 +142,7 @@ def _most_restless(noise: Noise, errors: Floats, design: Design, explained: floa
     Parameters
     ----------
     explained
-        Log evidence of what is explained, part of which may be left by forms that depart from the machine's.
+        Log evidence of what is explained, part of which may be left where cores depart from the machine's.
     """
     J, c = design.command_jacobian, design.components
     covariance = noise.covariance(J, c)

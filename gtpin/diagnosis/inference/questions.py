@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.inference.findings import Cause, Question
 from gtpin.diagnosis.inference.verdict import Conclusion, Doubt
 from gtpin.diagnosis.priors import Priors
-from gtpin.diagnosis.result import Cause, Question
 from gtpin.effects.effect import Range
 
 

@@ -74,12 +74,11 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
         return Settled(searched, observed, searched, observed, declared, proposal)
     searched = kept.take(some[used])
     good = ~np.isin(np.arange(len(kept)), some[~used])
-    told = observed.noise
     noise = replace(
         everything.noise,
-        position_sigma=told.position_sigma,
-        orientation_sigma=told.orientation_sigma,
-        repeatability=told.repeatability,
+        position_sigma=observed.noise.position_sigma,
+        orientation_sigma=observed.noise.orientation_sigma,
+        repeatability=observed.noise.repeatability,
     )
     everything = replace(everything, noise=noise).take(good)
     return Settled(kept.take(good), everything, searched, observed, declared, proposal)

@@ -6,8 +6,8 @@ import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
+from gtpin.diagnosis.inference.findings import Unexplained
 from gtpin.diagnosis.linear.evidence import given
-from gtpin.diagnosis.result import Unexplained
 from gtpin.distributions import chi2
 
 CORRELATES = 5
@@ -22,7 +22,7 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
     model
         The causes that are named.
     unknown
-        Whether something unknown is beside them.
+        Whether something unknown is there as well.
     """
     groups, design = hypotheses.groups, hypotheses.design
     power = _power(hypotheses, model)

@@ -8,11 +8,11 @@ from typing import Literal
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
+from gtpin.diagnosis.inference.findings import Verdict
 from gtpin.diagnosis.priors import SURE
-from gtpin.diagnosis.result import Verdict
 
 Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_groups", "two_valued", "scatter"]
-"""Why something unknown is believed:
+"""Why something unknown is inferred:
 
 ``smooth_term``
     Smooth nonparametric terms are likelier than the named causes alone (``decide.py``).
@@ -33,7 +33,7 @@ Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_group
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason for which something unknown is believed; ``site`` and ``over``, its coordinates, where they are known."""
+    """A reason for which something unknown is inferred; ``site`` and ``over``, its coordinates, where they are known."""
 
     reason: Reason
     site: str = ""
@@ -60,7 +60,7 @@ class Conclusion:
     classes
         Of each cause: itself and what could be the cause in its place, the likeliest first.
     doubts
-        Why something unknown is believed beside the causes.
+        Why something unknown is inferred in addition to the causes.
     alone
         Gain in log evidence of every explanation by itself.
     """

@@ -141,7 +141,7 @@ def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: n
     unit = rng.standard_normal((len(whole.z), DRAWS))
     off = np.einsum("nik,kd->nid", whole.columns, whole.root @ unit, optimize=True)
     expected = float(((whole.columns @ whole.root) ** 2).sum() / count)
-    # What the fit's own uncertainty does not account for is form that the causes lack; nobody knows it better than this.
+    # What the fit's own uncertainty does not account for is what the causes' cores lack; left-out poses are its only measure.
     lacking = max(error - expected, 0.0)
     spread = float(np.sqrt(2.0 / count)) * float(squares.mean())
     predicted = np.einsum("nik,k->ni", whole.columns, whole.z)

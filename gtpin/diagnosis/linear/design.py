@@ -1,4 +1,4 @@
-"""The linear problem of a diagnosis: whitened residuals, the geometry's derivative, and every candidate's displacements."""
+"""The linear problem of a diagnosis: whitened residuals, the geometry's derivative, and every hypothesis's displacements."""
 
 from __future__ import annotations
 

@@ -60,15 +60,15 @@ class Groups(Generic[K]):
         """Start without a group, for a whitened residual y (m,)."""
         self.marginal, self.y, self.priors = marginal, y, priors
         self.columns: dict[K, Floats] = {}
-        self.form: dict[K, tuple[int, ...]] = {}
+        self.core: dict[K, tuple[int, ...]] = {}
         self._half: dict[K, Floats] = {}
         self._moment: dict[K, Floats] = {}
         self._block: dict[tuple[K, K], Floats] = {}
         self._half_y = marginal.half(y[:, None])[:, 0]
         self.power = float(y @ y - self._half_y @ self._half_y)
 
-    def add(self, term: K, columns: Floats, form: tuple[int, ...] = ()) -> None:
-        """Add a group of whitened displacements (m, c); ``form`` as in :func:`best_scales`.
+    def add(self, term: K, columns: Floats, core: tuple[int, ...] = ()) -> None:
+        """Add a group of whitened displacements (m, c); ``core`` as in :func:`best_scales`.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Groups(Generic[K]):
         """
         if term in self.columns:
             raise ValueError(f"{term} is there already")
-        self.form[term] = form
+        self.core[term] = core
         self.columns[term] = columns
         self._half[term] = self.marginal.half(columns)
         self._moment[term] = columns.T @ self.y - self._half[term].T @ self._half_y
@@ -159,33 +159,33 @@ def all_gains(groups: Groups[K], model: Posterior[K], terms: Iterable[K]) -> dic
     alike: dict[tuple[int, tuple[int, ...]], list[K]] = defaultdict(list)
     for term in terms:
         width = groups.columns[term].shape[1]
-        alike[1 << (width - 1).bit_length(), groups.form[term]].append(term)
+        alike[1 << (width - 1).bit_length(), groups.core[term]].append(term)
     found: dict[K, tuple[float, float]] = {}
-    for (width, form), members in alike.items():
+    for (width, core), members in alike.items():
         # Columns of zeros, which bring nothing, make groups of much the same width alike.
         grams, moments = np.zeros((len(members), width, width)), np.zeros((len(members), width))
         for i, term in enumerate(members):
             gram, moment = given(groups, model, term)
             grams[i, : len(moment), : len(moment)], moments[i, : len(moment)] = gram, moment
-        best = zip(*best_scales(grams, moments, form, groups.priors), strict=True)
+        best = zip(*best_scales(grams, moments, core, groups.priors), strict=True)
         found |= {term: (float(g), float(s)) for term, (g, s) in zip(members, best, strict=True)}
     return found
 
 
 def best_scales(
-    grams: Floats, moments: Floats, form: Sequence[int] = (), priors: Priors = PRIORS
+    grams: Floats, moments: Floats, core: Sequence[int] = (), priors: Priors = PRIORS
 ) -> tuple[Floats, Floats]:
     """(S,) largest log evidence over the scales, and the scales, of S groups of c columns.
 
-    A scale must suit the group's form: where the coefficients of its form are far smaller than the scale, the scale only
-    serves what bends it, and there is no form left to bend.
+    A scale must suit the group's core: where the coefficients of its core are far smaller than the scale, the scale only
+    serves the modulation, and there is no core left to modulate.
 
     Parameters
     ----------
     grams, moments
         (S, c, c) and (S, c) of the groups, whatever else is in the model marginalised.
-    form
-        Columns that are the form; none where all are.
+    core
+        Columns that are the core; none where all are.
     """
     values, vectors = np.linalg.eigh(grams)
     values = np.maximum(values, 0.0)
@@ -194,7 +194,7 @@ def best_scales(
     shrunk = s2 / (1.0 + s2 * values)
     gain = 0.5 * (shrunk * along**2 - np.log1p(s2 * values)).sum(axis=2)
     gain -= 0.5 * (np.log(SCALES)[:, None] / priors.scale_spread) ** 2
-    own = [i for i in form if i < values.shape[1]]
+    own = [i for i in core if i < values.shape[1]]
     if own:
         part = vectors[:, own]
         mean = np.einsum("sfj,ksj->ksf", part, shrunk * along, optimize=True)

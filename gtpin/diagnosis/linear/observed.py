@@ -99,7 +99,7 @@ class Observed:
 
 
 def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:
-    """A calibration's noise without repeatability, which is told by visits that causes may have set apart.
+    """A calibration's noise without repeatability, which visits show that causes may have set apart.
 
     Sigmas that were not declared carry all of the scatter then: what causes do to repeated visits makes the instrument's share
     in it look small.

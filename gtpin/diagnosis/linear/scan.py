@@ -20,16 +20,16 @@ Floats = npt.NDArray[np.float64]
 BATCH = 64
 """Settings whose displacements are held in memory at once."""
 KEPT = 6_000_000
-"""Numbers up to which all settings' displacements are kept between scans."""
+"""Numbers up to which all values' displacements are kept between scans."""
 REFINED, REFINEMENTS = 13, 4
 """Settings tried around the best of the scan, and how often, each time nearer."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """The best setting of an effect at a site, its sigma, its gain in log evidence, the trials paid for, and its scale."""
+    """The best value of an effect at a site, its sigma, its gain in log evidence, and its scale."""
 
-    setting: float
+    value: float
     sigma: float
     gain: float
     scale: float
@@ -37,7 +37,7 @@ class Found:
 
 @dataclass(frozen=True)
 class _Displacements:
-    """Whitened displacements of S settings, c columns each; where all are one actuator's, without the factor of each pose.
+    """Whitened displacements of S values, c columns each; where all are one actuator's, without the factor of each pose.
 
     ``columns`` is (N, S, c) times ``factor`` (N, 6) by pose for an actuator, or (6 N, S, c) with no factor.
     """
@@ -54,7 +54,7 @@ class _Displacements:
         return np.asarray(flat.T @ by_pose)
 
     def grams(self) -> Floats:
-        """(S, c, c) inner products of each setting's columns."""
+        """(S, c, c) inner products of each value's columns."""
         columns = self.columns
         if self.factor is not None:
             columns = columns * np.sqrt((self.factor**2).sum(axis=1))[:, None, None]
@@ -63,30 +63,30 @@ class _Displacements:
 
 
 class Scan:
-    """An effect at a site with every setting that is worth a try, prepared once for all scans beside other models."""
+    """An effect at a site with every value that is worth a try, prepared once for all scans given other models."""
 
     def __init__(self, design: Design, marginal: Marginal, effect: Effect, site: str, priors: Priors = PRIORS) -> None:
         """Prepare the inner products with the geometry marginalised."""
         self.design, self.marginal, self.priors = design, marginal, priors
         self.effect, self.site = effect, site
-        self.settings = np.array(effect.nonlinear_values(design.situation, site))
+        self.values = np.array(effect.nonlinear_values(design.situation, site))
         self._half_y = marginal.half(design.y[:, None])
 
     @cached_property
     def _prepared(self) -> list[tuple[_Displacements | None, Floats, Floats, Floats]]:
         """Of every batch: displacements where they are kept, their halves, Gram matrices and moments."""
         found = []
-        size = len(self.design.y) // self.design.components * len(self.settings) * 6
+        size = len(self.design.y) // self.design.components * len(self.values) * 6
         for batch in self._batches():
             displacements = self._displacements(batch)
             found.append((displacements if size <= KEPT else None, *self._products(displacements)))
         return found
 
     def _batches(self) -> list[Floats]:
-        return [self.settings[i : i + BATCH] for i in range(0, len(self.settings), BATCH)]
+        return [self.values[i : i + BATCH] for i in range(0, len(self.values), BATCH)]
 
-    def _displacements(self, settings: Sequence[float] | Floats) -> _Displacements:
-        bases = [self.effect.basis(self.design.situation, self.site, float(setting)) for setting in settings]
+    def _displacements(self, values: Sequence[float] | Floats) -> _Displacements:
+        bases = [self.effect.basis(self.design.situation, self.site, float(value)) for value in values]
         if bases[0].command is None:
             return _Displacements(np.stack([self.design.columns(basis) for basis in bases], axis=1), None)
         # Displacements of one actuator differ by a factor for each pose: inner products of N numbers, not of 6 N.
@@ -104,7 +104,7 @@ class Scan:
         return halves, grams, moments.reshape(count, width)
 
     def best(self, model: Posterior[Any], columns: Floats) -> Found:
-        """Best setting beside a model.
+        """Best value given a model.
 
         Parameters
         ----------
@@ -119,11 +119,11 @@ class Scan:
         gains, scales = (np.concatenate(r) for r in zip(*results, strict=True))
         top = int(np.argmax(gains))
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
-        trials = float(np.log(len(self.settings)))
+        trials = float(np.log(len(self.values)))
         together = float(np.logaddexp.reduce(gains)) - trials
-        near = self.settings[[max(top - 1, 0), min(top + 1, len(self.settings) - 1)]]
+        near = self.values[[max(top - 1, 0), min(top + 1, len(self.values) - 1)]]
         if gains[top] < trials or near[0] == near[1]:
-            return Found(float(self.settings[top]), float(np.ptp(near)), together, float(scales[top]))
+            return Found(float(self.values[top]), float(np.ptp(near)), together, float(scales[top]))
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
             displacements = self._displacements(finer)
@@ -146,7 +146,7 @@ class Scan:
         columns: Floats,
         half: Floats,
     ) -> tuple[Floats, Floats]:
-        """(S,) gains in log evidence beside a model, and the scales that give them."""
+        """(S,) gains in log evidence given a model, and the scales that give them."""
         halves, grams, moments = products
         count, width = moments.shape
         if columns.size and displacements is not None:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal
 from gtpin.diagnosis.linear.evidence import gain as best_gain
-from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain, most_telling
+from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
@@ -36,8 +36,8 @@ HOPELESS = 0.1
 
 
 @dataclass(frozen=True)
-class Standing:
-    """A cause, and what could stand in for it.
+class CauseClass:
+    """A cause, and what could be the cause in its place.
 
     Parameters
     ----------
@@ -52,23 +52,25 @@ class Standing:
     members: tuple[tuple[Hypothesis, float], ...]
 
 
-def split(known: Known, standings: Sequence[Standing], which: int, poses: int, rng: np.random.Generator) -> Experiment:
-    """The experiment that best parts the leader of one class from its likeliest rivals, beside all other causes.
+def discriminate(
+    known: Known, classes: Sequence[CauseClass], which: int, poses: int, rng: np.random.Generator
+) -> Experiment:
+    """The experiment that best discriminates the leader of one class from its likeliest alternatives, given all other causes.
 
     A cause without a rival is parted from no effect at all.
     """
     robot = known.robot
-    members = sorted(standings[which].members, key=lambda member: -member[1])[: RIVALS + 1]
+    members = sorted(classes[which].members, key=lambda member: -member[1])[: RIVALS + 1]
     words = {word for hypothesis, _ in members for word in concerns(hypothesis, robot)}
     trials = possible(known, words, POOL, rng)
-    others = beside(trials, [s for i, s in enumerate(standings) if i != which], words)
+    others = other_causes(trials, [s for i, s in enumerate(classes) if i != which], words)
     predictions = [_prediction(trials, others, hypothesis) for hypothesis, _ in members]
     weights = [p for _, p in members[1:]]
     if not weights:
         predictions.append(Prediction.of(trials, others))
         weights = [1.0]
-    rivalries = [Rivalry(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
-    rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
+    pairs = [HypothesisPair(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
+    rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
     effects = tuple(hypothesis.place for hypothesis, _ in members)
     sites, cold = tuple(site for _, site in effects), known.observed.temperature
     if gain < HOPELESS:
@@ -81,22 +83,22 @@ def split(known: Known, standings: Sequence[Standing], which: int, poses: int, r
 
 
 def concerns(hypothesis: Hypothesis, robot: Robot) -> tuple[str, ...]:
-    """Covariates and coordinates that a hypothesis goes with."""
+    """Covariates and coordinates that a hypothesis depends on."""
     return (*hypothesis.covariates(robot), *hypothesis.effect.coordinates(robot, hypothesis.site))
 
 
-def beside(trials: Trials, standings: Sequence[Standing], words: set[str]) -> Floats:
+def other_causes(trials: Trials, classes: Sequence[CauseClass], words: set[str]) -> Floats:
     """((N + M) c, m) displacements of causes, as large as their priors have them, and of what may change in between.
 
     Nothing changes in between where sessions themselves are asked about.
     """
     at = trials.design.situation
-    columns = [trials.design.columns(s.cause.basis(at)) * s.scale for s in standings]
+    columns = [trials.design.columns(s.cause.basis(at)) * s.scale for s in classes]
     return np.hstack([np.zeros((len(trials.design.y), 0)) if "session" in words else trials.since, *columns])
 
 
 def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis) -> Prediction:
-    """What a hypothesis beside other causes expects, as large as what was measured has it."""
+    """What a hypothesis predicts given other causes, of the size that was measured."""
     design, old = trials.design, trials.old
     X = design.columns(hypothesis.basis(design.situation))
     groups: Groups[Hypothesis] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
@@ -108,21 +110,21 @@ def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis) -> Predi
 def best_rows(
     trials: Trials,
     predictions: Sequence[Prediction],
-    rivalries: Sequence[Rivalry],
+    pairs: Sequence[HypothesisPair],
     count: int,
     rng: np.random.Generator,
 ) -> tuple[Rows, float, float]:
     """The most telling rows, in the order in which they are best measured, their gain, and the mean gain of random ones."""
-    rows = most_telling(predictions, rivalries, count)
+    rows = most_telling(predictions, pairs, count)
     drawn = [rng.choice(len(trials), len(rows), replace=False) for _ in range(DRAWS)]
-    random = float(np.mean([expected_gain(predictions, rivalries, r) for r in drawn]))
-    return rows[_order(trials, rows)], expected_gain(predictions, rivalries, rows), random
+    random = float(np.mean([expected_gain(predictions, pairs, r) for r in drawn]))
+    return rows[_order(trials, rows)], expected_gain(predictions, pairs, rows), random
 
 
 def _order(trials: Trials, rows: Rows) -> Rows:
     """Warm before cold, load by load, then along the first actuator; or as time goes on."""
-    new = trials.circumstances.new
-    if trials.circumstances.timed:
+    new = trials.conditions.new
+    if trials.conditions.timed:
         return np.argsort(np.asarray(new["time"], dtype=float)[rows])
     keys = [trials.q[rows, 0]]
     if "payload" in new:
@@ -133,8 +135,8 @@ def _order(trials: Trials, rows: Rows) -> Rows:
 
 def chosen(trials: Trials, rows: Rows, words: set[str]) -> Mapping[str, Column]:
     """Covariates of some rows that are to be set: those that vary, that words ask for, or a session that has to be new."""
-    new = trials.circumstances.new
+    new = trials.conditions.new
     wanted = {"session"} | ({"payload", "fx", "fy", "fz"} if "load" in words else set()) | words
-    if not trials.circumstances.timed:
+    if not trials.conditions.timed:
         wanted -= {"time"}
     return {name: new[name][rows] for name in sorted(new) if name in wanted}

@@ -46,7 +46,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Rivalry:
+class HypothesisPair:
     """Two hypotheses by number, the first of which is taken for true, and how much the two matter."""
 
     true: int
@@ -54,8 +54,8 @@ class Rivalry:
     weight: float
 
 
-def expected_gain(predictions: Sequence[Prediction], rivalries: Sequence[Rivalry], rows: Rows) -> float:
-    """Expected log Bayes factor, nats, for the true hypothesis by measuring some rows; weighted mean over rivalries.
+def expected_gain(predictions: Sequence[Prediction], pairs: Sequence[HypothesisPair], rows: Rows) -> float:
+    """Expected log Bayes factor, nats, for the true hypothesis by measuring some rows; weighted mean over pairs.
 
     The Kullback-Leibler divergence of N(mu_a, I + L_a L_a') from N(mu_b, I + L_b L_b').
     """
@@ -64,39 +64,36 @@ def expected_gain(predictions: Sequence[Prediction], rivalries: Sequence[Rivalry
         L = p.spread[rows].reshape(-1, p.spread.shape[2])
         factors.append(cho_factor(np.eye(len(L)) + L @ L.T, lower=True))
     total = 0.0
-    for r in rivalries:
+    for r in pairs:
         lower = np.tril(factors[r.true][0])
         shift = (predictions[r.true].mean - predictions[r.rival].mean)[rows].ravel()
         solved = solve_triangular(factors[r.rival][0], np.column_stack([lower, shift]), lower=True)
         logs = np.log(np.diag(factors[r.rival][0])).sum() - np.log(np.diag(lower)).sum()
         total += r.weight * float(0.5 * ((solved**2).sum() - len(shift)) + logs)
-    return total / sum(r.weight for r in rivalries)
+    return total / sum(r.weight for r in pairs)
 
 
-def most_telling(predictions: Sequence[Prediction], rivalries: Sequence[Rivalry], count: int) -> Rows:
+def most_telling(predictions: Sequence[Prediction], pairs: Sequence[HypothesisPair], count: int) -> Rows:
     """(count,) rows that together part the hypotheses best, chosen one by one.
 
-    The logarithm of one plus each rivalry's gain counts, so that no rivalry is settled over and over while another stays open.
+    The logarithm of one plus each pair's gain counts, so that no pair is settled over and over while another stays open.
     """
     spreads = [_main(p.spread) for p in predictions]
-    races = [_Race(predictions[r.true].mean - predictions[r.rival].mean, spreads[r.true]) for r in rivalries]
+    races = [_Race(predictions[r.true].mean - predictions[r.rival].mean, spreads[r.true]) for r in pairs]
     chosen: list[int] = []
     while len(chosen) < min(count, len(predictions[0].mean)):
         covariances = [np.eye(s.shape[1]) + s @ np.swapaxes(s, 1, 2) for s in spreads]
         inverses: list[Floats] = [np.asarray(np.linalg.inv(S), dtype=float) for S in covariances]
         logs: list[Floats] = [np.asarray(np.linalg.slogdet(S)[1], dtype=float) for S in covariances]
         steps = [
-            race.steps(inverses[r.rival], logs[r.rival] - logs[r.true])
-            for race, r in zip(races, rivalries, strict=True)
+            race.steps(inverses[r.rival], logs[r.rival] - logs[r.true]) for race, r in zip(races, pairs, strict=True)
         ]
-        worth = sum(
-            r.weight * np.log1p(race.gain + step) for race, step, r in zip(races, steps, rivalries, strict=True)
-        )
+        worth = sum(r.weight * np.log1p(race.gain + step) for race, step, r in zip(races, steps, pairs, strict=True))
         worth = np.asarray(worth)
         worth[chosen] = -np.inf
         best = int(worth.argmax())
         chosen.append(best)
-        for race, step, r in zip(races, steps, rivalries, strict=True):
+        for race, step, r in zip(races, steps, pairs, strict=True):
             race.take(best, spreads[r.rival], inverses[r.rival], float(step[best]))
         spreads = [_known(s, best, S) for s, S in zip(spreads, covariances, strict=True)]
     return np.array(chosen, dtype=np.intp)
@@ -131,9 +128,9 @@ class _Race:
 
     def take(self, row: int, spread: Floats, inverse: Floats, gain: float) -> None:
         """Let the rival learn from a row, and from its noise, by its root of the covariance (M, c, r) so far."""
-        learned = (spread @ spread[row].T) @ inverse[row]
-        self.shift = self.shift - learned @ self.shift[row]
-        self.spread = np.concatenate([self.spread - learned @ self.spread[row], learned], axis=2)
+        update = (spread @ spread[row].T) @ inverse[row]
+        self.shift = self.shift - update @ self.shift[row]
+        self.spread = np.concatenate([self.spread - update @ self.spread[row], update], axis=2)
         self.gain += gain
 
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import Untested
-from gtpin.diagnosis.planning.discrimination import LEAST, Standing, beside, best_rows, chosen, concerns
-from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rivalry, expected_gain
+from gtpin.diagnosis.planning.discrimination import LEAST, CauseClass, best_rows, chosen, concerns, other_causes
+from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking
 from gtpin.diagnosis.planning.measurement_conditions import FORCES, kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
@@ -38,9 +38,9 @@ class _Group:
     lacking: Lacking
 
 
-def reveal(
+def make_testable(
     known: Known,
-    standings: Sequence[Standing],
+    classes: Sequence[CauseClass],
     untestable: Sequence[Untested],
     poses: int,
     rng: np.random.Generator,
@@ -49,7 +49,7 @@ def reveal(
     found = [
         experiment
         for group in _groups(known.situation, untestable)
-        for experiment in _experiments(group, known, standings, min(poses, POSES), rng)
+        for experiment in _experiments(group, known, classes, min(poses, POSES), rng)
     ]
     return sorted(found, key=lambda e: -(e.expected_gain or 0.0) if len(e.poses) else 1.0)
 
@@ -64,7 +64,7 @@ def _groups(at: Situation, untestable: Sequence[Untested]) -> list[_Group]:
         groups.setdefault((remedy, bool(missing)), []).append((row.hypothesis, lacking, row.reason))
     return [
         _Group(
-            tuple(candidate for candidate, _, _ in members),
+            tuple(hypothesis for hypothesis, _, _ in members),
             Lacking(tuple(sorted({name for _, names, _ in members for name in names})), key[1], members[0][2]),
         )
         for key, members in groups.items()
@@ -74,7 +74,7 @@ def _groups(at: Situation, untestable: Sequence[Untested]) -> list[_Group]:
 def _experiments(
     group: _Group,
     known: Known,
-    standings: Sequence[Standing],
+    classes: Sequence[CauseClass],
     poses: int,
     rng: np.random.Generator,
 ) -> list[Experiment]:
@@ -87,13 +87,13 @@ def _experiments(
         shown = _testable(group, trials)
         if not shown:
             break
-        others = beside(trials, standings, words)
+        others = other_causes(trials, classes, words)
         predictions = [Prediction.of(trials, others)]
-        predictions += [_prediction(trials, others, candidate, group) for candidate in shown[:EXAMPLES]]
-        rivalries = [Rivalry(i, 0, 1.0) for i in range(1, len(predictions))]
-        if expected_gain(predictions, rivalries, np.arange(min(poses, len(trials)))) < LEAST:
+        predictions += [_prediction(trials, others, hypothesis, group) for hypothesis in shown[:EXAMPLES]]
+        pairs = [HypothesisPair(i, 0, 1.0) for i in range(1, len(predictions))]
+        if expected_gain(predictions, pairs, np.arange(min(poses, len(trials)))) < LEAST:
             continue
-        rows, gain, random = best_rows(trials, predictions, rivalries, poses, rng)
+        rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
         set_too = chosen(trials, rows, words)
         shown_by = Experiment(
             "make_testable",
@@ -110,17 +110,17 @@ def _experiments(
     return _hidden(group, group.members, known)
 
 
-def _hidden(group: _Group, candidates: Sequence[Hypothesis], known: Known) -> list[Experiment]:
+def _hidden(group: _Group, hypotheses: Sequence[Hypothesis], known: Known) -> list[Experiment]:
     """What to do about effects that no poses make testable."""
-    if not candidates:
+    if not hypotheses:
         return []
-    none, effects = np.zeros((0, known.robot.n_actuators)), _named(candidates)
+    none, effects = np.zeros((0, known.robot.n_actuators)), _named(hypotheses)
     sites = tuple(site for _, site in effects)
     return [Experiment("make_testable", known.robot, effects, none, watch=sites, lacking=group.lacking)]
 
 
-def _named(candidates: Sequence[Hypothesis]) -> tuple[tuple[str, str], ...]:
-    return tuple(hypothesis.place for hypothesis in candidates)
+def _named(hypotheses: Sequence[Hypothesis]) -> tuple[tuple[str, str], ...]:
+    return tuple(hypothesis.place for hypothesis in hypotheses)
 
 
 def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
@@ -131,10 +131,10 @@ def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
     return [able[i] for i in np.argsort(seen, kind="stable")]
 
 
-def _prediction(trials: Trials, others: Floats, candidate: Hypothesis, group: _Group) -> Prediction:
-    """What a candidate of its typical size expects beside the causes."""
+def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _Group) -> Prediction:
+    """What a hypothesis of its typical size predicts given the causes."""
     design = trials.design
-    X = design.columns(candidate.basis(design.situation))
+    X = design.columns(hypothesis.basis(design.situation))
     if group.lacking.missing:
         # What was not recorded may have been anything, and what it did is not known.
         X[trials.old] = 0.0

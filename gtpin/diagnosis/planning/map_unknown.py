@@ -1,4 +1,4 @@
-"""Measurements that trace an unknown effect along the coordinates that it goes with, all else unchanged."""
+"""Measurements that map an unknown effect along the coordinates that it depends on, all else unchanged."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class _Plan:
     covariates: dict[str, Column] = field(default_factory=dict)
 
 
-def trace(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
+def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
     """A dense experiment along the coordinates that an unknown effect depends on.
 
     Parameters
     ----------
     site, coordinates
-        Of the free motion that explains it best, as its :class:`~gtpin.diagnosis.hypotheses.hypothesis.Free` has them.
+        Of the smooth term that explains it best.
     poses
         About how many visits it may take.
     """

@@ -1,4 +1,4 @@
-"""Circumstances that a machine can be put in for the next measurements: which way it comes, its load, how warm it is."""
+"""Conditions that a machine can be put in for the next measurements: direction of approach, load, temperature."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HOURS = 4.0 * 3600.0
 HEAVIER = 5.0
 """Payload that a machine takes, kg, where the data show but one."""
 MOST_PAYLOAD = 4.0
-"""Times HEAVIER that are asked for at most."""
+"""Times HEAVIER at most."""
 PUSH = 50.0
 """Push on the tool that a machine takes, N, where the data show none."""
 FAST = 0.2
@@ -32,11 +32,11 @@ LEAST_WARMER = 1.0
 """Variation of a temperature, K, below which the data do not say by how much the machine warms up in use."""
 FORCES = ("fx", "fy", "fz")
 OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
-"""What goes with the pose, or with several covariates, and is none itself."""
+"""What depends on the pose, or on several covariates, and is none itself."""
 
 
 @dataclass(frozen=True)
-class Circumstances:
+class MeasurementConditions:
     """Covariates of the rows that were measured, and of M that could be.
 
     Parameters
@@ -75,8 +75,8 @@ def draw(
     *,
     ways: Floats,
     effort: float = 1.0,
-) -> Circumstances:
-    """Draw circumstances over what can be set.
+) -> MeasurementConditions:
+    """Draw conditions over what can be set.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def draw(
         start, span = float(_numbers(known["time"]).max()) + LATER, HOURS if timed else INTERVAL * count
         new["time"] = start + rng.uniform(0.0, span, count) + NIGHT * cold
         fixed = replace(fixed, time=(start, span)) if idle else fixed
-    return Circumstances(known, new, fixed, timed)
+    return MeasurementConditions(known, new, fixed, timed)
 
 
 def _numbers(values: Column) -> Floats:

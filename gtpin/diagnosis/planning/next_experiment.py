@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.inference.findings import Cause
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.planning.discrimination import Standing, split
+from gtpin.diagnosis.planning.discrimination import CauseClass, discriminate
 from gtpin.diagnosis.planning.experiment import Experiment
-from gtpin.diagnosis.planning.make_testable import reveal
-from gtpin.diagnosis.planning.map_unknown import trace
+from gtpin.diagnosis.planning.make_testable import make_testable
+from gtpin.diagnosis.planning.map_unknown import map_unknown
 from gtpin.diagnosis.planning.trials import Known
 from gtpin.diagnosis.priors import SURE
-from gtpin.diagnosis.result import Cause
 from gtpin.effects.situation import References
 from gtpin.model.model import Model
 
@@ -27,11 +27,13 @@ CLASSES = 3
 """Classes that are split at most, those of the largest causes."""
 
 
-def standings(found: Conclusion, causes: Sequence[Cause]) -> list[Standing]:
+def classes(found: Conclusion, causes: Sequence[Cause]) -> list[CauseClass]:
     """Causes with their classes, the largest first."""
     by_place = {hypothesis.place: hypothesis for hypothesis in found.classes}
     named = [by_place[c.effect, c.site] for c in causes]
-    return [Standing(h, found.scale[h], tuple((m.hypothesis, m.probability) for m in found.classes[h])) for h in named]
+    return [
+        CauseClass(h, found.scale[h], tuple((m.hypothesis, m.probability) for m in found.classes[h])) for h in named
+    ]
 
 
 def plan(
@@ -39,7 +41,7 @@ def plan(
     model: Model,
     references: References,
     *,
-    standings: Sequence[Standing],
+    classes: Sequence[CauseClass],
     untestable: Sequence[Untested],
     unknown: tuple[str, str] | None,
     rng: np.random.Generator,
@@ -53,12 +55,12 @@ def plan(
     ----------
     observed, model, references
         What the diagnosis worked on: poses, calibrated geometry without causes, and what covariates were counted from.
-    standings
+    classes
         The causes, the largest first, with their classes; those that surely stand alone are taken as they are.
     untestable
         What these data can't show.
     unknown
-        Site and coordinates of the free motion that goes best with what no known effect explains; None where nothing is left.
+        Site and coordinates of the smooth term that best explains what no known effect does; None where nothing is left.
     rng
         Of the rows from which the most telling are taken; same state, same plan.
     poses
@@ -67,8 +69,8 @@ def plan(
     if len(observed.weight) > LARGEST:
         observed = observed.take(rng.choice(len(observed.weight), LARGEST, replace=False))
     known = Known(observed, model, references)
-    open_ = [i for i, s in enumerate(standings) if len(s.members) > 1 or s.members[0][1] < SURE][:CLASSES]
-    found = [split(known, standings, i, poses, rng) for i in open_]
+    open_ = [i for i, s in enumerate(classes) if len(s.members) > 1 or s.members[0][1] < SURE][:CLASSES]
+    found = [discriminate(known, classes, i, poses, rng) for i in open_]
     if unknown is not None:
-        found.append(trace(known, *unknown, poses))
-    return (*found, *reveal(known, standings, untestable, poses, rng))
+        found.append(map_unknown(known, *unknown, poses))
+    return (*found, *make_testable(known, classes, untestable, poses, rng))

@@ -1,4 +1,4 @@
-"""What could be measured next: commands within reach, each in circumstances of its own."""
+"""What could be measured next: commands within reach, each in conditions of its own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.planning.measurement_conditions import Circumstances, draw
+from gtpin.diagnosis.planning.measurement_conditions import MeasurementConditions, draw
 from gtpin.effects.basis import Basis
 from gtpin.effects.frames import frame_twist
 from gtpin.effects.situation import References, Situation
@@ -70,14 +70,14 @@ class Trials:
         N.
     q
         (M, n) commands.
-    circumstances
+    conditions
         Of all of them.
     """
 
     design: Design
     measured: int
     q: Floats
-    circumstances: Circumstances
+    conditions: MeasurementConditions
 
     def __len__(self) -> int:
         return len(self.q)

@@ -177,7 +177,7 @@ def diagnosed_beside(kind: type[Effect]) -> gtpin.Diagnosis:
 
 
 def test_an_effect_of_others_that_can_do_with_no_guess_is_warned_of_and_stands_in_no_class():
-    with pytest.warns(gtpin.GtpinWarning, match="of_others can't be tried with a guess .*KeyError"):
+    with pytest.warns(gtpin.GtpinWarning, match="of_others can't be tried with a proxy .*KeyError"):
         found = diagnosed_beside(OfOthers)
     assert ("rack_periodic", "cart2") in held(found)
     assert all(effect != "of_others" for effect, _ in held(found))
