@@ -56,8 +56,10 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
     )
     scatter, hidden = scatters(d.baseline), may_hide(d)
     if scatter and hidden:
-        headline = "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible causes "
-        return headline + "could not be tested.", [gap, scatter, *hidden]
+        headline = (
+            "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible "
+        )
+        return headline + "causes could not be tested.", [gap, scatter, *hidden]
     advice = [f"{gap} Use it as it is: no compensation is needed."]
     untestable = sum(not c.testable for c in d.candidates)
     if untestable:

@@ -40,9 +40,7 @@ def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
 
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
     said = verdict(findings["unknown"].diagnosis).headline
-    assert said == (
-        "Something that is not in the catalogue moves cart1 with q1 and q3: don't compensate it by name."
-    )
+    assert said == ("Something that is not in the catalogue moves cart1 with q1 and q3: don't compensate it by name.")
 
 
 def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
