@@ -1,4 +1,4 @@
-"""The command line: how commands end. What they need is imported once Ctrl-C is in good hands."""
+"""The command line: how commands end. Their modules are imported after Ctrl-C is handled."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def main() -> None:
     code = _run()
     _flush()
     if code == 0:  # an error is one line, and what was noticed on the way to it is not the point
-        for text in dict.fromkeys(kept):  # what two effects notice is said once
+        for text in dict.fromkeys(kept):  # the same warning from two effects is printed once
             _say("warning", text)
     sys.exit(code)
 
@@ -81,8 +81,8 @@ def _run() -> int:
             raise KeyboardInterrupt
         return int(code)
     except typer.TyperException as error:  # wrong options, missing arguments
-        if told := _message(error):  # without a command the help has been shown, and there is nothing to say
-            _say("error", f"{told} (gtpin --help tells more)")
+        if text := _message(error):  # without a command the help has been shown, and there is no message
+            _say("error", f"{text} (see gtpin --help)")
         return 2
     except ConvergenceError as error:
         _say("error", error)
@@ -122,8 +122,8 @@ def _flush() -> None:
 
 
 def _message(error: Exception) -> str:
-    told = getattr(error, "format_message", None)
-    return str(told() if told else error)
+    message = getattr(error, "format_message", None)
+    return str(message() if message else error)
 
 
 def _say(kind: str, text: Any) -> None:

@@ -16,7 +16,7 @@ from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, workspace
 from gtpin.errors import ModelError
-from gtpin.kinematics.euler import well_told, zyz
+from gtpin.kinematics.euler import well_defined, zyz
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.output.shown import Presentation, Shown
@@ -70,12 +70,12 @@ class Accuracy(Shown):
 
     @cached_property
     def space(self) -> Workspace:
-        """The box that the poses span, asked for where the robot can go."""
+        """The box that the poses span, with its reachable points."""
         T = self.model.kinematics.forward(self.q).T
         return workspace(self.model, T.min(axis=0), T.max(axis=0), COUNTS)
 
     def to_json(self) -> dict[str, Any]:
-        """What accuracy.json holds, SI units.
+        """The content of accuracy.json, SI units.
 
         ``schema``; ``robot``; ``poses``, how many; ``step`` of the sensitivity; ``uncertainty``, what was taken to be
         uncertain; ``expected.position`` (m) and ``expected.orientation`` (rad), each with ``mean`` over the poses, ``p95`` of
@@ -95,10 +95,10 @@ class Accuracy(Shown):
             "step": self.sensitivity.step,
             "uncertainty": self.uncertain,
             "expected": {
-                "position": _told(self.expected.position),
-                "orientation": _told(self.expected.orientation) if turns and self.expected.orientation else None,
+                "position": _error_json(self.expected.position),
+                "orientation": _error_json(self.expected.orientation) if turns and self.expected.orientation else None,
             },
-            "zyz_range": _zyz_range(poses) if turns and well_told(poses.R) else None,
+            "zyz_range": _zyz_range(poses) if turns and well_defined(poses.R) else None,
             "dexterity": measures,
         }
 
@@ -191,14 +191,14 @@ def _zyz_range(poses: Poses) -> dict[str, float]:
     return dict(zip(("alpha", "beta", "gamma"), np.ptp(zyz(poses.R), axis=0).tolist(), strict=True))
 
 
-def _told(error: Error) -> dict[str, float]:
+def _error_json(error: Error) -> dict[str, float]:
     return {"mean": error.mean, "p95": error.p95, "maximum": error.maximum}
 
 
 def _range(values: Floats) -> dict[str, Any]:
-    """Least, median and most over the poses; None in place of what is not finite."""
-    told = {"least": values.min(axis=0), "median": np.median(values, axis=0), "most": values.max(axis=0)}
-    return {name: _finite(np.asarray(value).tolist()) for name, value in told.items()}
+    """Least, median and most over the poses; None for values that are not finite."""
+    figures = {"least": values.min(axis=0), "median": np.median(values, axis=0), "most": values.max(axis=0)}
+    return {name: _finite(np.asarray(value).tolist()) for name, value in figures.items()}
 
 
 def _finite(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Dexterity: how the TCP answers its actuators and its rods, and how far singularities and limits are."""
+"""Dexterity: transmission from actuators and rods to the TCP, and distances to singularities and limits."""
 
 from __future__ import annotations
 

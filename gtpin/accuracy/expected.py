@@ -1,4 +1,4 @@
-"""From uncertainty to the TCP error to expect, position and orientation, over a set of poses."""
+"""Expected TCP error, position and orientation, from uncertainty, over a set of poses."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 CHUNK = 5_000_000
-"""Numbers that are held at once."""
+"""Numbers that are held in memory at the same time."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is not known of a machine.
+    """The uncertainty of a machine.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class Response:
-    """How the TCP goes with independent standard normal causes.
+    """Response of the TCP to independent standard normal causes.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def closure_response(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floa
 
 
 def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
-    """The TCP's response at commands q (N, n), in the base frame, to what is uncertain.
+    """The TCP's response at commands q (N, n), in the base frame, to uncertain parameters.
 
     Raises
     ------
@@ -217,8 +217,8 @@ def _sample(response: Response, visits: int, draws: int, rng: np.random.Generato
 def _visited(count: int, visits: int, rng: np.random.Generator) -> npt.NDArray[np.intp]:
     if visits == count:
         return np.arange(count)
-    rounds = -(-visits // count)
-    return np.concatenate([rng.permutation(count) for _ in range(rounds)])[:visits]
+    passes = -(-visits // count)
+    return np.concatenate([rng.permutation(count) for _ in range(passes)])[:visits]
 
 
 def _root(covariance: Floats) -> Floats:

@@ -71,8 +71,8 @@ def write_sensitivity(
 def write_accuracy(found: Accuracy, new: Path) -> None:
     """Write an analysis into a new folder; see :func:`write_sensitivity`."""
     found.sensitivity.to_table().to_csv(new / "sensitivity.csv", index=False, lineterminator="\n")
-    told = json_text(found.to_json())
-    (new / "accuracy.json").write_text(told, encoding="utf-8")
+    text = json_text(found.to_json())
+    (new / "accuracy.json").write_text(text, encoding="utf-8")
     try:
         new_figure(1.0, 1.0)
     except GtpinError as error:

@@ -1,4 +1,4 @@
-"""Which poses to measure: the best of many."""
+"""Choice of the most informative poses to measure."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 WORTH = 1e-9
-"""Gain, nats, from which on poses are exchanged."""
+"""Smallest gain, nats, for which poses are exchanged."""
 
 
 def best_poses(signal: Signal, count: int) -> Rows:
-    """(count,) ascending rows of the poses that tell most together (D-optimal): greedy, then exchange until none gains.
+    """(count,) ascending rows of the poses with most information together (D-optimal): greedy, then exchange until none gains.
 
     An exchange takes one pose out and puts the one in that gains most (Fedorov 1972). No exchange of a single pose improves
     on the result, which need not be the best of all.
@@ -66,7 +66,7 @@ def _gains(signal: Signal, chosen: list[int]) -> Floats:
 
 @dataclass(frozen=True)
 class Plan:
-    """The best poses out of candidates, and what is gained over poses drawn at random.
+    """The best poses out of candidates, compared with random poses.
 
     Parameters
     ----------
@@ -127,23 +127,23 @@ def plan_poses(
     UnreachableError
         If commands can't be reached.
     """
-    told = signal(model, candidates, noise, orientation=orientation, free_frame=free_frame)
-    rows = best_poses(told, count)
+    candidate_signal = signal(model, candidates, noise, orientation=orientation, free_frame=free_frame)
+    rows = best_poses(candidate_signal, count)
     rng = np.random.default_rng(seed)
     random = [rng.choice(len(candidates), count, replace=False) for _ in range(draws)]
     predicted = model.kinematics.geometry_jacobian(at, reached_poses(model.kinematics, at))[:, :3]
     scaled = predicted * model.geometry.tolerance
 
     def error(rows: Rows) -> float:
-        spread = np.einsum("nip,pq,niq->n", scaled, told.covariance(rows), scaled, optimize=True)
+        spread = np.einsum("nip,pq,niq->n", scaled, candidate_signal.covariance(rows), scaled, optimize=True)
         return float(np.sqrt(spread.mean()))
 
     return Plan(
         rows=rows,
-        nats=told.nats(rows),
-        random_nats=np.array([told.nats(drawn) for drawn in random]),
+        nats=candidate_signal.nats(rows),
+        random_nats=np.array([candidate_signal.nats(drawn) for drawn in random]),
         error=error(rows),
         random_error=np.array([error(drawn) for drawn in random]),
-        learned=told.learned(rows),
-        observability=told.observability(rows),
+        learned=candidate_signal.learned(rows),
+        observability=candidate_signal.observability(rows),
     )

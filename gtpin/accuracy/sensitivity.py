@@ -1,4 +1,4 @@
-"""Table III of the paper for any robot with rods: what a small error of each rod's parameters does to the TCP."""
+"""Table III of the paper for any robot with rods: the effect of a small error of each rod's parameters on the TCP."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep, poses_after, rod_step
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
-from gtpin.kinematics.euler import well_told, zyz_change, zyz_rates
+from gtpin.kinematics.euler import well_defined, zyz_change, zyz_rates
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
@@ -33,7 +33,7 @@ class Sums:
     position
         \\|T - T+\\| + \\|T - T-\\|, m (Dressler et al. 2010, eq. 7).
     rotation
-        Absolute changes of the three ZYZ Euler angles, rad; NaN where these are not well told, as near the identity.
+        Absolute changes of the three ZYZ Euler angles, rad; NaN where these are not well defined, as near the identity.
     cost
         Absolute changes of the link's own squared closure residual (\\|d\\|^2 - L^2)^2, m^4; None where that is not known.
     """
@@ -139,10 +139,10 @@ def sensitivity(
     ends = kinematics.ends(q)
     d, RP = rod_vectors(poses, ends)
     response = np.linalg.inv(pose_jacobian(d, RP))
-    told = well_told(poses.R)
-    if not told:
+    defined = well_defined(poses.R)
+    if not defined:
         warn("changes of orientation are left out: ZYZ angles jump at these poses")
-    rates = zyz_rates(poses.R) if told else np.full((len(q), 3, 3), np.nan)
+    rates = zyz_rates(poses.R) if defined else np.full((len(q), 3, 3), np.nan)
     exact, linear = (np.full((3, len(PARAMETERS), len(links)), np.nan) for _ in range(2))
     for row, parameter in enumerate(PARAMETERS):
         for rod in range(len(links)):
@@ -215,7 +215,7 @@ def _exact(kinematics: RodKinematics, ends: RodEnds, poses: Poses, change: RodSt
     """(2,) sums over the poses of the changes of position, m, and of the ZYZ angles, rad."""
     moved = poses_after(kinematics, ends, poses, change, step)
     position = np.linalg.norm(moved.T - poses.T, axis=1).sum()
-    rotation = np.abs(zyz_change(moved.R, poses.R)).sum() if well_told(poses.R) else np.nan
+    rotation = np.abs(zyz_change(moved.R, poses.R)).sum() if well_defined(poses.R) else np.nan
     return np.array([position, rotation])
 
 

@@ -1,4 +1,4 @@
-"""What measuring at planned poses would tell of the geometry."""
+"""Information on the geometry from measurements at planned poses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FREE = 1.0
 
 @dataclass(frozen=True)
 class Signal:
-    """What poses would tell: derivatives of their whitened measurements by standard normal unknowns.
+    """Information from poses: derivatives of their whitened measurements by standard normal unknowns.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Signal:
         return np.asarray(flat.T @ flat)
 
     def nats(self, rows: Rows | None = None) -> float:
-        """Twice what measuring the poses would tell: log det(I + B'B), of which D-optimal poses have the most."""
+        """Twice the information from the poses: log det(I + B'B), which D-optimal poses maximise."""
         information = self.information(rows)
         return float(np.linalg.slogdet(np.eye(len(information)) + information)[1])
 
@@ -54,19 +54,19 @@ class Signal:
         return np.asarray(np.linalg.inv(np.eye(len(information)) + information)[:p, :p])
 
     def learned(self, rows: Rows | None = None) -> Floats:
-        """(p,) by parameter, how much of the tolerance's square measuring would take away."""
+        """(p,) variance reduction of each parameter by measuring."""
         return np.asarray(1.0 - np.diag(self.covariance(rows)))
 
     def observability(self, rows: Rows | None = None) -> Observability:
-        """What measuring would say by direction, and the indices O1 to O5."""
+        """Observability by measuring: variance reduction by direction, and the indices O1 to O5."""
         B = self.B if rows is None else self.B[rows]
         p, size = len(self.names), self.B.shape[2]
-        free = np.eye(size)[p:]  # the instrument's pose has a prior here, so that few poses say something too
+        free = np.eye(size)[p:]  # the instrument's pose has a prior here, so that few poses give information too
         return observability(np.vstack([B.reshape(-1, size), free]), p, B.shape[0] * B.shape[1])
 
 
 def signal(model: Model, q: Floats, noise: Noise, *, orientation: bool = True, free_frame: bool = False) -> Signal:
-    """What measuring at commands q (N, n) would tell, the geometry's tolerances being the priors.
+    """Information from measuring at commands q (N, n), with the geometry's tolerances as priors.
 
     Parameters
     ----------

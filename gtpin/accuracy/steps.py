@@ -1,4 +1,4 @@
-"""The parameters of the paper's sensitivity analysis: what a step in one of them does to its rod."""
+"""The parameters of the paper's sensitivity analysis: the effect of a step in one of them on its rod."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEP = 5e-5
 
 @dataclass(frozen=True)
 class RodStep:
-    """How one rod's ends and length go with one parameter.
+    """Dependence of one rod's ends and length on one parameter.
 
     Parameters
     ----------

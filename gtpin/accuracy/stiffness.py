@@ -1,4 +1,4 @@
-"""Stiffness of the TCP for rods and drives that give way."""
+"""Stiffness of the TCP from compliant rods and drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the TCP can be brought, and how well the robot stands there."""
+"""Reachable TCP positions, and the robot's dexterity there."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 CONDITIONED = 1.5
-"""Motion of the TCP by the actuators, over that at home, beyond which nobody would work."""
+"""Largest accepted motion of the TCP by the actuators, relative to that at home."""
 SOUND = 0.5
-"""Distance from singularity, over that at home, below which nobody would work."""
+"""Smallest accepted distance from singularity, relative to that at home."""
 TRIES = 4
 """Commands tried per wanted one."""
 SMALLEST_BOX = 1.0 / 64.0
-"""Part of the ranges below which the search gives up."""
+"""Fraction of the ranges below which the search stops."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Workspace:
 
 
 def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int, int] = (5, 15, 15)) -> Workspace:
-    """Ask a box for where the robot can go; its orientation is left to the arm.
+    """Find the reachable points of a box; the orientation is free.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int
 
 
 def default_commands(model: Model, count: int = 180) -> Floats:
-    """(count, n) commands spread evenly (Halton) over the ranges, where the robot stands about as well as at home.
+    """(count, n) commands spread evenly (Halton) over the ranges, where the dexterity is about as good as at home.
 
     An actuator without limits is taken from -pi to pi. Where the robot reaches hardly any of a box of commands, as one whose
     actuators could do far more one by one than together, the box is shrunk towards home.

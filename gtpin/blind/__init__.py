@@ -1,1 +1,1 @@
-"""Blind checks: machines with sealed effects are diagnosed, the seals opened, and a score told."""
+"""Blind checks: machines with sealed effects are diagnosed, the seals opened, and the diagnoses scored."""

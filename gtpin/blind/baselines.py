@@ -1,4 +1,4 @@
-"""What a diagnosis has to beat: geometry alone, a Gaussian process, and the largest score without abstaining."""
+"""Baselines of a diagnosis: geometry alone, a Gaussian process, and naming the largest evidence without abstaining."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from gtpin.blind.statement import Named, Statement
 
 
 def baselines(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
-    """The same few figures of the diagnosis and its rivals."""
+    """The same figures of the diagnosis and of its baselines."""
     return {
         "diagnosis": _row(cases, lambda shrunk: shrunk.after),
         "geometry only": _row([_silent(c) for c in cases], lambda shrunk: shrunk.before),
         "Gaussian process": _row([_silent(c) for c in cases], lambda shrunk: shrunk.smoothed),
-        "largest score": _row([_boldest(c) for c in cases], None),
+        "largest score": _row([_largest_evidence(c) for c in cases], None),
         "knows the cause": _row([], lambda shrunk: shrunk.knowing, cases),
     }
 
@@ -32,22 +32,22 @@ def _row(
         for c in of_kind(cases or others, "one")
         if c.shrunk and after and c.shrunk.smoothed and c.shrunk.knowing and (left := after(c.shrunk)) is not None
     ]
-    told: dict[str, Rate] = {
+    figures: dict[str, Rate] = {
         "strict": rate(c.strict for c in one if c.leaves > VISIBLE),
         "set_f1": mean(c.f1 for c in of_kind(cases, "two")),
         "false_alarm": rate(bool(c.said and c.said.causes) for c in of_kind(cases, "none")),
         "misnamed": rate(bool(c.false_names) for c in outside),
         "shrinkage": mean(shares),
     }
-    return {name: found.to_json() for name, found in told.items()}
+    return {name: found.to_json() for name, found in figures.items()}
 
 
 def _silent(case: Judged) -> Judged:
     return case.model_copy(update={"said": Statement(verdict="none")})
 
 
-def _boldest(case: Judged) -> Judged:
-    """The candidate with the largest evidence, named whatever it is."""
+def _largest_evidence(case: Judged) -> Judged:
+    """The candidate with the largest evidence, always named."""
     if case.said is None or not case.said.top:
         return _silent(case)
     named = Named(name=case.said.top, probability=1.0, members={case.said.top: 1.0})

@@ -1,4 +1,4 @@
-"""Whose a check's folder is: one check's, which goes on in it, and one run's at a time."""
+"""Reserves a folder for one check, which can be resumed there, and for one run at a time."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from gtpin.output.work_folder import work_folder
 
 SCHEMA = "gtpin-blind/1"
 CLAIM = "check.json"
-"""What the check was asked to do."""
+"""The check's settings."""
 SCORE_FILES = ("judged.json", "score.json", "score.html")
-"""What is written when all cases are judged."""
+"""Files that are written after all cases are judged."""
 
 
 @contextlib.contextmanager
 def claimed(folder: CheckFolder, settings: Settings, force: bool = False) -> Iterator[None]:
-    """Make a folder, or go on in it where it is that of the same check; nobody else works in it meanwhile.
+    """Make a folder, or resume the same check in it; the folder is locked for other runs.
 
-    Of a new check that ends before there is anything to go on with, nothing is left. With ``force``, what belongs to
-    another check, or is none of gtpin's, is moved aside (``NAME.old-1``).
+    A new check that ends before a case is complete leaves no files. With ``force``, files of another check, or files that
+    gtpin did not write, are renamed (``NAME.old-1``).
 
     Raises
     ------
     GtpinError
-        If it holds anything else, another run works in it, or it can't be written.
+        If the folder contains other files, another run uses it, or it can't be written.
     """
     root = folder.root
     if os.path.lexists(root) and not os.path.isdir(root):
@@ -58,9 +58,9 @@ def claimed(folder: CheckFolder, settings: Settings, force: bool = False) -> Ite
 
 
 def _claim(folder: CheckFolder, settings: Settings, force: bool) -> None:
-    told = {"schema": SCHEMA, **asdict(settings)}
+    content = {"schema": SCHEMA, **asdict(settings)}
     there = _there(folder)
-    other = next((name for name, value in told.items() if there.get(name) != value), None)
+    other = next((name for name, value in content.items() if there.get(name) != value), None)
     if there and other and _unbegun(folder):
         _give_up(folder)
     elif other:
@@ -73,14 +73,14 @@ def _claim(folder: CheckFolder, settings: Settings, force: bool) -> None:
     if not _there(folder):
         try:
             with placed_file(folder.root / CLAIM) as new:
-                new.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+                new.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         except GtpinError:
             _give_up(folder)
             raise
 
 
 def _there(folder: CheckFolder) -> dict[str, object]:
-    """What the folder's check was asked to do; nothing where there is none."""
+    """The settings of the folder's check; empty if there is none."""
     try:
         there = json.loads((folder.root / CLAIM).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -89,7 +89,7 @@ def _there(folder: CheckFolder) -> dict[str, object]:
 
 
 def _unbegun(folder: CheckFolder) -> bool:
-    """Whether nothing is lost with the check: no case was made, or the cases of others were not yet all taken in."""
+    """Whether the check can be deleted without loss: no case was made, or the given cases were not yet all copied."""
     begun = any((folder.root / "sealed").glob("*.json"))
     return not folder.published and (not begun or _there(folder).get("source") is not None)
 
@@ -108,7 +108,7 @@ def _others(root: Path, other: str) -> GtpinError:
 
 
 def _foreign_files(folder: CheckFolder) -> GtpinError | None:
-    """What keeps a folder from being taken for a check; None where it is empty, but for what a crash may have left."""
+    """The error if a folder can't be used for a check; None if it is empty except for remains of a crash."""
     for entry in folder.root.iterdir():
         if entry.name.startswith((UNFINISHED, MARKER)):
             continue
@@ -124,7 +124,7 @@ def _is_empty_claim(entry: Path) -> bool:
 
 
 def _make_room(folder: CheckFolder, problem: GtpinError | None, force: bool) -> None:
-    """Move what is foreign aside, or refuse to; take away what is empty."""
+    """Rename foreign files with ``force``, else raise the error; delete an empty check."""
     if problem is None:
         _give_up(folder)
         return

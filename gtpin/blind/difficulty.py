@@ -1,9 +1,9 @@
-"""How hard an effect is to name: what every effect of the catalogue leaves of its displacement, past geometry.
+"""How hard an effect is to name: the energy of its displacement that geometry and each other effect leave unexplained.
 
 Of a whitened displacement d, an effect with whitened displacements X for coefficients of typical size leaves
 d' (I + B B' + s^2 X X')^-1 d, where B is the whitened derivative by the geometry in tolerances, and s the scale, out of
-those a diagnosis would consider, at which the effect is the likeliest. D is the least that an effect other than the true one
-leaves. Settings (a period, a place) are scanned.
+those a diagnosis would consider, at which the effect has the largest evidence. D is the least that an effect other than
+the true one leaves. Nonlinear parameters (a period, a place) are scanned.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ Floats = npt.NDArray[np.float64]
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Over the typical size."""
 STRIDE = 3
-"""Of a scan's values every so many are tried first, then those beside the best."""
+"""Step of a coarse scan of the nonlinear parameter; its values near the best one are tried afterwards."""
 BATCH = 128
-"""Settings whose displacements are held in memory at once."""
+"""Values of the nonlinear parameter whose displacements are held in memory at the same time."""
 
 
 @dataclass(frozen=True)
 class Best:
-    """What an effect at a site leaves of a displacement, and the scale and nonlinear parameter with which it does."""
+    """Energy of a displacement that an effect at a site leaves, at its best scale and nonlinear parameter."""
 
     left: float
     scale: float
@@ -45,28 +45,28 @@ class Best:
 
 
 @dataclass(frozen=True)
-class Yardstick:
-    """Measures displacements at a dataset's rows.
+class Difficulty:
+    """Computes E and D of displacements at a dataset's rows.
 
     Parameters
     ----------
     situation
         The dataset's rows.
     sigma
-        (6,) the instrument's, m and rad; infinite for what is not measured.
+        (6,) the instrument's noise, m and rad; infinite for components that are not measured.
     """
 
     situation: Situation
     sigma: Floats
 
     @staticmethod
-    def of(dataset: Dataset, sigma: Floats, geometry: Geometry) -> Yardstick:
-        """The yardstick for a dataset and the geometry of a robot with rods; take one near the machine's own."""
+    def of(dataset: Dataset, sigma: Floats, geometry: Geometry) -> Difficulty:
+        """For a dataset and a geometry of a robot with rods, which should be close to the machine's own."""
         kinematics = RodKinematics(geometry)
         poses = kinematics.forward(dataset.q)
         temperature = dataset.conditions.reference_temperature
         measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
-        return Yardstick(Situation(kinematics, dataset.q, poses, dataset.covariates, None, temperature), measured)
+        return Difficulty(Situation(kinematics, dataset.q, poses, dataset.covariates, None, temperature), measured)
 
     @cached_property
     def _geometry(self) -> tuple[Floats, Floats]:
@@ -83,18 +83,18 @@ class Yardstick:
     def energy(self, displacement: Floats) -> float:
         """E of a displacement (N, 6)."""
         d = self.whitened(displacement[:, :, None])[:, 0]
-        return float(d @ self._past(d))
+        return float(d @ self._orthogonal(d))
 
-    def _past(self, d: Floats) -> Floats:
+    def _orthogonal(self, d: Floats) -> Floats:
         """(I + B B')^-1 d."""
         B, lower = self._geometry
         return np.asarray(d - B @ cho_solve((lower, True), B.T @ d))
 
     def left(self, displacement: Floats) -> dict[str, Best]:
-        """What every effect at every site leaves of a displacement (N, 6), by ``effect@site``."""
+        """Energy of a displacement (N, 6) that every effect at every site leaves, by ``effect@site``."""
         at = self.situation
         d = self.whitened(displacement[:, :, None])[:, 0]
-        past = self._past(d)
+        past = self._orthogonal(d)
         found = {}
         for effect in effects_by_id().values():
             for site in effect.sites(at.robot):
@@ -106,7 +106,7 @@ class Yardstick:
     def parameters(self, best: Best, displacement: Floats) -> dict[str, float]:
         """Parameters, by name, of an effect's textbook form that comes nearest to a displacement (N, 6).
 
-        Where the poses do not reach, the form is the smallest one, in units of the scale, that fits where they do.
+        Coefficients that the poses do not determine are as small as the fit allows, in units of the scale.
         """
         basis = best.effect.basis(self.situation, best.site, best.nonlinear)
         X = self.whitened(basis.displacement(self.situation) * basis.sigma)
@@ -115,7 +115,7 @@ class Yardstick:
         return {name: value for name, (value, _) in best.effect.parameters(c, best.nonlinear).items()}
 
     def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, float | None]:
-        """What an effect takes, at which scale and nonlinear parameter."""
+        """The energy that an effect explains, and its scale and nonlinear parameter."""
         at = self.situation
         values = list(effect.nonlinear_values(at, site))
         if not values:
@@ -133,7 +133,7 @@ class Yardstick:
         return *tried[best], values[best]
 
     def _taken(self, bases: list[Basis], past: Floats) -> tuple[Floats, Floats]:
-        """(S,) what displacements of each basis take at their likeliest scale, and the scale."""
+        """(S,) energy that each basis explains at its scale of largest evidence, and the scale."""
         B, lower = self._geometry
         width = len(bases[0])
         if bases[0].command is None:
@@ -156,7 +156,7 @@ class Yardstick:
 
 
 def _likeliest(values: Floats, squares: Floats) -> tuple[Floats, Floats]:
-    """(S,) energy taken at the scale with the largest evidence, and the scale, of (S, m) eigenvalues and squared moments."""
+    """(S,) energy explained at the scale of largest evidence, and the scale, from (S, m) eigenvalues and squared moments."""
     s2 = (SCALES**2)[:, None, None]
     taken = (s2 * squares / (1.0 + s2 * values)).sum(axis=2)
     evidence = 0.5 * taken - 0.5 * np.log1p(s2 * values).sum(axis=2)

@@ -1,4 +1,4 @@
-"""What is drawn for a check: sorts of cases in fixed shares, everything else about them at random."""
+"""Draws the cases of a check: the kinds in fixed shares, everything else at random."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.blind.truth import Hidden, Kind, TruePoses, Truth
+from gtpin.blind.truth import Kind, TrueEffect, TruePoses, Truth
 from gtpin.plant.build import known_robot
 from gtpin.plant.bulk import draw_case
 from gtpin.plant.case import make_case
@@ -26,16 +26,16 @@ SHARES: dict[Kind, float] = {
     "rough": 0.08,
     "power": 0.09,
 }
-"""How often a case is of each sort."""
+"""Share of each kind of case."""
 POWER_POSES = (60, 120, 240)
 POWER_ENERGY = (2.0, 250.0)
-"""Poses, and energies (uniform in the logarithm), of the cases that tell from what energy on an effect is found."""
+"""Numbers of poses, and range of energies (uniform in the logarithm), of the cases of kind `power`."""
 GOLDEN = (5**0.5 - 1) / 2
 
 
 @dataclass(frozen=True)
 class Draft:
-    """A case to be made: its sort, the plant's seed, effects (sites are drawn), poses where they are fixed, and the robot."""
+    """A case to be made: kind, seed of the plant, effects (sites are drawn), number of poses if fixed, and robot."""
 
     name: str
     kind: Kind
@@ -46,10 +46,11 @@ class Draft:
 
 
 def drafts(cases: int, seed: int, robot: str = ROBOT) -> Iterator[Draft]:
-    """The cases of a check; the first of a larger check of the same seed are those of a smaller one.
+    """The cases of a check; a larger check of the same seed begins with the cases of a smaller one.
 
-    Sorts come in their shares in any stretch of cases, and single effects in turn, so that each has its cases; sites,
-    energies, poses, conditions and forms are the plant's to draw. Effects are those that the robot's parts can have.
+    Kinds have their shares in any sequence of cases. Single effects are used in turn, so that each has about as many cases.
+    The plant draws sites, energies, poses, measurement conditions and the effects' shapes. Effects are those that the
+    robot's parts can have.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     parts = known_robot(robot)
@@ -79,7 +80,7 @@ def drafts(cases: int, seed: int, robot: str = ROBOT) -> Iterator[Draft]:
 
 
 def made(draft: Draft) -> Case:
-    """Let the plant make a case."""
+    """Make a case by the plant."""
     if draft.kind == "rough":
         return draw_case(draft.seed, rough=True, robot=draft.robot)
     energy = POWER_ENERGY if draft.kind == "power" else None
@@ -88,12 +89,12 @@ def made(draft: Draft) -> Case:
 
 
 def truth_of(case: Case, kind: Kind) -> Truth:
-    """What is to be sealed of a case."""
+    """The truth of a case, to be sealed."""
     noise = Noise()
     return Truth(
         kind=kind,
         effects=tuple(
-            Hidden(
+            TrueEffect(
                 effect=t.effect,
                 site=t.site,
                 energy=t.energy,

@@ -1,4 +1,4 @@
-"""The figures that a diagnosis should reach, each by its definition."""
+"""The figures of a check, with their targets."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from gtpin.blind.calibration import tenths
+from gtpin.blind.explained_fraction import absolute_error, coverage, explained_fractions
 from gtpin.blind.judged import LEFT, VISIBLE, Judged
-from gtpin.blind.promises import kept, off, promises
 from gtpin.blind.rates import Rate, mean, rate
 from gtpin.blind.truth import Kind
 
@@ -17,7 +17,7 @@ MOST_AFTER = 1.3
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure: what it says, its value with bounds, and the least or most that it should be."""
+    """One figure: its name, its value with bounds, and its target, the smallest or largest accepted value."""
 
     name: str
     rate: Rate
@@ -26,7 +26,7 @@ class Figure:
 
     @property
     def reached(self) -> bool | None:
-        """Whether the value is on the right side; None without cases or target."""
+        """Whether the value reaches its target; None without cases or target."""
         if self.rate.value is None or (self.least is None and self.most is None):
             return None
         return (self.least is None or self.rate.value >= self.least) and (
@@ -40,7 +40,7 @@ class Figure:
 
 
 def figures(cases: Sequence[Judged]) -> list[Figure]:
-    """All figures, of those cases that they are about; a failed case is never right."""
+    """All figures, each over the cases that it is defined for; a failed case counts as incorrect."""
     one, none = of_kind(cases, "one"), of_kind(cases, "none")
     seen, clear = [c for c in one if c.energy > VISIBLE], [c for c in one if c.leaves > VISIBLE]
     weak = [c for c in one if c.leaves <= VISIBLE]
@@ -56,7 +56,9 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
             mean(len(c.said.members) for c in seen if c.said and c.said.members),
             most=2.5,
         ),
-        Figure("class with a member that leaves more than 63, E > 63", rate(_stranger(c) for c in seen), most=0.0),
+        Figure(
+            "class with a member that leaves more than 63, E > 63", rate(_has_wrong_member(c) for c in seen), most=0.0
+        ),
         Figure("cause and site right, nothing else named, D > 63", rate(c.strict for c in clear), least=0.90),
         Figure("site that leads where right, D > 63", rate(_where(c) for c in clear), least=0.90),
         Figure(
@@ -82,12 +84,12 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
 
 
 def of_kind(cases: Iterable[Judged], *kinds: Kind) -> list[Judged]:
-    """The cases of some sorts."""
+    """The cases of some kinds."""
     return [case for case in cases if case.kind in kinds]
 
 
 def taken_out(cases: Iterable[Judged]) -> list[Judged]:
-    """The single effects as those of an unlisted one, by what was said once they had been taken out of the catalogue."""
+    """Cases with one effect as cases with an unlisted effect: diagnosed with the effect removed from the catalogue."""
     found = []
     for case in of_kind(cases, "one"):
         if case.without is not None or case.without_error is not None:
@@ -99,44 +101,44 @@ def taken_out(cases: Iterable[Judged]) -> list[Judged]:
 
 
 def covered(cases: Iterable[Judged]) -> Iterable[bool]:
-    """Whether parameters of rightly named causes lie within 1.96 sigma of the true ones."""
+    """Whether parameters of correctly named causes lie within 1.96 sigma of the true values."""
     return (abs(value - true) <= 1.96 * sigma for c in cases for _, value, sigma, true in c.parameters)
 
 
 def _outside(cases: Sequence[Judged]) -> list[Figure]:
-    """Effects that are in no catalogue, and those that were taken out of it."""
+    """Figures of effects that are not in the catalogue, and of those that were removed from it."""
     rows = []
     for word, some in (
         ("outside the catalogue", of_kind(cases, "unlisted")),
         ("taken out of the catalogue", taken_out(cases)),
     ):
         plain = [c for c in some if c.leaves > LEFT]
-        asked: list[tuple[str, Callable[[Judged], bool], Sequence[Judged], dict[str, float]]] = [
+        rows_of: list[tuple[str, Callable[[Judged], bool], Sequence[Judged], dict[str, float]]] = [
             ("unknown, where others leave more than 250", _unknown, plain, {"least": 0.90}),
             ("unknown, all", _unknown, some, {}),
             ("a cause named with confidence, where others leave more than 250", _confident, plain, {"most": 0.15}),
             ("a cause named with confidence, all", _confident, some, {"most": 0.15}),
             ("any cause named, all", _named, some, {}),
         ]
-        rows += [Figure(f"{word}: {text}", rate(map(test, those)), **bound) for text, test, those, bound in asked]
+        rows += [Figure(f"{word}: {text}", rate(map(test, those)), **bound) for text, test, those, bound in rows_of]
     return rows
 
 
 def _shrinkage(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
-    told = promises(cases)
+    fractions = explained_fractions(cases)
     ratios = [c.shrunk.after / c.shrunk.knowing for c in seen if c.shrunk and c.shrunk.knowing]
     return [
-        Figure("shrinkage said less realised, absolute", off(told), most=0.05),
-        Figure("shrinkage said less realised", mean(p.said - p.realised for p in told)),
-        Figure("95 % interval of shrinkage covers", kept(told), least=0.90),
+        Figure("shrinkage said less realised, absolute", absolute_error(fractions), most=0.05),
+        Figure("shrinkage said less realised", mean(f.predicted - f.realised for f in fractions)),
+        Figure("95 % interval of shrinkage covers", coverage(fractions), least=0.90),
         Figure("gap after over that of a fit that knows the cause, E > 63", mean(ratios), most=MOST_AFTER),
         Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
     ]
 
 
 def _calibrated(cases: Sequence[Judged]) -> Figure:
-    """The tenth of probabilities that is farthest off."""
-    off = [abs(t.said - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
+    """The largest calibration error of the probabilities, over the tenths."""
+    off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
     return Figure(
         "probabilities: farthest off of the tenths that have 30 causes",
         Rate(max(off, default=None), None, None, len(off)),
@@ -144,8 +146,8 @@ def _calibrated(cases: Sequence[Judged]) -> Figure:
     )
 
 
-def _stranger(case: Judged) -> bool:
-    """Whether the class has a member that can't stand in for the effect."""
+def _has_wrong_member(case: Judged) -> bool:
+    """Whether the class has a member that does not fit the true effect: it leaves more than `VISIBLE` of its energy."""
     return case.said is not None and any(
         case.left.get(n, 0.0) > VISIBLE for n in case.said.members if n not in case.names
     )

@@ -1,4 +1,4 @@
-"""Where a check keeps what: datasets, sealed truths apart from them, diagnoses, and what the check was asked to do."""
+"""The files of a check: datasets, sealed truths in a separate folder, diagnoses, and the check's settings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pydantic import ValidationError
 import gtpin
 from gtpin.blind.seal import DIGEST, digest_of
 from gtpin.blind.truth import TruePoses, Truth
-from gtpin.blind.worker import Said
+from gtpin.blind.worker import Outcome
 from gtpin.data.files import placed_file, write_table
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
@@ -27,18 +27,18 @@ JUDGES = ("blind", "plant", "report", "commands", "paper")
 
 @dataclass(frozen=True)
 class Settings:
-    """What a check was asked to do, and with which sources: its results belong to no other.
+    """The settings of a check and the digests of its sources. Results are valid for these settings only.
 
     Parameters
     ----------
     cases, seed
-        How many, and drawn from which seed; the seed is None where somebody else made them.
+        Number of cases and the seed from which they are drawn; the seed is None for cases that somebody else made.
     source
         Digest of the cases that somebody else made, or None.
     robot
-        Whose cases were drawn, or None where somebody else made them.
+        Robot of the cases, or None for cases that somebody else made.
     plant, diagnosis
-        Digests of the sources that made the cases, and of those that diagnose them.
+        Digests of the source files that make the cases, and of those that diagnose them.
     """
 
     cases: int
@@ -50,7 +50,7 @@ class Settings:
 
 
 def diagnosis_digest() -> str:
-    """SHA-256 of all sources that a diagnosis may depend on, by name."""
+    """SHA-256 of all source files that a diagnosis may depend on, with their names."""
     root = Path(gtpin.__file__).parent
     found = hashlib.sha256()
     for file in sorted(root.rglob("*.py")):
@@ -68,7 +68,7 @@ class CheckFolder:
 
     @property
     def cases(self) -> Path:
-        """Datasets by name, the manifest, and at the end the opened truths."""
+        """Datasets by name, the manifest and, at the end, the opened truths."""
         return self.root / "cases"
 
     @property
@@ -95,56 +95,56 @@ class CheckFolder:
 
     @property
     def published(self) -> bool:
-        """Whether the digests of all truths are published. An empty manifest is what a crash has left."""
+        """Whether the digests of all truths are published. An empty manifest is left by a crash and does not count."""
         return self.manifest.is_file() and self.manifest.stat().st_size > 0
 
     def is_sealed(self, name: str) -> bool:
-        """Whether a case was made: its truth is sealed, and its digest stands in the case's folder."""
+        """Whether a case was made: its truth is sealed, and its digest is in the case's folder."""
         try:
             return digest_of(self.sealed(name).read_bytes()) == self.digests([name])[name]
         except OSError:
             return False
 
     def files_of(self, name: str) -> dict[str, bytes]:
-        """All that a diagnosis of a case is given: the files of its dataset's folder."""
+        """The only input of a diagnosis: the files of the dataset's folder."""
         files = (file for file in sorted(self.case(name).iterdir()) if file.is_file() and file.name != MARKER)
         return {file.name: file.read_bytes() for file in files}
 
-    def said(self, name: str, without: bool = False) -> Said | None:
-        """What was said of a case (once its effect was taken out of the catalogue); None where nothing was yet.
+    def outcome(self, name: str, without: bool = False) -> Outcome | None:
+        """The outcome for a case (``without``: with its effect removed from the catalogue); None if there is none yet.
 
-        A file that a crash has left empty, or broken off, says nothing: the case is diagnosed again.
+        A file that a crash has left empty or incomplete is ignored: the case is diagnosed again.
         """
         try:
-            return Said.model_validate_json(self._said(name, without).read_bytes())
+            return Outcome.model_validate_json(self._outcome_file(name, without).read_bytes())
         except (FileNotFoundError, ValidationError):
             return None
 
-    def keep(self, name: str, said: Said, seconds: float, without: bool = False) -> None:
-        """Keep what was said, and apart from it how long that took."""
-        file = self._said(name, without)
-        with placed_file(file) as beside:
-            beside.write_text(said.model_dump_json() + "\n", encoding="utf-8")
+    def keep(self, name: str, outcome: Outcome, seconds: float, without: bool = False) -> None:
+        """Write the outcome, and to another file the time that it took."""
+        file = self._outcome_file(name, without)
+        with placed_file(file) as unfinished:
+            unfinished.write_text(outcome.model_dump_json() + "\n", encoding="utf-8")
         with writing(self.root), (self.root / "seconds.txt").open("a", encoding="utf-8") as log:
             log.write(f"{file.stem} {seconds:.2f}\n")
 
     def seconds(self) -> list[float]:
-        """How long each diagnosis took, s."""
+        """Time of each diagnosis, s."""
         file = self.root / "seconds.txt"
         text = file.read_text(encoding="utf-8", errors="replace") if file.is_file() else ""
         return [float(number) for number in re.findall(r"^\S+ (\d+\.\d\d)$", text, re.MULTILINE)]
 
-    def _said(self, name: str, without: bool) -> Path:
+    def _outcome_file(self, name: str, without: bool) -> Path:
         return self.root / "diagnoses" / (f"{name}.without.json" if without else f"{name}.json")
 
     def publish(self, name: str, truth: Truth) -> None:
-        """Put an opened truth beside the datasets, so that others can read it and the cases can be scored again."""
+        """Write an opened truth next to the datasets, so that others can read it and score the cases again."""
         text = truth.model_dump_json(exclude={"poses"}, exclude_none=True) + "\n"
-        with placed_file(self.cases / f"{name}.truth.json") as beside:
-            beside.write_text(text, encoding="utf-8")
+        with placed_file(self.cases / f"{name}.truth.json") as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
         if truth.poses is not None:
-            with placed_file(self.cases / f"{name}.truth.csv") as beside:
-                write_table(beside, _columns(truth.poses))
+            with placed_file(self.cases / f"{name}.truth.csv") as unfinished:
+                write_table(unfinished, _columns(truth.poses))
 
 
 def _columns(poses: TruePoses) -> dict[str, Column]:

@@ -1,29 +1,29 @@
-"""A case after its seal was opened: what is true, and what was said."""
+"""A case after its seal was opened: the truth and the diagnosis."""
 
 from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
 from gtpin.blind.statement import Statement
-from gtpin.blind.truth import Hidden, Kind
+from gtpin.blind.truth import Kind, TrueEffect
 
 VISIBLE = 63.0
-"""E and D from which an effect must be found, and named (four times what a matched filter needs)."""
+"""E and D from which an effect must be detected and named (four times the energy that a matched filter needs)."""
 LEFT = 250.0
-"""What known effects must leave of an unknown one for it to be seen as unknown."""
+"""Energy of an unlisted effect that known effects must leave unexplained, so that the verdict must be `unknown`."""
 
 
 class Shrunk(BaseModel):
-    """How far the gap shrank at held-out commands, against the true poses.
+    """Position errors at held-out commands, against the true poses.
 
     Parameters
     ----------
     before, after
-        Root mean square length of the position error, m, of the geometry alone, and with the causes that were named.
+        RMS length of the position error, m, of the geometry alone and of the model with the named causes.
     knowing
-        The same of a fit that knows the causes; None where there is none.
+        The same, of a fit to which the true causes are given; None if there is no such fit.
     smoothed
-        The same of a Gaussian process that names nothing; None where it was not tried.
+        The same, of a Gaussian process that names no cause; None if it was not fitted.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -35,40 +35,41 @@ class Shrunk(BaseModel):
 
     @property
     def share(self) -> float:
-        """Of the gap's power, what went away."""
+        """Explained fraction of the gap: 1 - (after / before)^2."""
         return 1.0 - (self.after / self.before) ** 2 if self.before > 0.0 else 0.0
 
 
 class Judged(BaseModel):
-    """A case, its truth, and what was said of it.
+    """A case, its truth and its diagnosis.
 
     Parameters
     ----------
     kind
-        What sort of case it is; None where its seal was broken.
+        Kind of case; None if its seal was broken.
     poses, planned
         Rows of the dataset, and different commands among them.
     truth
-        Its effects, with E and D, displacements left out.
+        Its true effects with E and D, without displacements.
     rival
-        The wrong effect that leaves least of a single one.
+        Alternative hypothesis: of the wrong effects, the one that leaves the least energy of a single true effect.
     listed
         Whether all its effects are in the catalogue.
     testable
-        Whether the dataset has what its known effects need.
+        Whether the dataset has the covariates that its known effects need.
     error
-        Why it failed.
+        Message of the error if the case failed.
     said
-        None where it failed.
+        The scored part of the diagnosis; None if the case failed.
     left
-        What the named class's members, and the true effect in its textbook form, leave of a single effect.
+        Energy of a single true effect that remains, by the effect that is fitted to it: each member of the named class, and
+        the true effect in its textbook form.
     without, without_error, without_left
-        What was said once a single effect was taken out of the catalogue, or why that failed, and what the best of the
-        others leaves of it.
+        The diagnosis with the true effect removed from the catalogue; the error if that failed; and the energy that the best
+        of the other effects leaves.
     shrunk
-        None without true poses or where it failed.
+        None without true poses, or if the case failed.
     parameters
-        Name, value, sigma and true value of the parameters of causes that were rightly named.
+        Name, value, sigma and true value of the parameters of causes that are named correctly.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -77,7 +78,7 @@ class Judged(BaseModel):
     kind: Kind | None = None
     poses: int = 0
     planned: int = 0
-    truth: tuple[Hidden, ...] = ()
+    truth: tuple[TrueEffect, ...] = ()
     rival: str = ""
     listed: bool = True
     testable: bool = True
@@ -92,48 +93,48 @@ class Judged(BaseModel):
 
     @property
     def names(self) -> frozenset[str]:
-        """What is true, ``effect@site``."""
+        """The true effects, ``effect@site``."""
         return frozenset(effect.name for effect in self.truth)
 
     @property
-    def single(self) -> Hidden:
+    def single(self) -> TrueEffect:
         """The effect of a case that has one."""
         (effect,) = self.truth
         return effect
 
     @property
     def energy(self) -> float:
-        """E of a single effect; NaN where it is not known."""
+        """E of a single effect; NaN if not known."""
         return float("nan") if self.single.energy is None else self.single.energy
 
     @property
     def leaves(self) -> float:
-        """D of a single effect; NaN where it is not known."""
+        """D of a single effect; NaN if not known."""
         return float("nan") if self.single.leaves is None else self.single.leaves
 
     @property
     def detected(self) -> bool:
-        """Whether anything was seen."""
+        """Whether the verdict is not `none`."""
         return self.said is not None and self.said.verdict != "none"
 
     @property
     def strict(self) -> bool:
-        """Whether exactly what is true was named, and no unknown beside it."""
+        """Whether exactly the true effects are named, and the verdict is not `unknown`."""
         return self.said is not None and self.said.verdict != "unknown" and frozenset(self.said.names) == self.names
 
     @property
     def in_class(self) -> bool:
-        """Whether the classes hold all that is true."""
+        """Whether the classes contain all true effects."""
         return self.said is not None and bool(self.names) and self.names <= self.said.members
 
     @property
     def false_names(self) -> tuple[str, ...]:
-        """Causes named that are none."""
+        """Named causes that are not true."""
         return tuple(n for n in self.said.names if n not in self.names) if self.said else ()
 
     @property
     def false_confident(self) -> tuple[str, ...]:
-        """Causes named with confidence that are none."""
+        """Causes named with confidence that are not true."""
         return tuple(n for n in self.said.confident() if n not in self.names) if self.said else ()
 
     @property
@@ -144,7 +145,7 @@ class Judged(BaseModel):
 
     @property
     def class_f1(self) -> float:
-        """F1 of the classes: a cause is right whose class holds a true one, and a true one is found that a class holds."""
+        """F1 of the classes: a cause is correct if its class has a true effect, a true effect is found if a class has it."""
         if self.said is None:
             return 0.0
         right = sum(bool(self.names & cause.members.keys()) for cause in self.said.causes)

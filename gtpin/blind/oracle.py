@@ -1,4 +1,4 @@
-"""The fit of somebody who knows the causes, their forms and their sizes: how far the gap could shrink."""
+"""Oracle baseline: a fit to which the true causes, their basis functions and their scales are given."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 
-def knowing(dataset: Dataset, baseline: Calibration, causes: Sequence[Best]) -> Model:
-    """Geometry and the causes given, fitted together in one Gauss-Newton step from a calibration in the robot's frame.
+def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[Best]) -> Model:
+    """Fit geometry and the given causes together, in one Gauss-Newton step from a calibration in the robot's frame.
 
-    The geometry's prior are its tolerances, that of a cause's coefficients their typical sizes times its scale.
+    Prior sigmas are the tolerances for the geometry, and for a cause's coefficients their typical sizes times its scale.
     """
     kept = dataset.take(baseline.used(dataset))
     model = baseline.model

@@ -1,4 +1,4 @@
-"""Cases that somebody else made: datasets with their truths beside them."""
+"""Cases that somebody else made: datasets and their truth files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from gtpin.blind.truth import Hidden, Kind, Six, TruePoses, Truth
+from gtpin.blind.truth import Kind, Six, TrueEffect, TruePoses, Truth
 from gtpin.data import columns
 from gtpin.data.description import read_description, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
@@ -42,11 +42,11 @@ class Given:
 
 
 class _TruthFile(BaseModel):
-    """What ``NAME.truth.json`` holds; the sort of case and the noise are told only where gtpin wrote it."""
+    """What ``NAME.truth.json`` holds; kind and sigma are given only if gtpin wrote it."""
 
     model_config = ConfigDict(frozen=True)
 
-    effects: tuple[Hidden, ...]
+    effects: tuple[TrueEffect, ...]
     kind: Kind | None = None
     sigma: Six | None = None
 
@@ -57,7 +57,7 @@ def given(folder: Path) -> list[Given]:
     Raises
     ------
     GtpinError
-        If there are none, a dataset has no truth or a truth no dataset, or a truth can't be read; the message names it.
+        If there are no cases, a dataset has no truth, a truth has no dataset, or a truth can't be read.
     """
     try:
         entries = sorted(folder.iterdir())
@@ -73,7 +73,7 @@ def given(folder: Path) -> list[Given]:
     for name in sorted(datasets ^ truths):
         file = folder / (f"{name}{TRUTH}" if name in datasets else name)
         raise GtpinError(
-            "is missing", file=file, hint="each case is a folder NAME/ and a file NAME.truth.json beside it"
+            "is missing", file=file, hint="each case is a folder NAME/ and a file NAME.truth.json next to it"
         )
     return [Given(folder / name, _truth(folder, name)) for name in sorted(truths)]
 
@@ -81,7 +81,7 @@ def given(folder: Path) -> list[Given]:
 def _truth(folder: Path, name: str) -> Truth:
     file = folder / f"{name}{TRUTH}"
     try:
-        told = _TruthFile.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
+        content = _TruthFile.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
@@ -91,30 +91,30 @@ def _truth(folder: Path, name: str) -> Truth:
         raise GtpinError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint="correct the file") from None
     except (UnicodeDecodeError, RecursionError, ValueError) as error:
         raise GtpinError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint="correct the file") from None
-    _check(file, told, _robot_of(folder / name))
+    _check(file, content, _robot_of(folder / name))
     return Truth(
-        kind=told.kind or kind_of([effect.effect for effect in told.effects]),
-        effects=told.effects,
+        kind=content.kind or kind_of([effect.effect for effect in content.effects]),
+        effects=content.effects,
         poses=_poses(folder, name),
-        sigma=told.sigma,
+        sigma=content.sigma,
     )
 
 
-def _check(file: Path, told: _TruthFile, robot: Robot | None) -> None:
-    """Refuse known effects at sites that the robot does not have, and the same effect twice."""
-    for number, effect in enumerate(told.effects):
+def _check(file: Path, content: _TruthFile, robot: Robot | None) -> None:
+    """Raise an error for known effects at sites that the robot does not have, and for an effect that is listed twice."""
+    for number, effect in enumerate(content.effects):
         where = f"effects.{number}.site"
         sites = effects_by_id()[effect.effect].sites(robot) if robot and effect.effect in effects_by_id() else None
         if sites is not None and effect.site not in sites:
             raise GtpinError(
                 f"{effect.effect} can't be at {effect.site!r}", file=file, column=where, hint=f"use {', '.join(sites)}"
             )
-        if effect.name in {other.name for other in told.effects[:number]}:
+        if effect.name in {other.name for other in content.effects[:number]}:
             raise GtpinError(f"{effect.name} is there twice", file=file, column=where, hint="keep one of them")
 
 
 def kind_of(effects: list[str]) -> Kind:
-    """What sort of case it is, by its effects."""
+    """The kind of case, from its effects."""
     known = sum(effect in effects_by_id() for effect in effects)
     kinds: Mapping[tuple[int, int], Kind] = {
         (0, 0): "none",
@@ -128,7 +128,7 @@ def kind_of(effects: list[str]) -> Kind:
 
 
 def _robot_of(folder: Path) -> Robot | None:
-    """The robot of a dataset; None where the dataset can't be read, of which its diagnosis will tell."""
+    """The robot of a dataset; None if the dataset can't be read; its diagnosis will report the error."""
     try:
         robot = read_description(folder / "dataset.toml").robot
         return load_robot(_path_of(folder, robot) or robot)
@@ -150,13 +150,13 @@ def _poses(folder: Path, name: str) -> TruePoses | None:
     pose, T, turns = table.column("pose").tolist(), table.matrix(POSITION), columns.orientation(table)
     if len(set(pose)) < len(pose):
         raise DatasetError("a pose is there twice", file=file, column="pose", hint="give each command one true pose")
-    asked = find_table(folder / name, "commands")
-    if asked is None:
+    commands = find_table(folder / name, "commands")
+    if commands is None:
         hint = "the true poses are those at its commands"
         raise DatasetError("the file is missing", file=folder / name / "commands.csv", hint=hint)
-    other = set(pose) ^ set(read_table(asked).column("pose").tolist())
+    other = set(pose) ^ set(read_table(commands).column("pose").tolist())
     if other:
-        what = f"pose {sorted(other)[0]} is not in both this file and {asked.name}"
+        what = f"pose {sorted(other)[0]} is not in both this file and {commands.name}"
         raise DatasetError(what, file=file, column="pose", hint="give each command its true pose")
     return TruePoses(
         pose=tuple(pose),
@@ -187,7 +187,7 @@ def take_in(case: Given, place: Path) -> None:
                 (place / ROBOT).write_bytes(read_bytes(urdf))
                 write_description(place / "dataset.toml", description.model_copy(update={"robot": ROBOT}))
         except GtpinError:
-            return  # its diagnosis will tell
+            return  # its diagnosis reports the error
 
 
 def _files(folder: Path) -> dict[str, bytes]:

@@ -9,14 +9,14 @@ from typing import Any
 
 from gtpin.blind.judged import Judged
 from gtpin.blind.plots import plots
-from gtpin.blind.reasons import failure, said_words, truth_words
+from gtpin.blind.reasons import failure, statement_words, truth_words
 from gtpin.report.page import Table, render
 
 CONTENTS = (
     ("figures", "Figures"),
     ("effects", "By effect"),
-    ("probabilities", "Probabilities and shrinkage"),
-    ("baselines", "Rivals"),
+    ("probabilities", "Probabilities and explained fraction of the gap"),
+    ("baselines", "Baselines"),
     ("failures", "Failures"),
     ("provenance", "Provenance"),
 )
@@ -24,14 +24,14 @@ PACKAGES = ("gtpin", "pin", "numpy", "scipy")
 
 
 def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
-    """The score as one HTML file that needs nothing else.
+    """The score as one self-contained HTML file.
 
     Parameters
     ----------
     result
         The content of ``score.json``.
     cases
-        As they were judged.
+        The judged cases.
     """
     return render(
         "score.html",
@@ -51,15 +51,15 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
 
 
 def headline(result: Mapping[str, Any]) -> str:
-    """How many of the figures with a target were reached."""
-    asked = [row["reached"] for row in result["figures"] if row["reached"] is not None]
+    """Number of figures that reach their target."""
+    reached = [row["reached"] for row in result["figures"] if row["reached"] is not None]
     failed = len(result["failures"])
     end = f"; {failed} cases failed" if failed else ""
-    return f"{sum(asked)} of {len(asked)} figures reached{end}" if asked else f"{result['cases']} cases{end}"
+    return f"{sum(reached)} of {len(reached)} figures reached{end}" if reached else f"{result['cases']} cases{end}"
 
 
 def figure_table(result: Mapping[str, Any]) -> Table:
-    """Figures beside their targets."""
+    """Figures with their targets."""
     rows = []
     for row in result["figures"]:
         target = "".join(
@@ -107,7 +107,7 @@ def effect_table(result: Mapping[str, Any]) -> Table:
 
 
 def reliability_table(result: Mapping[str, Any]) -> Table:
-    """Causes by the tenth of their probability."""
+    """Reliability of the probabilities, by tenths."""
     rows = [
         (
             f"{t['start']:.1f} .. {t['start'] + 0.1:.1f}",
@@ -118,28 +118,30 @@ def reliability_table(result: Mapping[str, Any]) -> Table:
         )
         for t in result["reliability"]["causes"]
     ]
-    return Table(("probability", "mean said", "right", "95 %", "causes"), rows)
+    return Table(("probability", "mean predicted", "correct", "95 %", "causes"), rows)
 
 
 def baseline_table(result: Mapping[str, Any]) -> Table:
-    """The diagnosis and its rivals."""
+    """The diagnosis and its baselines."""
     columns = {
-        "strict": "right, D > 63",
+        "strict": "correct, D > 63",
         "set_f1": "F1 of two",
         "false_alarm": "false alarms",
         "misnamed": "unlisted misnamed",
-        "shrinkage": "shrinkage",
+        "shrinkage": "explained fraction",
     }
     rows = [(name, *(number(row[key]["value"]) for key in columns)) for name, row in result["baselines"].items()]
     return Table(("", *columns.values()), rows)
 
 
 def failure_table(cases: Sequence[Judged]) -> Table:
-    """Cases that were not right, with what was true, what was said, and why."""
+    """Cases with an incorrect diagnosis: truth, diagnosis and reason."""
     rows = [
-        (c.name, c.kind or "", truth_words(c), said_words(c), why) for c in cases if (why := failure(c)) is not None
+        (c.name, c.kind or "", truth_words(c), statement_words(c), why)
+        for c in cases
+        if (why := failure(c)) is not None
     ]
-    return Table(("case", "sort", "truth", "said", "why"), rows)
+    return Table(("case", "kind", "truth", "diagnosis", "reason"), rows)
 
 
 def number(value: float | None) -> str:
@@ -154,12 +156,12 @@ def bounds(row: Mapping[str, Any]) -> str:
 
 def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     words = {
-        "strict": "named right, alone, of single effects",
-        "in_class": "truth in the class",
+        "strict": "single effects named correctly, nothing else named",
+        "in_class": "class contains the truth",
         "false_alarm": "false alarms",
         "unknown_recognised": "unlisted recognised as unknown",
         "set_f1": "F1 of several effects",
-        "shrinkage_error": "error of the shrinkage",
+        "shrinkage_error": "error of the explained fraction",
     }
     return [(number(result[key]), words[key]) for key in words]
 

@@ -19,7 +19,7 @@ COLORS = (ACCENT, FIT, GOOD, MYSTERY)
 
 
 def plots(result: Mapping[str, Any], cases: Sequence[Judged]) -> dict[str, Plot]:
-    """By name: ``reliability``, ``power``, ``confusion``, ``shrinkage``, ``difficulty``; those that have something to show."""
+    """By name: ``reliability``, ``power``, ``confusion``, ``shrinkage``, ``difficulty``; plots without data are omitted."""
     made = {
         "reliability": _reliability(result["reliability"]),
         "power": _power(result["power"]),
@@ -37,7 +37,7 @@ def _bounds(rates: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {"type": "data", "symmetric": False, "array": above, "arrayminus": below, "thickness": 1}
 
 
-def _reliability(told: Mapping[str, Sequence[Mapping[str, Any]]]) -> Plot | None:
+def _reliability(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Plot | None:
     traces: list[dict[str, Any]] = [
         {
             "x": [0, 1],
@@ -48,7 +48,7 @@ def _reliability(told: Mapping[str, Sequence[Mapping[str, Any]]]) -> Plot | None
             "hoverinfo": "skip",
         }
     ]
-    for (name, tenths), color in zip(told.items(), COLORS, strict=False):
+    for (name, tenths), color in zip(rows.items(), COLORS, strict=False):
         rates = [t["right"] for t in tenths]
         traces.append(
             {
@@ -62,13 +62,13 @@ def _reliability(told: Mapping[str, Sequence[Mapping[str, Any]]]) -> Plot | None
             }
         )
     layout = {
-        "xaxis": {"title": {"text": "probability said"}, "range": [0, 1.02]},
-        "yaxis": {"title": {"text": "share right"}, "range": [-0.02, 1.02]},
+        "xaxis": {"title": {"text": "predicted probability"}, "range": [0, 1.02]},
+        "yaxis": {"title": {"text": "fraction correct"}, "range": [-0.02, 1.02]},
     }
-    caption = "Probabilities of the causes that were named, and of all members of their classes, by tenths; bars: 95 %."
+    caption = "Probabilities of the named causes, and of all members of their classes, by tenths; bars: 95 %."
     return (
         Plot("reliability", "Reliability of the probabilities", partial(figure, traces, layout), (), caption)
-        if told["causes"]
+        if rows["causes"]
         else None
     )
 
@@ -109,42 +109,44 @@ def _power(rows: Sequence[Mapping[str, Any]]) -> Plot | None:
         "Share detected by energy",
         partial(figure, traces, layout),
         (),
-        "Single effects by energy past geometry; bars: 95 %.",
+        "Single effects by the energy that geometry can't explain; bars: 95 %.",
     )
 
 
-def _confusion(told: Mapping[str, Mapping[str, int]]) -> Plot | None:
-    if not told:
+def _confusion(counts: Mapping[str, Mapping[str, int]]) -> Plot | None:
+    if not counts:
         return None
     last = ["unknown", "ambiguous", "explained", "none", "failed"]
-    said = sorted({word for row in told.values() for word in row} - set(last))
-    columns = [word for word in [*dict.fromkeys([*told, *said]), *last] if any(word in row for row in told.values())]
-    shares = [[told[true].get(word, 0) / sum(told[true].values()) for word in columns] for true in told]
-    counts = [[told[true].get(word, 0) or "" for word in columns] for true in told]
+    named = sorted({word for row in counts.values() for word in row} - set(last))
+    columns = [
+        word for word in [*dict.fromkeys([*counts, *named]), *last] if any(word in row for row in counts.values())
+    ]
+    shares = [[row.get(word, 0) / sum(row.values()) for word in columns] for row in counts.values()]
+    texts = [[row.get(word, 0) or "" for word in columns] for row in counts.values()]
     trace = {
         "type": "heatmap",
         "x": columns,
-        "y": list(told),
+        "y": list(counts),
         "z": shares,
-        "text": counts,
+        "text": texts,
         "texttemplate": "%{text}",
         "showscale": False,
         "colorscale": [[0, LOW], [1, MID]],
-        "hovertemplate": "%{y} called %{x}: %{text}<extra></extra>",
+        "hovertemplate": "%{y} diagnosed as %{x}: %{text}<extra></extra>",
         "xgap": 1,
         "ygap": 1,
     }
     layout = {"yaxis": {"autorange": "reversed"}, "xaxis": {"side": "top", "tickangle": -60}, "margin": {"t": 110}}
     caption = (
-        "Rows: the effect that was there; columns: the leading cause, or the verdict where none was named. Counts."
+        "Rows: the true effect; columns: the leading cause, or the verdict if no cause is named. Numbers of cases."
     )
     return Plot(
         "confusion",
-        "What single effects were called",
+        "Confusion matrix of single effects",
         partial(figure, [trace], layout),
         (),
         caption,
-        height=130 + 24 * len(told),
+        height=130 + 24 * len(counts),
     )
 
 
@@ -169,16 +171,16 @@ def _shrinkage(cases: Sequence[Judged]) -> Plot | None:
         "text": [c.name for c in some],
     }
     layout = {
-        "xaxis": {"title": {"text": "shrinkage said"}},
+        "xaxis": {"title": {"text": "predicted"}},
         "yaxis": {"title": {"text": "realised at held-out commands"}},
         "showlegend": False,
     }
     return Plot(
         "shrinkage",
-        "Shrinkage said and realised",
+        "Explained fraction of the gap, predicted and realised",
         partial(figure, [line, dots], layout),
         (),
-        "One dot a case; below -1 drawn at -1.",
+        "One dot per case; values below -1 are drawn at -1.",
     )
 
 

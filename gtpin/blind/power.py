@@ -1,4 +1,4 @@
-"""From what energy on an effect is found, beside what a matched filter could do."""
+"""Power curve: the fraction of effects that is detected by energy, compared with a matched filter."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gtpin.blind.rates import Rate, rate
 from gtpin.distributions import norm
 
 EDGES = (2.0, 8.0, 16.0, 32.0, 63.0, 125.0, 250.0)
-"""Of the energies that are counted together."""
+"""Edges of the energy bins."""
 FALSE_ALARM = 0.01
 
 
 @dataclass(frozen=True)
 class Found:
-    """Share of effects that were found: with so many poses, of energies from and to."""
+    """Fraction of effects that is detected, for a number of poses and an energy bin; ``limit`` is the matched filter's."""
 
     poses: int
     start: float
@@ -30,12 +30,12 @@ class Found:
 
 
 def matched_filter(energy: float) -> float:
-    """Chance that a filter that knows an effect's form and sign finds it, at 1 % false alarms; 95 % at E = 15.8."""
+    """Detection probability of a filter that knows the effect's shape and sign, at 1 % false alarms; 95 % at E = 15.8."""
     return float(norm.sf(norm.isf(FALSE_ALARM) - np.sqrt(energy)))
 
 
 def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[Found]:
-    """Shares found of the cases that were made for it, by number of poses and energy."""
+    """Power curves of the cases of kind `power`, by number of poses and energy."""
     rows = []
     for number in numbers:
         for start, end in pairwise(EDGES):

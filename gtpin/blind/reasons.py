@@ -1,4 +1,4 @@
-"""Cases in which a diagnosis was not right, and why, as far as their truth tells."""
+"""Reasons why a diagnosis is not correct, derived from the truth of the case."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from gtpin.blind.judged import VISIBLE, Judged
 
 
 def failure(case: Judged) -> str | None:
-    """Why a case counts as a failure; None where it is right.
+    """The reason why a case counts as a failure; None if the diagnosis is correct.
 
-    Right is: one or more effects named alone, with their sites; no effect: silent; an unlisted effect: `unknown` and no
-    name; listed and unlisted together: `unknown` and no false name. Rough and weak cases need the truth in the class, weak
-    ones only if anything was named.
+    Correct is: for one or more listed effects, exactly these are named, with their sites; without effects, the verdict is
+    `none`; for an unlisted effect, `unknown` and no cause named; for listed and unlisted effects together, `unknown` and no
+    false cause named. In rough and weak cases the class must contain the truth, in weak ones only if a cause is named.
     """
     if case.error is not None:
         return case.error
@@ -21,7 +21,7 @@ def failure(case: Judged) -> str | None:
         return _unlisted(case)
     if case.kind in ("rough", "power"):
         wrong = case.detected and case.testable and not case.in_class and bool(case.said.causes)
-        return "the class does not hold the truth" if wrong else None
+        return "the class does not contain the truth" if wrong else None
     if case.strict:
         return None
     return _single(case) if len(case.truth) == 1 else _several(case)
@@ -29,57 +29,57 @@ def failure(case: Judged) -> str | None:
 
 def _unlisted(case: Judged) -> str | None:
     assert case.said is not None
-    told = [f"{name} named for it" for name in case.false_names]
+    reasons = [f"{name} named instead" for name in case.false_names]
     if case.said.verdict != "unknown":
-        told.append(
-            f"not recognised as unknown; known effects leave {_number(case, case.rival)}"
+        reasons.append(
+            f"not recognised as unknown; known effects leave {_energy(case, case.rival)}"
             if case.rival
             else "not recognised"
         )
-    return "; ".join(told) or None
+    return "; ".join(reasons) or None
 
 
 def _single(case: Judged) -> str:
-    """Why a single effect was not named, alone, with its site."""
+    """The reason why the diagnosis did not name a single effect with its site and nothing else."""
     assert case.said is not None
-    effect, said = case.single, case.said
+    effect, statement = case.single, case.said
     if not case.testable:
         return "its covariate is missing or does not vary"
-    told = []
-    if said.verdict == "none":
-        told.append("not detected")
+    reasons = []
+    if statement.verdict == "none":
+        reasons.append("not detected")
     for name in case.false_names:
-        beside = "named beside it" if effect.name in said.names else "named in its place"
+        place = "named in addition" if effect.name in statement.names else "named instead"
         left = case.left.get(name)
-        can = "" if left is None else f", and leaves {left:.0f} of it"
-        told.append(f"{name} {beside}{can}")
-    if said.verdict == "unknown":
+        energy = "" if left is None else f", and leaves {left:.0f} of it"
+        reasons.append(f"{name} {place}{energy}")
+    if statement.verdict == "unknown":
         own = case.left.get(effect.name)
-        told.append("called unknown" + ("" if own is None else f"; the textbook form leaves {own:.0f}"))
-    if effect.name not in said.names and effect.name in said.members:
-        told.append("in the class")
+        reasons.append("called unknown" + ("" if own is None else f"; the textbook form leaves {own:.0f}"))
+    if effect.name not in statement.names and effect.name in statement.members:
+        reasons.append("in the class")
     if effect.energy is not None and effect.energy <= VISIBLE:
-        told.append("weak: E <= 63")
+        reasons.append("weak: E <= 63")
     elif effect.leaves is not None and effect.leaves <= VISIBLE:
-        told.append(f"hard to tell from {case.rival}: D <= 63")
-    return "; ".join(told)
+        reasons.append(f"hard to distinguish from {case.rival}: D <= 63")
+    return "; ".join(reasons)
 
 
 def _several(case: Judged) -> str:
     assert case.said is not None
     missing, false = sorted(case.names - set(case.said.names)), sorted(case.false_names)
-    told = [f"missing {', '.join(missing)}"] if missing else []
-    told += [f"false {', '.join(false)}"] if false else []
-    return "; ".join(told) or f"verdict {case.said.verdict}"
+    reasons = [f"missing {', '.join(missing)}"] if missing else []
+    reasons += [f"false {', '.join(false)}"] if false else []
+    return "; ".join(reasons) or f"verdict {case.said.verdict}"
 
 
-def _number(case: Judged, rival: str) -> str:
+def _energy(case: Judged, alternative: str) -> str:
     leaves = case.truth[0].leaves
-    return f"{leaves:.0f} ({rival})" if leaves is not None else rival
+    return f"{leaves:.0f} ({alternative})" if leaves is not None else alternative
 
 
 def truth_words(case: Judged) -> str:
-    """The truth in words, with E and D where they are known."""
+    """The true effects as text, with E and D if known."""
     parts = []
     for effect in case.truth:
         size = [
@@ -89,8 +89,8 @@ def truth_words(case: Judged) -> str:
     return ", ".join(parts) or ("no effect" if case.kind else "not known: its seal was broken")
 
 
-def said_words(case: Judged) -> str:
-    """What was said, in words."""
+def statement_words(case: Judged) -> str:
+    """Verdict and named causes as text."""
     if case.said is None:
         return "failed"
     causes = [f"{cause.name} ({cause.probability:.2f})" for cause in case.said.causes]

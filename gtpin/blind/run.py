@@ -1,4 +1,4 @@
-"""A check from beginning to end: cases made and sealed, diagnosed, opened and judged."""
+"""A complete check: cases are made and sealed, diagnosed, opened and judged."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from gtpin.blind.others import given, source_digest, take_in
 from gtpin.blind.seal import SealError, digest_of, opened, read_manifest, seal, write_manifest
 from gtpin.blind.spread import spread, workers
 from gtpin.blind.truth import Truth
-from gtpin.blind.worker import Said, diagnose_alone
+from gtpin.blind.worker import Outcome, diagnose_alone
 from gtpin.errors import GtpinError, warn
 from gtpin.plant.digest import digest as plant_digest
 from gtpin.threads import in_one_thread
 
 TAKEN_OUT = 2
-"""Of the cases with one effect, every so many are diagnosed again with the effect taken out of the catalogue."""
+"""Of the cases with one effect, one in so many is diagnosed again with the effect removed from the catalogue."""
 
 SUSPECTS = 16
-"""Where a process has died, so many of the cases that were not done are diagnosed one by one, to find whose end it was."""
+"""If a process died, so many of the unfinished cases are diagnosed one by one, to find the case that ended it."""
 
 
 @dataclass(frozen=True)
 class Checked:
-    """The judged cases of a check, what the check was (its settings, the digest of its manifest), and its median pace, s."""
+    """The judged cases of a check, its settings with the digest of its manifest, and the median time of a diagnosis, s."""
 
     cases: list[Judged]
     about: dict[str, Any]
@@ -40,16 +40,16 @@ class Checked:
 
 
 class Watch(Protocol):
-    """Is told how far a check is."""
+    """Receives the progress of a check."""
 
     def published(self, digest: str) -> None:
         """All truths are sealed; this is the digest of their manifest."""
 
     def begin(self, what: str, total: int, done: int) -> None:
-        """So many pieces of work begin, some of which were done earlier."""
+        """A step of ``total`` pieces of work begins; ``done`` of them are already finished."""
 
     def one_more(self) -> None:
-        """A piece of work is done."""
+        """One piece of work is finished."""
 
 
 def check(
@@ -62,41 +62,41 @@ def check(
     *,
     force: bool = False,
 ) -> Checked:
-    """Make cases, diagnose them, open the seals, and judge; go on where the same check was stopped.
+    """Make cases, diagnose them, open the seals, and judge; resumes the same check if it was stopped.
 
     Raises
     ------
     GtpinError
-        If cases of the robot can't be made, or the folder belongs to another check and is not to be moved aside (``force``).
+        If cases of the robot can't be made, or the folder belongs to another check and ``force`` is not set.
     """
-    asked = list(drafts(cases, seed, robot))
-    with workers(address):  # that there are none is known before any work
+    wanted = list(drafts(cases, seed, robot))
+    with workers(address):  # an error if there are none, before any work
         pass
     folder = CheckFolder(output)
     settings = Settings(cases, seed, None, robot, plant_digest(), diagnosis_digest())
     with claimed(folder, settings, force):
         if not folder.published:
-            waiting = {draft.name: draft for draft in asked if not folder.is_sealed(draft.name)}
-            watch.begin("making cases", len(asked), len(asked) - len(waiting))
-            with workers():  # never where cases are diagnosed
+            waiting = {draft.name: draft for draft in wanted if not folder.is_sealed(draft.name)}
+            watch.begin("making cases", len(wanted), len(wanted) - len(waiting))
+            with workers():  # other processes than those that diagnose
                 lost = spread(
                     _make, list(waiting), lambda name: (folder.root, waiting[name]), lambda *_: watch.one_more()
                 )
             if lost:
                 raise GtpinError(f"a process died while {lost[0]} was made", hint="run the same command again")
-            write_manifest(folder.manifest, folder.digests(draft.name for draft in asked), plant_digest())
+            write_manifest(folder.manifest, folder.digests(draft.name for draft in wanted), plant_digest())
         return _diagnosed_and_judged(folder, settings, watch, address)
 
 
 def check_given(
     output: Path, source: Path, watch: Watch, address: str | None = None, *, force: bool = False
 ) -> Checked:
-    """Diagnose cases that somebody else made, and judge; go on where the same check was stopped.
+    """Diagnose cases that somebody else made, and judge; resumes the same check if it was stopped.
 
     Raises
     ------
     GtpinError
-        If a truth is missing or malformed, or the folder belongs to another check and is not to be moved aside (``force``).
+        If a truth is missing or malformed, or the folder belongs to another check and ``force`` is not set.
     """
     cases = given(source)
     with workers(address):
@@ -120,14 +120,14 @@ def _make(root: Path, draft: Draft) -> None:
     folder = CheckFolder(root)
     case = made(draft)
     place = folder.case(draft.name)
-    shutil.rmtree(place, ignore_errors=True)  # what a run that was stopped has left
+    shutil.rmtree(place, ignore_errors=True)  # remains of a run that was stopped
     case.dataset.write(place)
     case.commands.write(place / "commands.csv")
     seal(truth_of(case, draft.kind), place, folder.sealed(draft.name))
 
 
 def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch, address: str | None) -> Checked:
-    """Diagnose all cases of a manifest that were not yet, then open the seals and judge."""
+    """Diagnose the remaining cases of a manifest, then open the seals and judge."""
     digests = read_manifest(folder.manifest)
     manifest = digest_of(folder.manifest.read_bytes())
     watch.published(manifest)
@@ -141,8 +141,14 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
         judged[name] = case
         watch.one_more()
 
-    def arguments(name: str) -> tuple[Path, Path, str, Said | None, Said | None]:
-        return folder.case(name), folder.sealed(name), digests[name], folder.said(name), folder.said(name, without=True)
+    def arguments(name: str) -> tuple[Path, Path, str, Outcome | None, Outcome | None]:
+        return (
+            folder.case(name),
+            folder.sealed(name),
+            digests[name],
+            folder.outcome(name),
+            folder.outcome(name, without=True),
+        )
 
     with workers():
         lost = spread(judge, list(digests), arguments, done)
@@ -159,19 +165,19 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
 
 
 def _diagnose(
-    folder: CheckFolder, asked: Mapping[str, tuple[str, ...]], watch: Watch, address: str | None, what: str
+    folder: CheckFolder, excluded: Mapping[str, tuple[str, ...]], watch: Watch, address: str | None, what: str
 ) -> None:
-    """Diagnose cases that were not yet, each with what is to be taken out of the catalogue."""
+    """Diagnose the remaining cases; ``excluded`` are the effects that are removed from the catalogue, by case."""
 
-    def done(name: str, result: tuple[Said, float]) -> None:
-        folder.keep(name, *result, without=bool(asked[name]))
+    def done(name: str, result: tuple[Outcome, float]) -> None:
+        folder.keep(name, *result, without=bool(excluded[name]))
         watch.one_more()
 
     def arguments(name: str) -> tuple[dict[str, bytes], tuple[str, ...]]:
-        return folder.files_of(name), asked[name]
+        return folder.files_of(name), excluded[name]
 
-    waiting = [name for name in asked if folder.said(name, without=bool(asked[name])) is None]
-    watch.begin(what, len(asked), len(asked) - len(waiting))
+    waiting = [name for name in excluded if folder.outcome(name, without=bool(excluded[name])) is None]
+    watch.begin(what, len(excluded), len(excluded) - len(waiting))
     if not waiting:
         return
     with workers(address):
@@ -179,22 +185,22 @@ def _diagnose(
             suspects, waiting = waiting[:SUSPECTS], waiting[SUSPECTS:]
             for name in suspects:
                 if spread(diagnose_alone, [name], arguments, done):
-                    done(name, (Said(error="the process that diagnosed it died"), float("nan")))
+                    done(name, (Outcome(error="the process that diagnosed it died"), float("nan")))
 
 
 def _opened(folder: CheckFolder, digests: Mapping[str, str]) -> dict[str, Truth]:
-    """Truths whose seals are whole."""
+    """Truths with a valid seal."""
     truths = {}
     for name, digest in digests.items():
         try:
             truths[name] = opened(folder.sealed(name), digest)
         except SealError:
-            continue  # the judge tells
+            continue  # the judge reports it
     return truths
 
 
 def _taken_out(truths: Mapping[str, Truth]) -> dict[str, tuple[str, ...]]:
-    """The cases that are diagnosed again, and the effect that is taken out: every other case of each effect."""
+    """Cases that are diagnosed again, and the effect that is removed: every second case of each effect."""
     count: dict[str, int] = {}
     found: dict[str, tuple[str, ...]] = {}
     for name, truth in truths.items():

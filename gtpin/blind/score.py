@@ -1,4 +1,4 @@
-"""The score of a check: fractions over all cases, figures beside their targets, and what else there is to tell."""
+"""The score of a check: fractions over all cases, figures with their targets, and further tables."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 from gtpin.blind.baselines import baselines
 from gtpin.blind.calibration import Tenth, tenths
+from gtpin.blind.explained_fraction import absolute_error, coverage, explained_fractions
 from gtpin.blind.figures import figures, of_kind, taken_out
 from gtpin.blind.judged import Judged
 from gtpin.blind.power import power
-from gtpin.blind.promises import kept, off, promises
 from gtpin.blind.rates import mean, rate
 
 SCHEMA = "gtpin-score/1"
@@ -20,17 +20,17 @@ POSES = (60, 120, 240)
 
 
 def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The content of ``score.json``; fractions are None where no case tells them.
+    """The content of ``score.json``; a fraction is None if there are no cases for it.
 
     Parameters
     ----------
     about
-        What the check was, for the record.
+        Settings of the check, to be recorded.
     """
     one = of_kind(cases, "one")
     several = [c for c in of_kind(cases, "two", "three", "many") if c.listed]
     none, unlisted = of_kind(cases, "none"), of_kind(cases, "unlisted")
-    told = promises(cases)
+    fractions = explained_fractions(cases)
     return {
         "schema": SCHEMA,
         "cases": len(cases),
@@ -42,8 +42,8 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
         "unknown_recognised": rate(c.said is not None and c.said.verdict == "unknown" for c in unlisted).value,
         "unknown_misnamed": rate(bool(c.false_names) for c in unlisted).value,
         "set_f1": mean(c.f1 for c in several).value,
-        "shrinkage_error": off(told).value,
-        "interval_coverage": kept(told).value,
+        "shrinkage_error": absolute_error(fractions).value,
+        "interval_coverage": coverage(fractions).value,
         "failed": rate(c.error is not None for c in cases).value,
         "by_effect": by_effect(cases),
         "kinds": dict(sorted(Counter(c.kind or "broken seal" for c in cases).items())),
@@ -61,7 +61,7 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
 
 
 def by_effect(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
-    """By effect: cases, how often it was named, in which class, where, and what was said once it was taken out."""
+    """By effect: cases, how often the diagnosis was correct, and what it was with the effect removed from the catalogue."""
     found: dict[str, dict[str, Any]] = {}
     one, taken = of_kind(cases, "one"), taken_out(cases)
     for effect in sorted({c.single.effect for c in one}):
@@ -86,7 +86,7 @@ def by_effect(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
 
 
 def confusion(one: Sequence[Judged]) -> dict[str, dict[str, int]]:
-    """How often a single effect (first key) was called what: the leading cause's effect, or else the verdict."""
+    """Counts by true single effect (first key) and diagnosis: the leading cause's effect, or the verdict if there is none."""
     found: dict[str, Counter[str]] = {}
     for case in one:
         found.setdefault(case.single.effect, Counter())[_called(case)] += 1
@@ -100,9 +100,9 @@ def _called(case: Judged) -> str:
 
 
 def _site(case: Judged) -> bool:
-    """Whether the leading cause sits where the effect does."""
+    """Whether the leading cause is at the true site."""
     return bool(case.said and case.said.names and case.said.names[0].split("@")[1] == case.single.site)
 
 
 def _tenth(tenth: Tenth) -> dict[str, Any]:
-    return {"start": tenth.start, "said": tenth.said, "right": tenth.right.to_json()}
+    return {"start": tenth.start, "said": tenth.predicted, "right": tenth.right.to_json()}

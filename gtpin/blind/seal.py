@@ -17,7 +17,7 @@ MANIFEST = "gtpin-blind-manifest/1"
 
 
 class SealError(GtpinError):
-    """A truth that is not the one whose digest was published."""
+    """The truth is missing, or its digest is not the published one."""
 
 
 DIGEST = "truth.sha256"
@@ -25,11 +25,11 @@ DIGEST = "truth.sha256"
 
 
 def seal(truth: Truth, case: Path, file: Path) -> None:
-    """Publish the SHA-256 of a truth in a case's folder, then write the truth to a file elsewhere."""
+    """Write the SHA-256 of a truth to the case's folder, then the truth to a file in another folder."""
     content = truth.model_dump_json().encode() + b"\n"
     (case / DIGEST).write_text(digest_of(content) + "\n", encoding="utf-8")
-    with placed_file(file) as beside:
-        beside.write_bytes(content)
+    with placed_file(file) as unfinished:
+        unfinished.write_bytes(content)
 
 
 def digest_of(content: bytes) -> str:
@@ -43,7 +43,7 @@ def opened(file: Path, digest: str) -> Truth:
     Raises
     ------
     SealError
-        If it is missing, or is not what the digest was published of.
+        If the file is missing, or its digest is not the published one.
     """
     try:
         content = read_bytes(file)
@@ -58,16 +58,16 @@ def opened(file: Path, digest: str) -> Truth:
 
 
 def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) -> str:
-    """Publish the digests of all cases' truths by name; give the digest of the manifest itself."""
-    told = {"schema": MANIFEST, "plant": plant, "truths": dict(sorted(digests.items()))}
-    content = (json.dumps(told, indent=1) + "\n").encode()
-    with placed_file(file) as beside:
-        beside.write_bytes(content)
+    """Write the digests of all truths by case name; return the digest of the manifest itself."""
+    manifest = {"schema": MANIFEST, "plant": plant, "truths": dict(sorted(digests.items()))}
+    content = (json.dumps(manifest, indent=1) + "\n").encode()
+    with placed_file(file) as unfinished:
+        unfinished.write_bytes(content)
     return digest_of(content)
 
 
 def read_manifest(file: Path) -> dict[str, str]:
-    """Digests by case's name.
+    """Read the digests by case name.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A rival that names nothing: a Gaussian process over commands and covariates closes what the geometry leaves."""
+"""Baseline that names no cause: a Gaussian process over commands and covariates, fitted to the geometry's residuals."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 START = np.log([2.0, 0.7, 1.0, 0.7])
-"""Amplitude and length over the commands, amplitude over the covariates, and noise: over the residual's size and the
-commands' spread."""
+"""Start of the search, logarithms: amplitude and length scale over the commands, amplitude over the covariates, and noise,
+in units of the residuals' standard deviation and the commands' spread."""
 TRIALS = 60
 ROWS = 400
-"""Rows that are used at most."""
+"""Largest number of rows that are used."""
 
 
-def smoothed(dataset: Dataset, baseline: Model, commands: Commands) -> Floats:
-    """(H, 3) positions at commands, m: the baseline's, and a Gaussian process of what it leaves at the dataset's rows.
+def gaussian_process_positions(dataset: Dataset, baseline: Model, commands: Commands) -> Floats:
+    """(H, 3) positions at commands, m: the baseline's plus a Gaussian process fitted to its residuals at the dataset's rows.
 
-    Squared-exponential kernels over the commands together and over each covariate alone (its length is the covariate's
-    spread); the rest by maximum likelihood (Rasmussen and Williams 2006, ch. 5).
+    Squared-exponential kernels over the commands together and over each covariate alone (its length scale
+    is the covariate's spread); the other hyperparameters by maximum a posteriori (Rasmussen and Williams 2006, ch. 5).
     """
     rows = np.linspace(0, len(dataset) - 1, min(len(dataset), ROWS)).astype(int)
     left = dataset.position[rows] - baseline.predict(dataset.q[rows]).T
     size = max(float(left.std()), 1e-12)
     y = (left - left.mean(axis=0)) / size
-    own, asked = _covariates(dataset.commands, commands)[rows], _covariates(commands, dataset.commands)
+    own, wanted = _covariates(dataset.commands, commands)[rows], _covariates(commands, dataset.commands)
     near = _near(dataset.q[rows], own, dataset.q[rows], own)
 
     def factor(log: Floats) -> tuple[Floats, bool]:
@@ -45,7 +45,7 @@ def smoothed(dataset: Dataset, baseline: Model, commands: Commands) -> Floats:
         return fit + float(((log - START) ** 2).sum()) / 8.0
 
     best = minimize(cost, START, method="Nelder-Mead", options={"maxfev": TRIALS}).x
-    across = _kernel(_near(dataset.q[rows], own, commands.q, asked), best)
+    across = _kernel(_near(dataset.q[rows], own, commands.q, wanted), best)
     correction = across.T @ cho_solve(factor(best), y) * size + left.mean(axis=0)
     return np.asarray(baseline.predict(commands.q).T + correction)
 
@@ -61,7 +61,7 @@ def _covariates(own: Commands, other: Commands) -> Floats:
 
 
 def _near(q: Floats, covariates: Floats, other_q: Floats, other: Floats) -> tuple[Floats, Floats]:
-    """(N, H) squared distances over the commands, and how near the covariates are on average, in units of spreads."""
+    """(N, H) squared distances over the commands, and the mean kernel of the covariates, in units of their spreads."""
     spread, spreads = max(float(q.std(axis=0).mean()), 1e-12), covariates.std(axis=0)
     over_q = (((q[:, None] - other_q) / spread) ** 2).sum(axis=2)
     vary = spreads > 1e-9

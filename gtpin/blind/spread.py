@@ -1,4 +1,4 @@
-"""Work on many cases side by side: processes of this machine, or those of a dask cluster."""
+"""Parallel work on many cases: in processes of this machine, or of a dask cluster."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from gtpin.errors import GtpinError
 
 Result = TypeVar("Result")
 WATCH = 1.0
-"""Seconds between two looks at whether the parent process is still there."""
+"""Seconds between two checks whether the parent process is still there."""
 CONNECT = 15
 """Seconds in which a cluster's scheduler must answer."""
 
 
 def processes() -> int:
-    """How many processes this machine has room for; at least two, as joblib would do the work of a single one here."""
+    """Number of processes for this machine; at least two, since joblib would run a single one in this process."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(cores, 2)
 
 
 @contextmanager
 def workers(cluster: str | None = None) -> Iterator[None]:
-    """Where work goes: processes of this machine, started afresh, or the workers of a cluster by its scheduler's address.
+    """Context for parallel work: new processes of this machine, or the workers of a cluster, by its scheduler's address.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def workers(cluster: str | None = None) -> Iterator[None]:
     try:
         with parallel_config(backend="loky", n_jobs=processes()):
             yield
-    finally:  # the next work gets new processes, which know nothing of this one
+    finally:  # the next work gets new processes without data of this one
         get_reusable_executor().shutdown(wait=True, kill_workers=True)
 
 
@@ -80,7 +80,7 @@ def spread(
     Returns
     -------
     lost
-        Names of what was not done because a process died: one of them was its end.
+        Names of the work that was not done because a process died; one of them ended the process.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def _named(work: Callable[..., Result], name: str, arguments: tuple[Any, ...], p
 
 @cache
 def _end_with(parent: int) -> None:
-    """End this process soon after its parent has, which may be killed without a word."""
+    """End this process soon after its parent, which may be killed without a message."""
 
     def watch() -> None:
         while os.getppid() == parent:

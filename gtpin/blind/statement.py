@@ -1,4 +1,4 @@
-"""What a diagnosis says of a case, as far as it is scored; read from ``diagnosis.json``."""
+"""The part of a diagnosis that is scored, read from ``diagnosis.json``."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 CONFIDENT = 0.95
-"""Probability from which a cause counts as named with confidence."""
+"""Smallest probability of a cause that is named with confidence."""
 
 
 class Named(BaseModel):
-    """A cause that was named: ``effect@site``, its probability, its class by name with probabilities."""
+    """A cause in the diagnosis: ``effect@site``, its probability, and the members of its class with their probabilities."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -23,18 +23,18 @@ class Named(BaseModel):
 
 
 class Statement(BaseModel):
-    """What was said.
+    """The scored part of a diagnosis.
 
     Parameters
     ----------
     verdict, causes
         As in ``diagnosis.json``; causes by ``effect@site``, the largest first.
     site
-        That leads ``where``; empty where nothing does.
+        Site with the largest share in ``where``; empty if all shares are zero.
     top
-        Candidate with the largest evidence, ``effect@site``; empty without candidates.
+        Candidate with the largest log evidence, ``effect@site``; empty without candidates.
     shrinkage, interval
-        As said; None where nothing was.
+        As in ``diagnosis.json``; None if not given.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -57,7 +57,7 @@ class Statement(BaseModel):
         return frozenset(name for cause in self.causes for name in (cause.name, *cause.members))
 
     def confident(self) -> tuple[str, ...]:
-        """Causes that were named with confidence."""
+        """Causes that are named with confidence."""
         return tuple(cause.name for cause in self.causes if cause.probability >= CONFIDENT)
 
     @staticmethod
@@ -86,5 +86,5 @@ class Statement(BaseModel):
         )
 
 
-def _name(told: Mapping[str, Any]) -> str:
-    return f"{told['effect']}@{told['site']}"
+def _name(record: Mapping[str, Any]) -> str:
+    return f"{record['effect']}@{record['site']}"

@@ -1,4 +1,4 @@
-"""What a case hides: the effects that its machine has, and its true poses."""
+"""The truth of a case: the effects of its machine, and its true poses."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 Kind = Literal["one", "none", "unlisted", "two", "three", "known_and_unlisted", "rough", "power", "many"]
-"""What sort of case it is: see ``docs/blind.md``."""
+"""Kind of case: see ``docs/blind.md``."""
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Triple = tuple[Finite, Finite, Finite]
 Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
-class Hidden(BaseModel):
-    """An effect that a machine has.
+class TrueEffect(BaseModel):
+    """A true effect of a machine.
 
     Parameters
     ----------
     effect, site
-        What it is and where; an id that is in no catalogue where the cause is unknown.
+        Its id and its site; the id of an unlisted effect is in no catalogue.
     energy
-        E: its whitened energy past geometry.
+        E: its whitened energy that geometry can't explain.
     leaves
-        D: what the best wrong effect leaves of that, where whoever made the case says it.
+        D: the part of E that the best wrong effect leaves; None if the file does not give it.
     amplitude
-        Its size over the typical one.
+        Its size relative to the typical size.
     displacement
-        (N, 6) what it alone does at the dataset's rows: position, m, and rotation vector, rad, base frame.
+        (N, 6) TCP displacement by this effect alone at the dataset's rows: position, m, and rotation vector, rad, base frame.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -49,7 +49,7 @@ class Hidden(BaseModel):
 
 
 class TruePoses(BaseModel):
-    """True poses at a case's ``commands.csv``: ids, positions (H, 3), m, and quaternions (H, 4), wxyz, where they are known."""
+    """True poses at a case's ``commands.csv``: ids, positions (H, 3), m, and quaternions (H, 4), wxyz, if known."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -64,23 +64,23 @@ class TruePoses(BaseModel):
 
 
 class Truth(BaseModel):
-    """Everything that a case hides.
+    """The sealed truth of a case.
 
     Parameters
     ----------
     kind
-        What sort of case it is.
+        Kind of case.
     effects
-        What the machine has; empty for none.
+        True effects of the machine; can be empty.
     poses
-        True poses at the held-out commands, where they are known.
+        True poses at the held-out commands, if known.
     sigma
-        (6,) the instrument's noise, m and rad, by which energies are whitened; None where it is not known.
+        (6,) the instrument's noise, m and rad, by which energies are whitened; None if not known.
     """
 
     model_config = ConfigDict(frozen=True)
 
     kind: Kind
-    effects: tuple[Hidden, ...]
+    effects: tuple[TrueEffect, ...]
     poses: TruePoses | None = None
     sigma: Six | None = None

@@ -1,7 +1,7 @@
-"""Diagnoses one case, in a process of its own that knows nothing of how the case was made.
+"""Diagnoses one case in a separate process that has no information on how the case was made.
 
-It is handed the files of a dataset's folder and puts them into a folder that holds nothing else. It must not import
-the plant, and refuses to work where something else has.
+It receives the files of a dataset's folder and writes them into a folder that contains nothing else. It must not import
+the plant, and it stops with an error if the plant is already imported.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from gtpin.threads import in_one_thread
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class Said(BaseModel):
-    """What came of diagnosing a case.
+class Outcome(BaseModel):
+    """The outcome of diagnosing one case.
 
     Parameters
     ----------
     diagnosis
-        The content of ``diagnosis.json``; None where it failed.
+        The content of ``diagnosis.json``; None if the diagnosis failed.
     baseline, model
-        (H, 3) positions, m, at ``commands.csv``, before and after the causes were added; None without such a file.
+        (H, 3) positions, m, at ``commands.csv``, of the geometry alone and with the causes; None without such a file.
     error
-        What it failed with.
+        Message of the error with which the diagnosis failed.
     """
 
     diagnosis: dict[str, Any] | None = None
@@ -45,21 +45,21 @@ class Said(BaseModel):
 
 
 @in_one_thread
-def diagnose_alone(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[Said, float]:
-    """Diagnose the dataset whose files these are; give what was said, and how many seconds it took.
+def diagnose_alone(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[Outcome, float]:
+    """Diagnose the dataset with these files; return the outcome and the time that it took, s.
 
-    Never raises but for the end of the process: an error is what came of the case.
+    An error of the diagnosis is part of the outcome and is not raised.
     """
     start = time.perf_counter()
     try:
-        said = _diagnosed(files, exclude)
+        outcome = _diagnosed(files, exclude)
     except Exception as error:
         kind = "" if isinstance(error, GtpinError) else f"{type(error).__name__}: "
-        said = Said(error=f"{kind}{error}")
-    return said, time.perf_counter() - start
+        outcome = Outcome(error=f"{kind}{error}")
+    return outcome, time.perf_counter() - start
 
 
-def _diagnosed(files: Mapping[str, bytes], exclude: tuple[str, ...]) -> Said:
+def _diagnosed(files: Mapping[str, bytes], exclude: tuple[str, ...]) -> Outcome:
     known = [name for name in sys.modules if name.startswith(("gtpin.plant", "gtpin.blind.draw"))]
     if known:
         raise GtpinError(f"this process knows the plant ({known[0]})", hint="diagnose in one that does not")
@@ -71,9 +71,9 @@ def _diagnosed(files: Mapping[str, bytes], exclude: tuple[str, ...]) -> Said:
             (folder / name).write_bytes(content)
         diagnosis = diagnose(Dataset.read(folder), exclude=exclude)
         if not {"commands.csv", "commands.parquet"} & set(files):
-            return Said(diagnosis=diagnosis.to_json())
+            return Outcome(diagnosis=diagnosis.to_json())
         commands = Commands.read(folder / "commands.csv", diagnosis.baseline.model.robot.n_actuators)
-        return Said(
+        return Outcome(
             diagnosis=diagnosis.to_json(),
             baseline=_positions(diagnosis.baseline.model, commands),
             model=_positions(diagnosis.model, commands),

@@ -17,7 +17,7 @@ from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, rea
 from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.problem import measured_poses, rough_frame
 from gtpin.calibration.result import Calibration
-from gtpin.calibration.rounds import Progress, Rounds, Settled
+from gtpin.calibration.rounds import Progress, Reweighting, Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.rounding import with_rounding
 from gtpin.data.sane import sane_rows
@@ -34,9 +34,9 @@ from gtpin.threads import in_one_thread
 FIXED = 80e6
 """Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
 PER_POSE = 1200.0
-"""Bytes of memory that it needs for each pose, besides the dataset. Measured: 600 to 900 (docs/speed.md)."""
+"""Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 600 to 900 (docs/speed.md)."""
 MANY = 100_000
-"""Poses from which on the memory that they need is told beforehand."""
+"""Number of poses above which the required memory is checked first."""
 
 
 @in_one_thread
@@ -65,33 +65,33 @@ def calibrate(
         parameters that the next three choose. They leave out by design what others hold, so the noise is estimated from what
         they leave, whatever was declared.
     orientations
-        Whether models 2, 4 and 5 take the carts' measured turning along their tracks too.
+        Whether models 2, 4 and 5 also use the carts' measured rotation along their tracks.
     directions, scale, without
-        Which parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
+        Choice of parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
         joints, lengths and one direction per cart.
     kinematics
         Of robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose by Pinocchio, an order of
         magnitude slower, with the same result to rounding, for geometries that a URDF carries. Robots without rods have
         Pinocchio in either case.
     progress
-        Called with what is being done, the iteration, and the size of the residuals in units of the noise.
+        Called with the name of the step, the iteration, and the RMS residual in units of the noise.
 
     Returns
     -------
     calibration
-        Values, sigmas, what was learned, and the calibrated model.
+        Values, sigmas, variance reduction, and the calibrated model.
 
     Raises
     ------
     DatasetError
-        If the dataset can't be one of this robot, or is too small.
+        If the dataset does not fit the robot, or is too small.
     ConvergenceError
         If the fit does not converge.
 
     Warns
     -----
     GtpinWarning
-        Of poses that are set aside, by name.
+        For rejected poses, by name.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def calibrate_geometry(
     Parameters
     ----------
     lacking
-        Whether the geometry leaves out by design what others hold: see :class:`~gtpin.calibration.rounds.Rounds`.
+        Whether the geometry is incomplete by design: see :class:`~gtpin.calibration.rounds.Reweighting`.
     """
     return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking, kinematics=kinematics)
 
@@ -147,7 +147,7 @@ def calibrate_geometry(
 def _calibrated(
     dataset: Dataset, geometry: Geometry, progress: Progress | None, *, doubt: bool, lacking: bool, kinematics: Solver
 ) -> Calibration:
-    """Fit; where ``doubt``, also ask whether noise, frame and tolerances can be what the dataset declares."""
+    """Fit; with ``doubt``, also check the declared noise, frame and tolerances."""
     needed = FIXED + PER_POSE * len(dataset)
     require(f"calibrating {len(dataset):,} poses", needed)
     if progress is not None and len(dataset) >= MANY:
@@ -170,7 +170,7 @@ def _calibrated(
 
     def settle(instrument: Instrument, geometry: Geometry = geometry) -> Settled:
         start = started(instrument, geometry)
-        return Rounds(start, measured, kept.visits, poses, instrument, progress, lacking).run()
+        return Reweighting(start, measured, kept.visits, poses, instrument, progress, lacking).run()
 
     start = started(instrument)
     seen = start.seen(poses)
@@ -218,7 +218,7 @@ def _toml(dataset: Dataset) -> Path | None:
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:
-    """The dataset with its noise undeclared: for models that leave something out by design, which must weigh by it."""
+    """The dataset without declared noise, for models that are incomplete by design: their residuals determine the weights."""
     undeclared = dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
     return replace(dataset, instrument=undeclared)
 

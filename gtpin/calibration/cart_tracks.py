@@ -1,4 +1,4 @@
-"""Measured tracks out of cart poses that were taken along the guideways by themselves."""
+"""Measured tracks from cart poses that were measured separately along the guideways."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _towards_base(robot: Robot, paths: list[_Path], nominal: Floats) -> Floats:
     measured = _unit(np.sum([_unit(slope) for slope in slopes], axis=0))
     wanted = _unit(np.sum([actuator.axis for actuator in robot.actuators], axis=0))
     first = Rotation.align_vectors(wanted[None], measured[None])[0]
-    # About that direction the tracks' places decide; where the target sat on each cart is small beside their distances.
+    # About that direction the tracks' positions decide; target offsets on the carts are small compared with their distances.
     zero = np.array([path.at_zero() for path in paths])
     a, b = first.apply(zero - zero.mean(axis=0)), nominal - nominal.mean(axis=0)
     sine = np.einsum("i,ni->", wanted, np.cross(a, b))
@@ -101,7 +101,7 @@ def _unit(vector: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Linearity:
-    """What a linear function of the command (eq. 2) leaves of one cart's measured positions: the paper's Figs. 5 and 6.
+    """Residuals of a linear function of the command (eq. 2) fitted to one cart's measured positions: the paper's Figs. 5 and 6.
 
     Parameters
     ----------

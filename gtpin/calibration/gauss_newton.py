@@ -1,4 +1,4 @@
-"""Gauss-Newton with priors, and Levenberg-Marquardt damping where a full step does not lower the cost."""
+"""Gauss-Newton with priors, and Levenberg-Marquardt damping if a full step does not lower the cost."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ MAX_DAMPING = 1e12
 STEP = 1e-7
 """Step, in tolerances, at which the fit has converged."""
 DECREASE = 1e-10
-"""Decrease of the cost that a step promises, per unit of cost, at which the fit has converged, unless told otherwise."""
+"""Decrease of the cost that a step promises, per unit of cost, at which the fit has converged, by default."""
 ROUNDING = 1e-6
-"""The same where no step lowers the cost: rounding then hides what is left to gain."""
+"""The same if no step lowers the cost because of rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class Fit:
     Parameters
     ----------
     problem
-        What was fitted.
+        The problem that was fitted.
     point
-        Where the cost is smallest.
+        Minimum of the cost.
     residual
         (N, c) whitened measured less predicted.
     weight
@@ -42,7 +42,7 @@ class Fit:
     information
         (size, size) J'WJ of the data alone.
     iterations
-        Steps taken.
+        Number of steps.
     """
 
     problem: Problem
@@ -69,7 +69,7 @@ class Fit:
 
     @property
     def taken(self) -> float:
-        """Freedoms that the fit took from the data: what was learned, summed over all directions."""
+        """Effective number of parameters: the variance reduction, summed over all directions."""
         return float(len(self.information) - np.diag(self.covariance) @ self.problem.prior)
 
 
@@ -88,24 +88,24 @@ def fit(
     Parameters
     ----------
     problem
-        What to fit.
+        The problem to fit.
     weigh
         Weights (N,) of the poses from whitened residuals (N, c): iteratively reweighted least squares.
     x
-        Where to start: nominal by default.
+        Start; nominal by default.
     progress
         Called with the iteration and the root mean square of the weighted residuals.
     near
-        Poses of a geometry near the one to start from, base frame, which save the way to its own.
+        Poses of a geometry near the start, base frame, as first guess of the forward kinematics.
     decrease
         Decrease of the cost that a step promises, per unit of cost, at which the fit has converged.
     enough
-        Steps after which the last iterate will do, for a rough fit that another one follows.
+        Number of steps after which a rough fit stops without an error.
 
     Raises
     ------
     ConvergenceError
-        If the cost has no minimum that can be reached within 200 steps.
+        If no minimum is found within 200 steps.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x, near)
     if not point.poses.reached.all():

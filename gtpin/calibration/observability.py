@@ -1,4 +1,4 @@
-"""What the data say about the geometry: directions learned, directions that they can't see, observability indices."""
+"""Observability of the geometry: variance reduction by direction, unobservable directions, observability indices."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 UNSEEN = 0.5
-"""A direction counts as unobservable where the data took away less than this part of the tolerance's square."""
+"""A direction counts as unobservable if its variance reduction is below this value."""
 NAMED = 0.1
-"""Smallest weight of a parameter that is named in a direction."""
+"""Smallest weight of a parameter that is listed in a direction."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Direction:
     Parameters
     ----------
     weights
-        By parameter, in units of tolerance, of a unit vector; the largest first, small ones left out.
+        By parameter, in units of tolerance, of a unit vector; the largest first, without small ones.
     learned
-        How much of the tolerance's square the data took away along it.
+        Variance reduction along it: 1 minus posterior over prior variance.
     """
 
     weights: dict[str, float]
@@ -33,12 +33,12 @@ class Direction:
 
 @dataclass(frozen=True)
 class Observability:
-    """What the data say about the geometry, in units of tolerance.
+    """Observability of the geometry, in units of tolerance.
 
     Parameters
     ----------
     learned
-        (p,) how much of the tolerance's square was taken away along each principal direction, smallest first.
+        (p,) variance reduction along each principal direction, smallest first.
     directions
         (p, p) those directions, one a column.
     indices
@@ -52,7 +52,7 @@ class Observability:
     indices: dict[str, float]
 
     def unobservable(self, names: tuple[str, ...]) -> tuple[Direction, ...]:
-        """The directions that the data can't see, the least seen first."""
+        """Unobservable directions, the least observable first."""
         found = []
         for k in np.flatnonzero(self.learned < UNSEEN):
             vector = self.directions[:, k]
@@ -64,20 +64,20 @@ class Observability:
 
 
 def observability(factor: Floats, n_geometry: int, rows: int) -> Observability:
-    """Analyse what the data say.
+    """Compute the observability from the whitened derivatives.
 
     Parameters
     ----------
     factor
         (r, size) any matrix whose square is that of the whitened derivative of the data by the geometry, in tolerances, and
-        then by what has no prior: the derivative itself, or its triangular factor.
+        then by unknowns without a prior: the derivative itself, or its triangular factor.
     n_geometry
-        How many columns belong to the geometry.
+        Number of columns of the geometry.
     rows
         Number of measured components.
     """
     free = factor.shape[1] - n_geometry
-    # What the free frame takes for itself is not there for the geometry: its columns come first and are left behind.
+    # The free frame absorbs a part of the information: its columns come first and are eliminated.
     triangular = np.asarray(np.linalg.qr(np.hstack([factor[:, n_geometry:], factor[:, :n_geometry]]), mode="r"))
     _, s, Vt = np.linalg.svd(triangular[free:, free:])
     s = np.concatenate([s, np.zeros(n_geometry - len(s))])

@@ -17,11 +17,11 @@ from gtpin.model.model import Frame, Model
 Floats = npt.NDArray[np.float64]
 
 FARTHEST = 1e12
-"""Whitened residual at which all are cut off, so that the square of any gross error is a number."""
+"""Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
 ALIGNMENTS = 20
-"""Reweighted fits by which the first guess of the instrument's pose gets rid of gross errors."""
+"""Number of reweighted fits for a first guess of the instrument's pose that is robust to gross errors."""
 FRAME_UNIT = 1e-3
-"""Unit, m and rad, of the instrument's pose in x: of the size of tolerances, so that x is evenly scaled."""
+"""Unit, m and rad, of the instrument's pose in x: about as large as tolerances, so that x is evenly scaled."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Measured:
         return 3 if self.R is None else 6
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> Measured:
-        """Some of the poses; these themselves where a mask names all."""
+        """Some of the poses."""
         if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.all():
             return self
         return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
@@ -52,7 +52,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Point:
-    """A point x on the way of the fit: the model there, and its poses in the base frame at the measured commands."""
+    """An iterate x of the fit: its model, and its poses in the base frame at the measured commands."""
 
     x: Floats
     model: Model
@@ -61,14 +61,14 @@ class Point:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted: x holds deviations of the geometry in tolerances, then the instrument's pose if that is free.
+    """The fitted problem: x has the deviations of the geometry in tolerances, then the instrument's pose if it is free.
 
     Parameters
     ----------
     start
-        Where x is zero: nominal geometry, and a first guess of the instrument's pose.
+        Model at x = 0: nominal geometry, and a first guess of the instrument's pose.
     measured
-        The poses to be met.
+        The measured poses.
     whitening
         (N, c, c) see :class:`~gtpin.noise.noise.Noise`.
     free_frame
@@ -96,7 +96,7 @@ class Problem:
         return np.concatenate([np.ones(self.n_geometry), np.zeros(self.size - self.n_geometry)])
 
     def point(self, x: Floats, near: Poses | None = None) -> Point:
-        """The model at x, and its poses; NaN where it can't reach one."""
+        """The model at x, and its poses; NaN where a pose can't be reached."""
         geometry = self.start.geometry
         moved = geometry.with_values(geometry.values + geometry.tolerance * x[: self.n_geometry])
         model = replace(self.start, geometry=moved, frame=self._frame(x))
@@ -151,7 +151,7 @@ class Problem:
 
     @cached_property
     def _pivot(self) -> Floats:
-        """(3,) what the view turns about: amid the poses, where shift and turn are nearly independent."""
+        """(3,) centre of the view's rotation: the middle of the poses, where shift and rotation are nearly independent."""
         return np.asarray(np.median(self.measured.T, axis=0))
 
     def _frame(self, x: Floats) -> Frame:
@@ -169,7 +169,7 @@ def measured_poses(dataset: Dataset) -> Measured:
 
 
 def in_frame(J: Floats, frame: Frame) -> Floats:
-    """Derivatives (N, 6, p) of poses in the base frame, as the instrument sees them."""
+    """Derivatives (N, 6, p) of poses in the base frame, transformed to the instrument's frame."""
     if frame.is_base:
         return J
     seen = np.empty_like(J)
@@ -194,7 +194,7 @@ def _aligned(predicted: Poses, measured: Measured, weight: Floats) -> Frame:
     w = weight / weight.sum()
     centre_a, centre_b = w @ predicted.T, w @ measured.T
     a, b = predicted.T - centre_a, measured.T - centre_b
-    # Orientation tells the turn even where the positions don't; a metre of position counts as much as a radian.
+    # Orientations determine the rotation even if positions don't; 1 m of position counts as much as 1 rad.
     turns = np.zeros((3, 3)) if measured.R is None else np.einsum("n,nij,nkj->ik", w, measured.R, predicted.R)
     U, _, Vt = np.linalg.svd((w[:, None] * b).T @ a + turns)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt

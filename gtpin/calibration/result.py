@@ -1,4 +1,4 @@
-"""What a calibration found: values with sigmas, what was learned, what the data can't see, and how well it fits."""
+"""The result of a calibration: values with sigmas, variance reduction, observability, and quality of the fit."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CORRELATED = 0.7
 
 @dataclass(frozen=True, repr=False)
 class Calibration(Shown):
-    """A calibrated model, and how much it can be believed.
+    """A calibrated model with its uncertainty and the quality of the fit.
 
     Parameters
     ----------
@@ -44,28 +44,28 @@ class Calibration(Shown):
     observability
         Directions in parameter space, and indices.
     noise
-        What the measurements' noise was taken to be.
+        Noise of the measurements, declared or estimated.
     enlarged
-        How many times larger than the noise the residuals are where chi-square shows a lack of fit, else 1; the
-        covariance admits it.
+        Ratio of residuals to noise if chi-square shows a lack of fit, else 1; the covariance is multiplied by its
+        square.
     freedom
         Degrees of freedom of the noise's tails; infinite for Gaussian noise.
     poses, rejected
-        Number of rows that were used, and the ids of poses of which rows were set aside.
+        Number of used rows, and the ids of poses with rejected rows.
     rejected_rows
-        Lines of these rows in their file, as the dataset numbers them: of two visits to a pose one may be good.
+        Lines of the rejected rows in their file, as the dataset numbers them: other visits to the pose may be used.
     chi2, dof
-        Squares of the whitened residuals, and measured components less what was learned.
+        Sum of squares of the whitened residuals; measured components minus effective number of parameters.
     iterations
-        Gauss-Newton steps of all the rounds together.
+        Number of Gauss-Newton steps of all iterations.
     residual
-        (poses, 3 or 6) measured less predicted of the rows that were used, m and rad, instrument's frame.
+        (poses, 3 or 6) measured less predicted of the used rows, m and rad, instrument's frame.
     residual_before
         The same for the nominal geometry.
     instrument
-        As declared; less what the data show to be wrong, which is estimated instead.
+        As declared, without values that the data contradict, which are estimated instead.
     dataset
-        The data, as they were given.
+        The input data.
     paper_model
         Number of the paper's model 1 to 5 whose parameters these are; None for the default parameters.
 
@@ -108,16 +108,16 @@ class Calibration(Shown):
         instrument: Instrument,
         dataset: Dataset,
     ) -> Calibration:
-        """Sum up the rounds of a calibration.
+        """Make the result from the converged iterations.
 
         Parameters
         ----------
         before
             Nominal poses, as the instrument would see them, of the rows that were used.
         rejected, rejected_rows
-            Ids of the poses set aside, and their lines.
+            Ids of the poses with rejected rows, and the lines of these rows.
         instrument
-            As the rounds took it.
+            Description of the instrument that was used.
         dataset
             The data.
         """
@@ -149,7 +149,7 @@ class Calibration(Shown):
         )
 
     def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
-        """(N,) the rows of the calibrated dataset that were not set aside."""
+        """(N,) mask of the dataset's rows that were used."""
         return ~np.isin(dataset.row, self.rejected_rows)
 
     @property
@@ -169,7 +169,7 @@ class Calibration(Shown):
 
     @cached_property
     def learned(self) -> Floats:
-        """(p,) 1 - (sigma / tolerance)^2: how much of the tolerance the data took away."""
+        """(p,) Variance reduction 1 - (sigma / tolerance)^2: 0 if the data give no information on a parameter."""
         return np.asarray(1.0 - (self.sigma / self.model.geometry.tolerance) ** 2)
 
     @cached_property
@@ -179,12 +179,12 @@ class Calibration(Shown):
 
     @property
     def unobservable(self) -> tuple[Direction, ...]:
-        """Directions in parameter space that the data can't see, the least seen first."""
+        """Unobservable directions in parameter space, the least observable first."""
         return self.observability.unobservable(self.names)
 
     @cached_property
     def zeros(self) -> tuple[Zero, ...]:
-        """By actuator, the shift of its zero that the joints on its carrier moved by in common."""
+        """By actuator, the common shift of the joints on its carrier as a shift of its zero."""
         return equivalent_zeros(self.model.geometry, self.covariance)
 
     @property
@@ -211,7 +211,7 @@ class Calibration(Shown):
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin calibrate`` writes: ``model/``, ``calibration.json``, ``report.html`` and ``report.txt``.
 
-        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
         from gtpin.report.files import CALIBRATION, write_calibration
 

@@ -1,4 +1,4 @@
-"""The rounds of a calibration: fit, set gross errors aside, estimate the noise, until nothing changes."""
+"""The iterations of a calibration: fit, reject gross errors, estimate the noise, until nothing changes."""
 
 from __future__ import annotations
 
@@ -27,55 +27,55 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Progress = Callable[[str, int, float], None]
 
-MAX_ROUNDS = 30
-FREE_ROUNDS = 8
-"""Rounds after which no more poses are set aside, and tails and noise only grow, lest two readings of the data take turns."""
+MAX_ITERATIONS = 30
+FREE_ITERATIONS = 8
+"""Iterations after which no more poses are rejected, and tails and noise only grow, so that the iteration can't oscillate."""
 ROUGH = 5e-6
-"""Sigma, m and rad, that the rough fit goes down to: with less, the cost is a narrow curved valley far from its minimum."""
+"""Smallest sigma of the rough fit, m and rad: with less, the cost is a narrow curved valley far from its minimum."""
 ROUGHLY = 1e-4
-"""Relative decrease of the cost at which the rough fit is good enough: its weights may go on taking turns below that."""
+"""Relative decrease of the cost at which the rough fit is good enough: its weights may oscillate below that."""
 ROUGH_STEPS = 15
-"""Steps after which the rough fit is near enough to tell gross errors: reweighting can creep."""
+"""Steps after which the rough fit is good enough to detect gross errors: reweighting can converge slowly."""
 PART = 20_000
-"""Poses of a random part that the rounds settle on first where there are twice as many: its standard errors are less than a
-hundredth of a tolerance, from where one step on all the poses is the last. Measured: docs/speed.md.
+"""Size of a random subset of poses that is fitted first if there are twice as many: its standard errors are less than a
+hundredth of a tolerance, so that one step on all poses is enough afterwards. Measured: docs/speed.md.
 """
 LOST = 100.0
-"""Size of the residuals over the noise from which a rough fit has not come near the machine: 1.5 mm for a tracker."""
+"""Ratio of residuals to noise above which a rough fit has failed: 1.5 mm for a tracker."""
 COARSE = (1e-2, 1e-3)
-"""Sigmas, m and rad, of the fits that lead there: of the size of the largest tolerances, then of usual ones."""
+"""Sigmas, m and rad, of the coarse fits that then precede it: as large as the largest tolerances, then as usual ones."""
 ENOUGH = 3000
-"""Poses that residuals tell the machine's own scatter by; more make it slower, and hardly surer."""
+"""Number of poses from which repeatability is estimated by residuals; more are slower, and hardly more accurate."""
 SETTLED = 1e-3
 """Relative change of an estimated sigma at which it has settled."""
 NEAREST = 0.1
 """Least distance, m, of an instrument from what it measures."""
 CORE = 1.2
-"""Size of the residuals' core over the noise from which heavy tails are a lack of fit too."""
+"""Ratio of the residuals' core to the noise above which heavy tails count as a lack of fit too."""
 LACKING_FREEDOM = 7.0
-"""Freedoms of the t distribution that gross errors of a model that lacks something by design are judged by: nobody knows the
-tails of what it leaves, which are longest at the workspace's edge. Assumed; of 50 poses, one whose residual is 14 times
+"""Degrees of freedom of the t distribution by which gross errors are judged if the model is incomplete by design: the tails of
+its residuals are unknown, and longest at the workspace's edge. Assumed; of 50 poses, one whose residual is 14 times
 (positions alone) or 18 times the core's sigma is a gross error then. ``examples/dressler2010/seeds.py`` counts the good poses
-that are set aside all the same.
+that are rejected nevertheless.
 """
 LACK_OF_FIT = 1e-3
-"""Chance of a larger chi-square below which the model counts as lacking something."""
+"""p-value of chi-square below which the model counts as incomplete."""
 
 
 @dataclass(frozen=True)
 class Settled:
-    """Where the rounds ended.
+    """The converged state of the iterations.
 
     Parameters
     ----------
     fit
         The last fit.
     used
-        (N,) the poses that are no gross errors.
+        (N,) the poses that are not gross errors.
     noise, tails
-        What the fit took the noise to be.
+        Noise that the fit assumes.
     steps
-        Steps of all the fits together.
+        Number of steps of all fits.
     """
 
     fit: Fit
@@ -86,19 +86,19 @@ class Settled:
 
     @property
     def chi2(self) -> float:
-        """Squares of the whitened residuals, all counted in full."""
+        """Sum of squares of the whitened residuals, without robust weights."""
         return float((self.fit.residual**2).sum())
 
     @property
     def dof(self) -> float:
-        """Measured components less what was learned."""
+        """Measured components minus the effective number of parameters."""
         return self.fit.residual.size - self.fit.taken
 
     @property
     def excess(self) -> float:
-        """How many times larger than the noise the residuals are, where chi-square says that they are; else 1.
+        """Ratio of residuals to noise if chi-square shows a lack of fit; else 1.
 
-        Heavy tails have a scale of their own, which the fit's weights hold already.
+        Heavy tails have their own scale, which the fit's weights include.
         """
         if self.tails.heavy:
             return self.tails.scale if self.tails.scale > CORE else 1.0
@@ -109,29 +109,29 @@ class Settled:
         return float(np.sqrt(self.chi2 / self.dof))
 
     def refit(self, factor: float) -> Fit:
-        """The fit with the noise larger by a factor: its covariance admits what the model lacks."""
+        """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""
         return fit(self.fit.problem.noisier(factor), self.tails.weigh, self.fit.point.x)
 
 
 @dataclass(frozen=True)
-class Rounds:
-    """What every round starts from.
+class Reweighting:
+    """The robust reweighting iterations of a calibration, with their input.
 
     Parameters
     ----------
     start
         The nominal model.
     measured, visits
-        The poses, and (N,) the index of the commands that each visited.
+        The measured poses, and (N,) the index of each one's commands.
     near
         Nominal poses in the base frame.
     instrument
         What the dataset declares.
     progress
-        Called with what is being done, the iteration, and the size of the residuals in units of the noise.
+        Called with the name of the step, the iteration, and the RMS residual in units of the noise.
     lacking
-        Whether the model leaves out by design what others hold. Residuals of single visits are then no scatter of the drives,
-        and gross errors are judged by heavier tails than they may show.
+        Whether the model is incomplete by design. Residuals of single visits then do not count as scatter of the drives, and
+        gross errors are judged by heavier tails.
     """
 
     start: Model
@@ -143,12 +143,12 @@ class Rounds:
     lacking: bool = False
 
     def run(self) -> Settled:
-        """Run until the poses set aside and the noise stay as they are.
+        """Iterate until the rejected poses and the noise do not change.
 
         Raises
         ------
         ConvergenceError
-            If a fit does not converge, or the rounds do not settle.
+            If a fit or the iteration does not converge.
         """
         J = in_frame(self.start.kinematics.command_jacobian(self.measured.q, self.near), self.start.frame)
         noise, used, tails = self._first_noise(), np.ones(len(self.near), dtype=bool), weights.Tails()
@@ -160,18 +160,18 @@ class Rounds:
                 nominal = self._coarsely(used, noise, J)
                 outcome = self._fit(used, noise.at_least(ROUGH), J, weights.huber, nominal, "rough fit", rough=True)
                 steps += outcome.iterations
-            if not all(self._declared):  # gross errors and tails are judged by the size of the noise
+            if not all(self._declared):  # gross errors and tails depend on the noise
                 noise = roughly(noise, self._left(outcome, used)[0], self._declared)
         else:
             outcome, tails, steps = part.fit, part.tails, part.steps
             noise = replace(part.noise, sight=noise.sight, reach=noise.reach)
-        for number in range(1, MAX_ROUNDS + 1):
+        for number in range(1, MAX_ITERATIONS + 1):
             left, here = self._left(outcome, used)
             now_used = ~weights.gross(_whiten(noise, J, left), used, LACKING_FREEDOM if self.lacking else np.inf)
             now_noise = self._estimated(noise, outcome, now_used, now_used[used], left, J)
-            # By the noise of the round before: squares of residuals that were not weighted by their tails hide them.
+            # With the previous noise: a sigma from unweighted squares would hide heavy tails.
             now_tails = weights.Tails.of(_whiten(noise, J, left)[now_used])
-            if number > FREE_ROUNDS:
+            if number > FREE_ITERATIONS:
                 now_used = now_used | used
                 now_tails = min(tails, now_tails, key=lambda t: t.freedom)
                 now_noise = max(noise, now_noise, key=lambda n: self._volume(n, J))
@@ -179,19 +179,20 @@ class Rounds:
             if number > 1 and settled:
                 return Settled(outcome, used, noise, tails, steps)
             used, noise, tails = now_used, now_noise, now_tails
-            # Gross errors may have led the rough fit far astray; without them, nominal is a good place to start.
+            # Gross errors may have given a wrong rough fit; without them, the nominal geometry is a good start.
             anew = number == 1 and part is None and not used.all()
             x, near = (nominal, self.near) if anew else (outcome.point.x, here)
             outcome = self._fit(used, noise, J, tails.weigh, x, f"fit {number}", near=near)
             steps += outcome.iterations
         raise ConvergenceError(
-            f"noise and gross errors have not settled in {MAX_ROUNDS} rounds", hint="declare the noise in dataset.toml"
+            f"noise and gross errors have not converged in {MAX_ITERATIONS} iterations",
+            hint="declare the noise in dataset.toml",
         )
 
     def _of_a_part(self) -> Settled | None:
-        """The rounds of a random part of the poses, each with all its visits; None of few poses.
+        """The result for a random subset of the poses, each with all its visits; None for few poses.
 
-        Steps on a part cost little, and leave little to do for the whole.
+        Steps on a subset are cheap, and few steps on all poses remain.
         """
         if len(self.near) < 2 * PART:
             return None
@@ -204,8 +205,8 @@ class Rounds:
         return part.run()
 
     def _coarsely(self, used: Mask, noise: Noise, J: Floats) -> Floats:
-        """Where a fit ends that takes noise for large, then for smaller: with small noise the cost of a machine far from
-        nominal is a narrow curved valley, along which a rough fit gives up.
+        """Parameters of a fit with large, then smaller noise: with small noise the cost of a machine far from nominal is a
+        narrow curved valley, in which a rough fit does not converge.
         """
         x = None
         for sigma in COARSE:
@@ -227,10 +228,10 @@ class Rounds:
             station = np.array(self.instrument.station)
             if np.linalg.norm(self.measured.T - station, axis=1).min() < NEAREST:
                 raise DatasetError(
-                    "the instrument's station lies among the measured poses", hint="mend station in dataset.toml"
+                    "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
                 )
             sight, reach = line_of_sight(self.measured.T, station)
-        # What is not declared starts at a tracker's usual size; only its share in the whole matters until it is estimated.
+        # Undeclared sigmas start at a tracker's usual values; only their ratio matters until they are estimated.
         return Noise(
             self.instrument.position_sigma or 2e-5,
             self.instrument.orientation_sigma or 5e-5,
@@ -265,7 +266,7 @@ class Rounds:
         return fit(problem, weigh, x, report, near=near)
 
     def _left(self, outcome: Fit, used: Mask) -> tuple[Floats, Poses]:
-        """(N, c) what a fit's model leaves of all poses, those set aside too, and the model's poses in the base frame."""
+        """(N, c) residuals of a fit at all poses, including rejected ones, and the model's poses in the base frame."""
         model, poses = outcome.point.model, outcome.point.poses
         if len(poses) != np.count_nonzero(used):  # a part's
             poses = model.kinematics.forward(self.measured.q, self.near)
@@ -278,55 +279,57 @@ class Rounds:
         return self.measured.minus(model.seen(poses)), poses
 
     def _estimated(self, noise: Noise, outcome: Fit, used: Mask, still: Mask, left: Floats, J: Floats) -> Noise:
-        """The noise, as far as it is not declared, from repeated visits or else from the residuals.
+        """The undeclared part of the noise, from repeated visits or otherwise from the residuals.
 
         Parameters
         ----------
         used
-            (N,) the poses that are no gross errors.
+            (N,) the poses that are not gross errors.
         still
-            Which of the poses that ``outcome`` was fitted to are among them.
+            Mask of these among the poses to which ``outcome`` was fitted.
         """
         if noise.sight is not None:
             noise = replace(noise, range_ratio=range_ratio(noise.take(used), left[used, :3]))
         contrast, rows = contrasts(self.visits[used], left[used])
         rows = np.flatnonzero(used)[rows]
         if len(contrast) >= LEAST_CONTRASTS:
-            told = from_repeats(noise.take(rows), contrast, J[rows], self._declared)
-            told = replace(told, sight=noise.sight, reach=noise.reach)
-            if all(self._declared) or told.repeatability > 0.0:
-                return told
-            # A few repeats tell the noise roughly, all the residuals well: theirs holds unless it is larger.
+            repeated = from_repeats(noise.take(rows), contrast, J[rows], self._declared)
+            repeated = replace(repeated, sight=noise.sight, reach=noise.reach)
+            if all(self._declared) or repeated.repeatability > 0.0:
+                return repeated
+            # Few repeats estimate the noise roughly, all residuals well: use the latter unless it is larger.
             fitted = self._from_residuals(noise, outcome, still)
-            return told if _larger(fitted, told) else fitted
+            return repeated if _larger(fitted, repeated) else fitted
         if all(self._declared):
             return noise
         fitted = self._from_residuals(noise, outcome, still)
-        # Positions alone, or beside a sigma that is declared, hardly tell drives' scatter from an instrument's.
+        # With positions only, or with one declared sigma, drives' scatter is hardly distinguishable from the instrument's.
         if any(self._declared) or self.lacking:
             return fitted
         return self._with_repeatability(fitted, outcome, used, left[used], J[used])
 
     def _with_repeatability(self, noise: Noise, outcome: Fit, used: Mask, left: Floats, J: Floats) -> Noise:
-        """The same sigmas, or others with the machine's own scatter, where few poses were visited twice and residuals show it.
+        """The same sigmas, or others with the machine's repeatability, if few poses were visited twice and residuals show it.
 
-        An instrument's noise does not know where the drives point: residuals that lie along the motions of single drives
-        are the machine's. They are counted up for the freedoms that the fit took. They are its scatter only where they are
-        independent from pose to pose: what neighbouring poses share, the model lacks, but weighs by all the same.
+        An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
+        belong to the machine. They are scaled up for the degrees of freedom of the fit. They are repeatability only if they
+        are independent from pose to pose. What neighbouring poses share is a model error (``lack``), which weighs equally.
         """
         some = np.arange(len(left))[:: 1 + len(left) // ENOUGH]
         whole = left[some] * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))
-        told = from_repeats(noise.take(used).take(some), whole, J[some], self._declared)
-        if told.repeatability == 0.0:
+        estimate = from_repeats(noise.take(used).take(some), whole, J[some], self._declared)
+        if estimate.repeatability == 0.0:
             return noise
         measured, free = self.measured.take(used), self.instrument.frame == "free"
-        shown = replace(told, sight=noise.sight, reach=noise.reach, source="residuals", dof=outcome.residual.size / 2.0)
+        shown = replace(
+            estimate, sight=noise.sight, reach=noise.reach, source="residuals", dof=outcome.residual.size / 2.0
+        )
         if independent(self.start, outcome.point, measured, shown.take(used), J, free):
             return shown
         return replace(shown, repeatability=0.0, lack=shown.repeatability)
 
     def _volume(self, noise: Noise, J: Floats) -> float:
-        """How much a noise admits: the mean log determinant of its covariance."""
+        """The mean log determinant of a noise's covariance."""
         logs = [
             np.linalg.slogdet(noise.take(rows).covariance(J[rows], self.measured.components))[1]
             for rows in chunks(len(J))
@@ -334,10 +337,10 @@ class Rounds:
         return float(np.concatenate(logs).mean())
 
     def _from_residuals(self, noise: Noise, outcome: Fit, still: Mask) -> Noise:
-        """Undeclared sigmas by the residuals' squares, over the freedoms that the fit left in each kind of component.
+        """Undeclared sigmas from the residuals' squares and the degrees of freedom in each kind of component.
 
-        Of the poses that are ``still`` used: a gross error that the fit was made with would make the noise so large that it
-        is taken for good in the next round, and set aside in the one after that.
+        Only poses that are ``still`` used: a gross error in the fit would make the noise so large that it is accepted in the
+        next iteration, and rejected in the one after that.
         """
         weight = outcome.weight * still
         taken, covariance = np.zeros(self.measured.components), outcome.covariance
@@ -362,7 +365,7 @@ class Rounds:
 
 
 def _larger(one: Noise, two: Noise) -> bool:
-    """Whether one estimate of the noise is larger than another by more than chance (F test of each sigma)."""
+    """Whether one estimate of the noise is significantly larger than another (F test of each sigma)."""
     ratios = (one.position_sigma / two.position_sigma, one.orientation_sigma / two.orientation_sigma)
     return any(float(f.sf(ratio**2, one.dof, two.dof)) < LACK_OF_FIT for ratio in ratios)
 

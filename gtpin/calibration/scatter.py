@@ -1,7 +1,7 @@
-"""Whether what looks like scatter of the drives is independent from pose to pose, as scatter is, or a lack of the model.
+"""Whether apparent scatter of the drives is independent from pose to pose (repeatability), or a model error.
 
-A machine that does not repeat errs anew at every pose. What a model leaves out (a bent track, a rack, links that give way)
-is a function of the commands, so that neighbouring poses err alike. Rao's score test of the second against the first is a
+Errors of repeatability are independent at every pose. A model error (a bent track, a rack, compliant links) is a function of
+the commands, so that neighbouring poses have similar errors. Rao's score test of the second against the first is a
 weighted sum of products of neighbouring poses' scores, Moran's I of regression residuals in its general form: P. Burridge,
 "On the Cliff-Ord test for spatial autocorrelation", J. R. Statist. Soc. B 42 (1980) 107-108. Its mean and variance under
 independence are those of a quadratic form in the residuals of a regression: A. D. Cliff and J. K. Ord, "Testing for spatial
@@ -24,9 +24,9 @@ from gtpin.noise.noise import Noise
 Floats = npt.NDArray[np.float64]
 
 ENOUGH = 1000
-"""Poses that neighbours are looked for among; more make it slower, and hardly surer."""
+"""Number of poses among which neighbours are searched; more are slower, and hardly more accurate."""
 CHANCE = 0.025
-"""Chance of calling independent scatter correlated; the same as that of believing a repeatability that is not there."""
+"""Probability of calling independent scatter correlated; equal to that of accepting a repeatability that does not exist."""
 
 
 def independent(start: Model, point: Point, measured: Measured, noise: Noise, J: Floats, free_frame: bool) -> bool:
@@ -37,9 +37,9 @@ def independent(start: Model, point: Point, measured: Measured, noise: Noise, J:
     start
         The nominal model.
     point
-        Where a fit ended.
+        Result of a fit.
     measured, noise
-        The poses, and their noise with the repeatability in question in it.
+        The poses, and their noise including the repeatability to be tested.
     J
         (N, 6, n) derivative of the measured poses by the commands.
     free_frame
@@ -47,7 +47,7 @@ def independent(start: Model, point: Point, measured: Measured, noise: Noise, J:
     """
     some = np.arange(len(J))[:: 1 + (len(J) - 1) // ENOUGH]
     measured, J = measured.take(some), J[some]
-    # From where the frame came to rest, which no prior holds; geometry counts from nominal.
+    # Frame from the fit, without a prior; geometry from nominal.
     problem = Problem(
         replace(start, frame=point.model.frame),
         measured,
@@ -61,7 +61,7 @@ def independent(start: Model, point: Point, measured: Measured, noise: Noise, J:
 
 
 def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
-    """How many standard deviations the drives' errors at neighbouring poses are alike beyond chance, by kind of neighbour."""
+    """Standard scores of the correlation of the drives' errors at neighbouring poses, by kind of neighbour."""
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
     c, k = B.shape[1:]
     y = problem.residual(point) + B @ point.x
@@ -84,7 +84,7 @@ def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
 
 
 def _neighbours(q: Floats) -> list[Floats]:
-    """By kind, (n, N, N) how much of a neighbour two poses are to each drive: near in its own command, or in all of them.
+    """By kind, (n, N, N) weight of each pair of poses for each drive: near in its own command, or in all commands.
 
     Near is what is no farther than a pose's nearest neighbour usually is, which is as fine as the poses can tell.
     """

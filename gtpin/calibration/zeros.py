@@ -1,4 +1,4 @@
-"""Zeros of the drives, which a calibration has no parameters for: a shifted zero moves all joints of a carrier alike."""
+"""Zeros of the drives, which are not parameters of a calibration: a shifted zero moves all joints of a carrier equally."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Zero:
     site
         The actuator.
     value, sigma
-        Shift and its standard deviation: at command 0 the actuator stands at ``value``. Of joints that did not move alike it is
+        Shift and its standard deviation: at command 0 the actuator is at ``value``. For joints that did not move equally it is
         the common part.
     unit
         ``m`` or ``rad``.
@@ -50,7 +50,7 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     if not robot.rods:
         return ()
     kinematics = RodKinematics(geometry)
-    rates = np.array([seat.by_travel(np.zeros(1))[0] for seat in kinematics.seats]) * kinematics.scale[:, None]
+    rates = np.array([joint.by_travel(np.zeros(1))[0] for joint in kinematics.seats]) * kinematics.scale[:, None]
     found = []
     for a, actuator in enumerate(robot.actuators):
         carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == a]

@@ -22,13 +22,11 @@ CASES = 100
 
 def blind(
     output: Output,
-    cases: Annotated[
-        int | None, typer.Option("--cases", help=f"Number of cases; {CASES} where left out.", min=1)
-    ] = None,
+    cases: Annotated[int | None, typer.Option("--cases", help=f"Number of cases; default {CASES}.", min=1)] = None,
     seed: Seed = 0,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="Name of a robot, or the path of a URDF; the Gantry-Tau where left out."),
+        typer.Option("--robot", help="Name of a robot, or the path of a URDF; default Gantry-Tau."),
     ] = None,
     source: Annotated[
         Path | None,
@@ -61,7 +59,7 @@ def blind(
         write_json(folder / "judged.json", [case.model_dump(mode="json", exclude_none=True) for case in checked.cases])
         write_json(folder / "score.json", result)
         (folder / "score.html").write_text(score_page(result, checked.cases), encoding="utf-8")
-    pace = f"{checked.seconds:.1f} s a diagnosis in the median" if checked.seconds else ""
+    pace = f"{checked.seconds:.1f} s per diagnosis (median)" if checked.seconds else ""
     tell(result, f"{_text(result)}\n{pace}\nWritten: {output / 'score.json'}\nOpen {output / 'score.html'}", as_json)
 
 
@@ -94,7 +92,7 @@ class _Bars:
         self._task = bars.add_task("", visible=False, total=0)
 
     def published(self, digest: str) -> None:
-        """Say the digests of the plant, where it made the cases, and of the manifest."""
+        """Print the digests of the plant, if it made the cases, and of the manifest."""
         if self._plant:
             self._bars.console.print(f"plant {self._plant}", soft_wrap=True, highlight=False)
         self._bars.console.print(f"manifest {digest}", soft_wrap=True, highlight=False)

@@ -1,4 +1,4 @@
-"""``gtpin demo``: the main job on a virtual machine."""
+"""``gtpin demo``: the complete workflow on a virtual machine."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def demo(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """The main job on a virtual Gantry-Tau with a hidden effect: simulate, calibrate, diagnose, report.
+    """The complete workflow on a virtual Gantry-Tau with a hidden effect: simulate, calibrate, diagnose, report.
 
-    Writes dataset/ as simulate does, calibration/ as calibrate does, and what diagnose writes beside them.
+    Writes dataset/ as simulate does, calibration/ as calibrate does, and the files that diagnose writes.
     """
     with results_folder(output, FILES, force=force) as folder:
         with progress_of("demo") as progress:
@@ -58,12 +58,12 @@ def demo(
         diagnosis_summary(found),
         f"\nWhat was hidden (dataset.truth.json): the machine has {has}.",
         f"True position error on {len(case.commands)} poses that were never measured, RMS: {errors}.",
-        f"Beside the report: {', '.join(str(output / name) for name in ('dataset', 'calibration', 'diagnosis.json', 'model'))}",
+        f"Also written: {', '.join(str(output / name) for name in ('dataset', 'calibration', 'diagnosis.json', 'model'))}",
         *corrections_hint(found, output),
         f"Open {output / 'report.html'}",
     )
-    told = {"effects": [{"effect": truth.effect, "site": truth.site} for truth in case.effects], "true_rms": held_out}
-    tell(result | {"truth": told}, text, as_json)
+    truths = {"effects": [{"effect": truth.effect, "site": truth.site} for truth in case.effects], "true_rms": held_out}
+    tell(result | {"truth": truths}, text, as_json)
 
 
 def _held_out(case: Case, found: Diagnosis) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""``gtpin diagnose``: where the gap lies, what causes it, how far it shrinks."""
+"""``gtpin diagnose``: where the gap is, its causes, and its explained fraction."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def diagnose(
         typer.Option(
             "--exclude",
             metavar="EFFECT[@SITE]",
-            help="Takes an effect, or an effect at a site, out of the catalogue; may be given more than once.",
+            help="Removes an effect, or an effect at a site, from the catalogue; may be given more than once.",
             show_default=False,
         ),
     ] = None,
     false_alarm: Annotated[
-        float, typer.Option("--false-alarm", help="Chance of naming a cause where there is none.", min=1e-6, max=0.5)
+        float, typer.Option("--false-alarm", help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Diagnose the gap between a calibrated geometry and measured poses: where it lies, what causes it, how far it shrinks."""
+    """Diagnose the gap between a calibrated geometry and measured poses: where it is, its causes, its explained fraction."""
     with results_folder(output, DIAGNOSIS, force=force) as folder:
         read = Dataset.read(dataset)
         with progress_of("diagnosing") as progress:

@@ -28,7 +28,7 @@ def export(
         typer.Option(
             "-o",
             "--output",
-            help="File; its suffix tells the format: .urdf, .yaml (with a URDF beside it, for example-parallel-robots), .sdf, "
+            help="File; its suffix determines the format: .urdf, .yaml (plus a URDF, for example-parallel-robots), .sdf, "
             ".xml (MuJoCo), .csv (corrections of the actuators, or of --commands), .comp (LinuxCNC, a file for each joint).",
             show_default=False,
             parser=output_path,
@@ -46,7 +46,7 @@ def export(
         Path | None,
         typer.Option(
             "--commands",
-            help="Write these commands again (.csv), corrected for all that the model knows.",
+            help="Write these commands again (.csv), corrected for all effects of the model.",
             show_default=False,
         ),
     ] = None,
@@ -77,15 +77,15 @@ def export(
 
 
 def _corrected(model: Model, commands: Path, controller: str | None, output: Path, force: bool) -> Path:
-    """Write the commands that bring the TCP where a controller meant its own to bring it."""
+    """Write the commands that bring the TCP to the poses that a controller intended."""
     if output.suffix.lower() != ".csv":
         raise GtpinError("corrected commands are a table", file=output, hint="name a .csv file")
     not_its_input(output, commands)
     with result_file(output, force=force) as new:
-        asked = Commands.read(commands, model.robot.n_actuators)
-        meant = predict(_controller(model, controller), Commands(asked.pose, asked.q, row=asked.row, file=asked.file))
+        given = Commands.read(commands, model.robot.n_actuators)
+        meant = predict(_controller(model, controller), Commands(given.pose, given.q, row=given.row, file=given.file))
         rotations = meant.R if model.robot.n_actuators >= 6 else None
-        replace(asked, q=compensate(model, meant.T, asked.covariates, rotations=rotations)).write(new)
+        replace(given, q=compensate(model, meant.T, given.covariates, rotations=rotations)).write(new)
     return output
 
 

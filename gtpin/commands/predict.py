@@ -33,7 +33,7 @@ def predict(
     not_its_input(output, commands)
     with result_file(output, force=force) as new:
         found = read_model(model)
-        asked = Commands.read(commands, found.robot.n_actuators)
-        table = prediction_table(asked, run_prediction(found, asked))
+        given = Commands.read(commands, found.robot.n_actuators)
+        table = prediction_table(given, run_prediction(found, given))
         table.to_csv(new, index=False, lineterminator="\n")
     tell(table.to_dict(orient="records"), f"{len(table)} poses predicted. Written: {output}", as_json)

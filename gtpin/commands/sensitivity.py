@@ -30,7 +30,7 @@ def sensitivity(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Tell how each parameter moves the TCP, and what error to expect over the workspace."""
+    """Show how each parameter moves the TCP, and the expected error over the workspace."""
     with (
         results_folder(output, (*FILES, "report.html"), force=force) as folder,
         progress_of("sensitivity") as progress,
@@ -38,10 +38,10 @@ def sensitivity(
         found = read_model(model)
         q = None
         if poses is not None:
-            asked = Commands.read(poses, found.robot.n_actuators)
+            given = Commands.read(poses, found.robot.n_actuators)
             # Refuses commands that can't be the robot's, or that it can't reach, by their rows. Accuracy is the geometry's.
-            predict(replace(found, effects=()), asked)
-            q = asked.q
+            predict(replace(found, effects=()), given)
+            q = given.q
         progress("each parameter at each pose", 0, float("nan"))
         accuracy = write_sensitivity(found, q, folder, seed=seed)
         (folder / "report.html").write_text(sensitivity_page(accuracy, seed=seed), encoding="utf-8")

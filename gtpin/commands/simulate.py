@@ -21,7 +21,7 @@ from gtpin.plant.truth import Case, case_folders, dataset_folder, truth_names
 from gtpin.robot.library import load_robot
 
 ROBOT, POSES, SEED = "gantry_tau", 200, 0
-"""What is simulated where neither options nor a scenario say otherwise."""
+"""Defaults of the simulation."""
 
 
 def simulate(
@@ -53,7 +53,7 @@ def simulate(
     """Write a dataset of a virtual machine: a robot drawn from its tolerances, measured by a noisy tracker.
 
     With a scenario the machine has the effects that it lists. They stand in DATASET.truth.json, and the true poses at
-    commands.csv in DATASET.truth.csv, beside the dataset. Without one, these two are taken away if gtpin wrote them: they are
+    commands.csv in DATASET.truth.csv, next to the dataset. Without one, these two are deleted if gtpin wrote them: they are
     the truth of a dataset that is replaced.
     """
     if scenario is None:
@@ -68,7 +68,7 @@ def simulate(
     else:
         case = _write_scenario(scenario, output, robot, poses, seed, truth, force)
         name, rows, seed = case.recipe.robot, len(case.dataset), case.recipe.seed
-        also = f", the truth beside it: {_truth_file(output)}"
+        also = f", truth: {_truth_file(output)}"
     result = {"dataset": str(output), "robot": name, "rows": rows, "seed": seed}
     tell(result, f"{rows} measured poses of a virtual {name}. Written: {output}{also}", as_json)
 
@@ -86,12 +86,12 @@ def _write_scenario(
 ) -> Case:
     place = Path(os.path.abspath(output))
     if not place.name:
-        raise GtpinError("the truth has no place beside it", file=output, hint="name another folder")
-    with case_folders(place, force=force) as (folder, beside):
+        raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")
+    with case_folders(place, force=force) as (folder, truth_folder):
         case = simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
         dataset = replace(case.dataset, robot=_seen_from(case.dataset.robot, output))
         replace(case, dataset=dataset).write_dataset(folder)
-        case.write_truth(beside, place.name)
+        case.write_truth(truth_folder, place.name)
         if truth:
             _write_truth(case.commands, case.truth, folder)
     return case

@@ -1,4 +1,4 @@
-"""What all commands share: options, progress, and how results are told."""
+"""Common parts of all commands: options, progress, and the output of results."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def write_json(file: Path, content: object) -> None:
 
 
 def not_its_input(output: Path, read: Path) -> None:
-    """Refuse to write what is read."""
+    """Raise an error if an output is also an input."""
     if os.path.exists(output) and os.path.exists(read) and os.path.samefile(output, read):
         raise GtpinError("this is read", file=output, hint="name another file for the result")
 

@@ -18,7 +18,7 @@ MAX_STEPS = 200
 DAMPING = 1e-7
 """Damping to start with: little, as the closures are nearly linear in the geometry and its valley is narrow."""
 ROUNDS = 4
-"""Rounds in which the residuals' size, and with it the weight of the tolerances, is found."""
+"""Number of iterations for the residuals' size, and with it the weight of the tolerances."""
 SMALLEST = 1e-9
 """Least size of the residuals, m^2, that tolerances are weighed against: a quarter of a nanometre of a rod."""
 

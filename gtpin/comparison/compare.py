@@ -85,7 +85,7 @@ def compare(
             hint="use cost pose, choice paper",
         )
     numbers = [n for n in MODELS if n not in MEASURED or dataset.carts is not None]
-    dataset = counted_once(dataset)  # a copy in the other half would be no test
+    dataset = counted_once(dataset)  # a copy in the other half would not be held out
     dataset = dataset.take(within_tracks(robot, dataset))
     if len(dataset) < 2 * HALVES:
         raise DatasetError(f"{len(dataset)} poses lie within the measured tracks", file=dataset.file, hint="add some")
@@ -93,7 +93,7 @@ def compare(
     found = []
     for number in numbers:
         parts = []
-        with _told_once(number):
+        with _warned_once(number):
             for half, rows in enumerate(random(dataset, HALVES, seed)):
                 if progress is not None:
                     progress(f"model {number}, half {half + 1}", 0, float("nan"))
@@ -103,8 +103,8 @@ def compare(
 
 
 @contextmanager
-def _told_once(number: int) -> Iterator[None]:
-    """Give each warning of a model's fits once, with the model's number: what one sets aside another may explain."""
+def _warned_once(number: int) -> Iterator[None]:
+    """Give each warning of a model's fits once, with the model's number: rows that one rejects another may explain."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GtpinWarning)
         yield

@@ -173,8 +173,8 @@ def write_comparison(
     """
     with results_folder(folder, FILES, force=force) as new:
         comparison.table().to_csv(new / "compare.csv", index=False, lineterminator="\n")
-        told = json_text(comparison.to_json())
-        (new / "compare.json").write_text(told, encoding="utf-8")
+        text = json_text(comparison.to_json())
+        (new / "compare.json").write_text(text, encoding="utf-8")
         try:
             figures = all_figures(comparison, carts, roaming)
         except GtpinError as error:

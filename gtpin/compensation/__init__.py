@@ -1,4 +1,4 @@
-"""Commands that bring the machine, with all that a model knows of it, to where it was wanted."""
+"""Commands that bring the machine to wanted poses, using geometry and effects of a model."""
 
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.compensation.corrections import Correction, corrections

@@ -1,4 +1,4 @@
-"""Commands that bring the TCP where it was wanted, every effect of the model taken into account."""
+"""Commands that bring the TCP to wanted poses, with all effects of the model."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from gtpin.model.model import Frame, Model
 Floats = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-9
-"""m and rad within which the TCP counts as being where it was wanted."""
+"""Largest accepted error of the TCP, m and rad."""
 STEPS = 25
 NOT_THE_MACHINE = ("frame", "platform")
-"""Sites of effects that move what is measured, not the TCP: nobody corrects the machine for its instrument."""
+"""Sites of effects of the measurement, which do not move the TCP and are not corrected."""
 
 
 def machine_of(model: Model) -> Model:
     """A model without its instrument: poses in the base frame, without effects of the measurement frame and of the target.
 
-    A warning names the effects that are left out.
+    A warning lists the omitted effects.
     """
     left = [effect.name for effect in model.effects if effect.site in NOT_THE_MACHINE]
     if left:
@@ -43,19 +43,19 @@ def compensate(
     *,
     rotations: npt.ArrayLike | None = None,
 ) -> Floats:
-    """Commands at which the TCP is where it is wanted, by Newton's method on the whole prediction.
+    """Commands that bring the TCP to wanted poses, by Newton's method on the complete prediction.
 
     Parameters
     ----------
     model
-        Geometry and effects; see :func:`machine_of` for the effects that don't count.
+        Geometry and effects; see :func:`machine_of` for the effects that are ignored.
     wanted
         (N, 3) positions of the TCP, base frame, m.
     covariates
-        By name, (N,) each: the circumstances in which the machine shall be there (payload, temperatures, approaches, ...).
+        By name, (N,) each: conditions at the wanted poses (payload, temperatures, approaches, ...).
     rotations
-        (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more. Left out, the orientation is
-        as it comes.
+        (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more. By default, the
+        orientation is free.
 
     Returns
     -------
@@ -65,12 +65,12 @@ def compensate(
     Raises
     ------
     ModelError
-        If ``wanted`` or ``rotations`` are not of that shape, too few actuators are asked for an orientation, or a covariate
+        If ``wanted`` or ``rotations`` are not of that shape, the robot has too few actuators for an orientation, or a covariate
         is missing.
     UnreachableError
         If the TCP can't be brought to a position.
     ConvergenceError
-        If Newton's method does not arrive: the position lies in the gap of a step, say.
+        If Newton's method does not converge, for example if the position lies in the gap of a step.
     """
     T = np.asarray(wanted, dtype=float)
     R = None if rotations is None else np.asarray(rotations, dtype=float)
@@ -88,7 +88,7 @@ def compensate(
         _all_there(error, machine)
         if np.abs(error).max(initial=0.0) <= TOLERANCE:
             return q
-        # The effects' own slopes, some thousandths at most, are left out of the derivative: each step gains three digits.
+        # The derivative ignores the effects' slopes, at most some thousandths: each step still gains three digits.
         jacobian = kinematics.command_jacobian(q, poses)[:, : error.shape[1]]
         q = q + np.einsum("nij,nj->ni", np.linalg.pinv(jacobian), error)
         poses = kinematics.forward(q)
@@ -102,7 +102,7 @@ def compensate(
 
 
 def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:
-    """(N, 3) or (N, 6) what is missing to the wanted poses, base frame, m and rad."""
+    """(N, 3) or (N, 6) wanted poses minus actual ones, base frame, m and rad."""
     position = np.asarray(T - poses.T)
     if R is None or not poses.reached.all():
         return position

@@ -1,4 +1,4 @@
-"""What a controller can correct by a table for each actuator: deviations along it that go with its own position."""
+"""Correction tables for a controller, one per actuator: deviations that depend on the actuator's own position."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ Floats = npt.NDArray[np.float64]
 DENSE = 16001
 """Commands over an actuator's range at which its deviation is evaluated."""
 BEYOND = 2e-3
-"""How much farther than the range they go, in ranges."""
-BESIDE = 1e-9
-"""m or rad from the last command before a step to the first beyond it."""
+"""Margin beyond the range, relative to the range."""
+STEP_WIDTH = 1e-9
+"""Distance, m or rad, of the two commands at a step."""
 CLOSE = 1e-7
-"""m or rad by which interpolation in a table may be off before more points are taken."""
+"""Largest interpolation error of a table, m or rad, before more points are added."""
 FEWEST, MOST = 17, 4097
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """What to command for an actuator to be where it was wanted.
+    """A correction table: commands that bring an actuator to nominal positions.
 
     Parameters
     ----------
     site, revolute
         The actuator, and whether it turns (rad) instead of sliding (m).
     nominal
-        (K,) ascending, where it was wanted.
+        (K,) nominal positions, ascending.
     forward, reverse
-        (K,) what to command when it comes from below, and from above.
+        (K,) commands for an approach from below, and from above.
     off
         Largest difference between the table, interpolated linearly, and the exact correction.
     """
@@ -53,7 +53,7 @@ class Correction:
 
 
 def correctable(model: Model, session: str | None = None) -> tuple[ActiveEffect, ...]:
-    """Effects of a model along an actuator that go with nothing but its position, its direction, and a session that is told."""
+    """Effects along an actuator that depend only on its position, its direction of approach, and, if given, the session."""
     known = () if session is None else ("session",)
     robot = model.robot
     found = []
@@ -67,16 +67,16 @@ def correctable(model: Model, session: str | None = None) -> tuple[ActiveEffect,
 
 
 def corrections(model: Model, *, session: str | None = None, most: int = MOST) -> tuple[Correction, ...]:
-    """Tables for the actuators that a model's scales and effects say are off, over their ranges.
+    """Tables, over their ranges, for the actuators with scales or effects that can be corrected.
 
-    Effects that depend on the load are taken as they are with nothing on the tool, the other actuators at home.
+    Effects that depend on the load are evaluated without a load on the tool, with the other actuators at home.
 
     Parameters
     ----------
     session
-        Whose zero shifts are to be corrected; left out, they are not.
+        Session whose zero shifts are corrected; by default none.
     most
-        Largest number of points; as many are taken as interpolation to 0.1 micrometre needs.
+        Largest number of points; fewer if interpolation to 0.1 micrometre needs fewer.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def corrections(model: Model, *, session: str | None = None, most: int = MOST) -
     if not tables:
         raise ModelError(
             "there is nothing that a controller's tables can correct",
-            hint="that are scales and effects along an actuator that go with its own position, direction and session",
+            hint="these are scales and effects along an actuator that depend on its own position, direction and session",
         )
     return tuple(tables)
 
@@ -108,19 +108,19 @@ def corrections(model: Model, *, session: str | None = None, most: int = MOST) -
 def _table(
     model: Model, index: int, effects: list[ActiveEffect], scale: float, session: str | None, most: int
 ) -> Correction:
-    """The table of one actuator, with as few points as will do."""
+    """The table of one actuator, with as few points as the accuracy allows."""
     robot = model.robot
     lower, upper = float(robot.lower[index]), float(robot.upper[index])
     margin = BEYOND * (upper - lower)
     steps = [place for active in effects for place in active.effect.jumps(active.nonlinear)]
     q = np.union1d(
-        np.linspace(lower - margin, upper + margin, DENSE), [s + beside for s in steps for beside in (0.0, BESIDE)]
+        np.linspace(lower - margin, upper + margin, DENSE), [s + width for s in steps for width in (0.0, STEP_WIDTH)]
     )
     forward, reverse = (
         np.maximum.accumulate(scale * (q + off)) for off in _deviations(model, index, effects, session, q)
     )
     edges = [
-        np.interp(s + beside, q, travel) for s in steps for beside in (0.0, BESIDE) for travel in (forward, reverse)
+        np.interp(s + width, q, travel) for s in steps for width in (0.0, STEP_WIDTH) for travel in (forward, reverse)
     ]
     dense = np.union1d(q[(q >= lower) & (q <= upper)], edges)
     points = FEWEST
@@ -151,16 +151,16 @@ def _deviations(
     poses = kinematics.forward(commands)
     for active in effects:
         for approach, total in ((1.0, below), (-1.0, above)):
-            told: dict[str, Column] = {
+            covariates: dict[str, Column] = {
                 name: np.zeros(len(q)) for name in active.references.covariates if name != "session"
             }
-            told[f"approach{index + 1}"] = np.full(len(q), approach)
+            covariates[f"approach{index + 1}"] = np.full(len(q), approach)
             if session is not None:
-                told["session"] = normal_ids(np.full(len(q), session, dtype=object))
-            moved = active.basis(Situation(kinematics, commands, poses, told, active.references)).command
+                covariates["session"] = normal_ids(np.full(len(q), session, dtype=object))
+            moved = active.basis(Situation(kinematics, commands, poses, covariates, active.references)).command
             assert moved is not None
             total += moved[1] @ active.coefficients
-    # Where the others at home leave no posture, what goes with the load is as at the nearest one.
+    # Where no posture exists with the others at home, load-dependent effects are as at the nearest posture.
     there = np.isfinite(below) & np.isfinite(above)
     if not there.any():
         raise ModelError(

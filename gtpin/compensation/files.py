@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 TRIPLETS = 256
 """Largest number of lines that LinuxCNC takes for a joint."""
 COARSE = 1e-6
-"""m or rad by which a table may be off before a warning says so."""
+"""Error of a table, m or rad, above which there is a warning."""
 
 
 def correction_table(tables: Sequence[Correction]) -> pd.DataFrame:
-    """Columns ``actuator nominal forward reverse``: what to command for the actuator to be at ``nominal``, m or rad."""
+    """Columns ``actuator nominal forward reverse``: commands that bring the actuator to ``nominal``, m or rad."""
     import pandas as pd
 
     rows = [

@@ -1,4 +1,4 @@
-"""Poses of the carts along their guideways, measured by themselves."""
+"""Poses of the carts along their guideways, measured separately."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class CartMeasurements:
     Raises
     ------
     DatasetError
-        Where shapes do not fit, or a value is none that its column can have.
+        Where shapes do not fit, or a value is not valid for its column.
     """
 
     cart: NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""One cell, one row: what a number looks like in text, and what to say of text that is none."""
+"""Cells of a table: reading numbers from text, and error messages for text that is not a number."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _HUGE = re.compile(r"[+-]?[0-9.]+[eE][+]?[0-9]+")
 
 
 def number(text: str) -> float:
-    """Read a decimal number; NaN for what is none, is missing or is not finite."""
+    """Read a decimal number; NaN if it is not a number, missing or not finite."""
     try:
         value = float(text)
     except ValueError:
@@ -43,7 +43,7 @@ def numbers(texts: Sequence[str]) -> Floats:
 
 
 def is_missing(text: str) -> bool:
-    """Say whether a cell stands for a number that is not there, or not finite, rather than for a word."""
+    """Whether a cell means a missing or infinite number, and not a word."""
     plain = text.strip().lower()
     return plain in _MISSING or plain.lstrip("+-") in _INFINITE
 

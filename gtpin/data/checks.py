@@ -1,4 +1,4 @@
-"""The border: arrays of a dataset are checked here once, frozen, and trusted from then on."""
+"""Arrays of a dataset are checked here once, made read-only, and not checked again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands without measurements: where a model is to be asked."""
+"""Commands without measurements: the input of a prediction."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Commands:
     Raises
     ------
     DatasetError
-        Where shapes do not fit, or a value is none that its column can have.
+        Where shapes do not fit, or a value is not valid for its column.
 
     Examples
     --------
@@ -75,14 +75,14 @@ class Commands:
 
     @property
     def n_actuators(self) -> int:
-        """How many actuators the commands are for."""
+        """Number of actuators."""
         return int(self.q.shape[1])
 
     @classmethod
     def read(cls, file: Path | str, n_actuators: int | None = None) -> Commands:
-        """Read a CSV or Parquet file of commands; FILE.parquet stands in for a FILE.csv that is not there.
+        """Read a CSV or Parquet file of commands; FILE.parquet is read if FILE.csv does not exist.
 
-        Measured columns (`x y z qw qx qy qz`) are passed over, so that a dataset's poses.csv will do.
+        Measured columns (`x y z qw qx qy qz`) are ignored, so that a dataset's poses.csv can be used.
         Raises `DatasetError` for a file that can't be read or, where `n_actuators` is given, has another number.
         """
         file = Path(file)
@@ -107,5 +107,5 @@ class Commands:
         """
         names = command_names(self.n_actuators)
         table = {"pose": self.pose, **dict(zip(names, self.q.T, strict=True)), **self.covariates}
-        with result_file(Path(file), force=force, kind=DatasetError) as beside:
-            write_table(beside, table)
+        with result_file(Path(file), force=force, kind=DatasetError) as unfinished:
+            write_table(unfinished, table)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
-"""What a dataset's folder may consist of."""
+"""Names of the files of a dataset's folder."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,7 +60,7 @@ class Dataset(Shown):
     covariates
         By name, (N,) each: `session` as ids, everything else as float64 in SI units (temperatures in degC).
     instrument, conditions, tolerance
-        What dataset.toml says of them.
+        As in dataset.toml.
     carts
         Cart poses, where they were measured.
     path
@@ -70,12 +70,12 @@ class Dataset(Shown):
     file
         The table that the rows were read from.
     unusable
-        Covariates that were recorded and can't be right, so that ``covariates`` has them no longer.
+        Recorded covariates with impossible values, which were removed from ``covariates``.
 
     Raises
     ------
     DatasetError
-        Where shapes do not fit, or a value is none that its column can have.
+        Where shapes do not fit, or a value is not valid for its column.
 
     Examples
     --------
@@ -126,7 +126,7 @@ class Dataset(Shown):
 
     @property
     def n_actuators(self) -> int:
-        """How many actuators the robot was commanded with."""
+        """Number of commanded actuators."""
         return int(self.q.shape[1])
 
     @property
@@ -150,7 +150,7 @@ class Dataset(Shown):
         return Commands(self.pose, self.q, self.covariates, self.row, self.file)
 
     def without(self, names: Collection[str]) -> Dataset:
-        """The dataset without covariates that can't be right."""
+        """The dataset without covariates that have impossible values."""
         kept = {name: values for name, values in self.covariates.items() if name not in names}
         return replace(self, covariates=kept, unusable=self.unusable | frozenset(names))
 
@@ -169,7 +169,7 @@ class Dataset(Shown):
         )
 
     def in_order(self) -> Dataset:
-        """Give the rows by pose, and the visits of a pose by what was measured: the same whatever order they came in."""
+        """Sort rows by pose, and visits of a pose by the measured values: the result does not depend on the input order."""
         import pandas as pd
 
         keys = [pd.factorize(values, sort=True)[0] for values in self.covariates.values()]
@@ -209,7 +209,7 @@ class Dataset(Shown):
         columns.warn_of_covariates(table, taken)
         still = [name for name, values in dataset.covariates.items() if (values == values[0]).all()]
         if still:
-            text = f"{file}: these covariates do not vary, so nothing can be told from them: {', '.join(still)}"
+            text = f"{file}: these covariates do not vary, so they give no information: {', '.join(still)}"
             warn(text)
         return dataset
 
@@ -230,11 +230,11 @@ class Dataset(Shown):
             with writing(folder, DatasetError):
                 names = (name for name in sorted(os.listdir(folder)) if not was_moved_aside(name))
                 refuse_foreign(folder, names, force, DatasetError)
-        with results_folder(folder, FILES, force=force, kind=DatasetError) as beside:
-            write_description(beside / "dataset.toml", self._description(self._robot_seen_from(folder)))
-            write_table(beside / f"poses.{table}", poses | dict(self.covariates))
+        with results_folder(folder, FILES, force=force, kind=DatasetError) as new:
+            write_description(new / "dataset.toml", self._description(self._robot_seen_from(folder)))
+            write_table(new / f"poses.{table}", poses | dict(self.covariates))
             if self.carts is not None:
-                self.carts.write(beside / f"carts.{table}")
+                self.carts.write(new / f"carts.{table}")
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write a dataset folder with CSV tables; see :meth:`write`."""

@@ -1,4 +1,4 @@
-"""What dataset.toml says: the robot, the instrument, the conditions, the tolerances."""
+"""The content of dataset.toml: robot, instrument, conditions, tolerances."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _KEYS = {
 
 
 def describe(values: Mapping[str, object], file: Path | None = None) -> Description:
-    """Check what a dataset.toml says, or would say; raises `DatasetError` with the key that can't be."""
+    """Check the content of a dataset.toml; raises `DatasetError` with the invalid key."""
     try:
         return Description.model_validate(values)
     except ValidationError as error:
@@ -69,7 +69,7 @@ def describe(values: Mapping[str, object], file: Path | None = None) -> Descript
 
 
 def read_description(file: Path) -> Description:
-    """Read a dataset.toml; raises `DatasetError` for what is no TOML, no UTF-8, or says what it can't."""
+    """Read a dataset.toml; raises `DatasetError` if it is not TOML, not UTF-8, or has an invalid value."""
     try:
         return describe(tomllib.loads(read_bytes(file).decode("utf-8-sig")), file)
     except UnicodeDecodeError:
@@ -84,7 +84,7 @@ def read_description(file: Path) -> Description:
 
 
 def write_description(file: Path, description: Description) -> None:
-    """Write a dataset.toml from which `read_description` gives the same again; what is not known is left out."""
+    """Write a dataset.toml from which `read_description` gives the same again; unknown values are omitted."""
     values = {
         "schema": SCHEMA,
         "robot": description.robot,
@@ -97,15 +97,15 @@ def write_description(file: Path, description: Description) -> None:
 
 
 def _explained(file: Path | None, error: ValidationError) -> DatasetError:
-    """Turn the first of pydantic's complaints into one line that says what to do."""
+    """Turn the first of pydantic's errors into one line with a hint."""
     first = error.errors(include_url=False)[0]
     location = [str(part) for part in first["loc"] if part != "[key]"]
     column = ".".join(location)
-    what, hint = _said(first["type"], location, first)
+    what, hint = _explanation(first["type"], location, first)
     return DatasetError(what, file=file, column=column, hint=hint)
 
 
-def _said(kind: str, location: list[str], first: Any) -> tuple[str, str]:
+def _explanation(kind: str, location: list[str], first: Any) -> tuple[str, str]:
     key, section = location[-1], location[0] if len(location) > 1 else ""
     if kind == "extra_forbidden":
         return "unknown key", _nearest(key, section)

@@ -1,4 +1,4 @@
-"""Rows that a table holds twice: copies that an export made, which are no repeated visits."""
+"""Duplicate rows of a table: copies made by an export, which are not repeated visits."""
 
 from __future__ import annotations
 

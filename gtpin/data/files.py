@@ -1,4 +1,4 @@
-"""Files: what is read is read whole or refused, what is written appears whole or not at all."""
+"""Files: a file is read completely or not at all, and written completely or not at all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gtpin.memory import require
 from gtpin.output.results import writing
 
 UNFINISHED = ".gtpin-"
-"""How the names of files begin that are being written."""
+"""Prefix of the names of files that are being written."""
 READING = 40e6
 """Bytes of memory that reading a table needs whatever its size: libraries' own."""
 READING_A_BYTE = 4.0
@@ -86,15 +86,15 @@ def write_table(file: Path, columns: Mapping[str, Column]) -> None:
 
 @contextlib.contextmanager
 def placed_file(target: Path) -> Iterator[Path]:
-    """Give a file beside `target` to write to, and move it into place once the block has ended well.
+    """Give a temporary file in the folder of `target`, and rename it to `target` if the block ends without an error.
 
     For files inside a folder that is gtpin's own as a whole: what is there already is replaced.
     """
-    beside = target.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{target.suffix}")
+    unfinished = target.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{target.suffix}")
     try:
         with writing(target, DatasetError):
-            yield beside
-            os.replace(beside, target)
+            yield unfinished
+            os.replace(unfinished, target)
     finally:
         with contextlib.suppress(OSError):
-            beside.unlink()
+            unfinished.unlink()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Ids = NDArray[np.object_]
 
 LONGEST = 10_000
-"""Letters that an id has at most: it stands in messages and reports."""
+"""Largest length of an id, because messages and reports contain it."""
 
 # A leading zero makes a name ("007"), and so does an exponent without a sign ("1e3" may be a hash).
 _NUMBER = re.compile(r"([+-]?(?:0|[1-9][0-9]{0,300}))(?:\.(0*)([0-9]{0,300}))?([eE][+-][0-9]{1,4})?")

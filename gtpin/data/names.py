@@ -1,4 +1,4 @@
-"""The names that columns of a dataset may have, and what each name says about its cells."""
+"""Names of a dataset's columns, and the kind of cells of each name."""
 
 from __future__ import annotations
 

@@ -47,12 +47,14 @@ class Misread:
     @property
     def looks(self) -> str:
         """What the orientations look like."""
-        return f"the orientations look like {self._said(self.meant)} that were read as {self._said(self.taken)}"
+        return (
+            f"the orientations look like {self._described(self.meant)} that were read as {self._described(self.taken)}"
+        )
 
     @property
     def hint(self) -> str:
         """What to do about it."""
-        return f"compute qw qx qy qz again, from {self._said(self.meant)}"
+        return f"compute qw qx qy qz again, from {self._described(self.meant)}"
 
     def read(self, rotation: Rotation) -> Floats:
         """(N, 3, 3) rotations as they were meant."""
@@ -67,7 +69,7 @@ class Misread:
             numbers = numbers[:, ["xyz".index(axis) for axis in self.meant]]
         return np.asarray(Rotation.from_euler(self.meant, numbers).as_matrix())
 
-    def _said(self, convention: Convention) -> str:
+    def _described(self, convention: Convention) -> str:
         if convention == VECTOR:
             return "rotation vectors"
         if self.by_axis:

@@ -20,7 +20,7 @@ _FAR_BETTER = 4.0
 _AGREES = np.deg2rad(20.0)
 """Median angle, rad, within which an order of the columns agrees with the robot."""
 _ALIKE = 0.01
-"""Orders whose median angles, rad, differ by less can't be told apart."""
+"""Orders whose median angles, rad, differ by less can't be distinguished."""
 
 
 def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> str | None:

@@ -29,7 +29,7 @@ class RotationReading(Protocol):
 
     @property
     def looks(self) -> str:
-        """What they look like."""
+        """Description of the mistake."""
 
     @property
     def hint(self) -> str:
@@ -37,7 +37,7 @@ class RotationReading(Protocol):
 
     @property
     def mistakes(self) -> int:
-        """How many mistakes it takes."""
+        """Number of mistakes that it assumes."""
 
     def read(self, rotation: Rotation) -> Floats:
         """(N, 3, 3) rotations as they would have been."""
@@ -52,7 +52,7 @@ class Positions:
     looks
         What the columns look like, and what to do about it; both empty where they are read as they stand.
     mistakes
-        How many mistakes it takes.
+        Number of mistakes that it assumes.
     axes
         (3, 3) the signed permutation in ``matrix``.
     """

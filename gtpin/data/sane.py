@@ -49,7 +49,7 @@ class Kind:
 FASTEST = 20.0
 """Speed, m/s or rad/s, that no actuator of a parallel robot has: a stated assumption."""
 KINDS = (
-    # 85 degC stands in a DS18B20 at power-up, -127 degC is its library's error; 0 and -273.15 are 0 counts and 0 K.
+    # 85 degC is a DS18B20's value at power-up, -127 degC is its library's error; 0 and -273.15 are 0 counts and 0 K.
     Kind(re.compile("temp.*"), "a temperature in degC", -60.0, 150.0, (0.0, 85.0, 127.0, -127.0, *_OVERFLOW), 5.0),
     Kind(re.compile("speed[0-9]+"), "a speed in m/s or rad/s", -FASTEST, FASTEST, _OVERFLOW, 10.0),
     Kind(re.compile("payload"), "a payload in kg", 0.0, 1e5, (65535.0, 32767.0, 9999.0, 99999.0), 1e3),

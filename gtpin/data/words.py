@@ -1,4 +1,4 @@
-"""Columns that gtpin has no name for: kept where they hold numbers, left out where they hold words."""
+"""Columns with unknown names: kept if they contain numbers, omitted if they contain words."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ class Effect(ABC):
     plausible: ClassVar[Mapping[str, Range]] = {}
     """By parameter, what physics allows: a cause with a parameter outside by more than three standard deviations is dropped."""
     usual: ClassVar[Mapping[str, Range]] = {}
-    """By parameter, what machines have: a cause with a parameter outside is named, and the user is asked to check it."""
+    """By parameter, the expected range: a cause with a parameter outside is still named, with a warning to check it."""
     between_visits: ClassVar[bool] = False
     """Whether it differs between visits of one pose, and so looks like a lack of repeatability."""
     stretches_frame: ClassVar[bool] = False

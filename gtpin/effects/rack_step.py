@@ -13,7 +13,7 @@ from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 FEWEST = 3
-"""Commands beyond a step at least: of fewer it can't be told from a gross error."""
+"""Smallest number of commands beyond a step: with fewer it can't be distinguished from a gross error."""
 
 
 class RackStep(Effect):

@@ -50,7 +50,7 @@ class References:
 
 @dataclass(frozen=True)
 class Situation:
-    """N poses of a robot with rods, and the circumstances of each.
+    """N poses of a robot with rods, and the measurement conditions of each.
 
     Parameters
     ----------

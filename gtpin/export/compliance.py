@@ -28,7 +28,7 @@ STEP = 1.0
 
 
 def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, set[str]]:
-    """Links that stretch as a model's ``link_compliance`` has it, linear about the mean load of its fit.
+    """Links with the compliance of a model's ``link_compliance``, linearised at the mean load of its fit.
 
     The link's end, with the part of its mass that weighs on the carrier, slides along it on a spring.
 
@@ -56,7 +56,7 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
 
 
 def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, set[str]]:
-    """Carts that give way and tip as a model's ``cart_compliance`` has it at its usual load.
+    """Carts with the translational and rotational compliance of a model's ``cart_compliance`` at its usual load.
 
     The joints of such a cart sit together on a massless body ``CART_seat`` on three springs along and three about the track
     and the two axes across it; returns as :func:`with_link_springs`.
@@ -66,8 +66,11 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
     for active in model.effects:
         if active.effect.exported_as != "cart_springs":
             continue
-        told = active.effect.parameters(active.coefficients, active.nonlinear)
-        values = [told[n][0] if n in told else 0.0 for n in ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")]
+        parameters = active.effect.parameters(active.coefficients, active.nonlinear)
+        values = [
+            parameters[n][0] if n in parameters else 0.0
+            for n in ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")
+        ]
         actuator = robot.sites.index(active.site)
         ends = [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]
         body = mechanism.loops[ends[0][0]][ends[0][1]].body
@@ -91,7 +94,7 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
 
 
 def with_scales(mechanism: Mechanism, model: Model) -> tuple[Mechanism, set[str]]:
-    """Drives whose travel per command is off as a model's scales and its ``encoder_scale`` have it."""
+    """Drives with the travel per command of a model's scales and its ``encoder_scale``."""
     scales = dict.fromkeys(model.robot.sites, 1.0)
     for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
         if parameter.kind == "scale" and parameter.per == "actuator":
@@ -111,7 +114,7 @@ def with_scales(mechanism: Mechanism, model: Model) -> tuple[Mechanism, set[str]
 
 
 def _scaled(joint: Joint, scale: float) -> Joint:
-    """A joint whose range is told in commands."""
+    """A joint with its range in commands."""
     return replace(joint, lower=joint.lower * scale, upper=joint.upper * scale)
 
 
@@ -122,7 +125,7 @@ def _stretch(model: Model, effects: Collection[ActiveEffect], force: Floats) -> 
     q = model.robot.home_q[None]
     total = np.zeros(len(force))
     for active in effects:
-        # No load but the one that is told; no direction of approach, which is the mean of both.
+        # Only the given load; no direction of approach, which gives the mean of both.
         none = {name: np.zeros(1) for name in active.references.covariates if name != "session"}
         at = Situation(kinematics, q, kinematics.home, none, fixed=active.references)
         vars(at)["force"] = force[None]

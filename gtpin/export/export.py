@@ -54,7 +54,7 @@ def export(
     Parameters
     ----------
     file
-        To write; its suffix tells the format: ``.urdf``; ``.yaml`` (and a URDF of the same name beside it, for
+        To write; its suffix determines the format: ``.urdf``; ``.yaml`` (and a URDF of the same name in the same folder, for
         example-parallel-robots); ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections); ``.comp`` (LinuxCNC's
         compensation files, ``FILE_SITE.comp`` for each actuator).
     form

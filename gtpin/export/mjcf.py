@@ -56,8 +56,8 @@ def to_mjcf(mechanism: Mechanism) -> str:
     equality = SubElement(root, "equality")
     for name, (one, other) in mechanism.loops.items():
         # MuJoCo takes the other body's anchor from the initial configuration, which is home, where the loops are closed.
-        told = {"name": name, "body1": one.body, "body2": other.body, "anchor": numbers(*one.point)}
-        SubElement(equality, "connect", told)
+        attributes = {"name": name, "body1": one.body, "body2": other.body, "anchor": numbers(*one.point)}
+        SubElement(equality, "connect", attributes)
     _actuators(root, mechanism)
     return xml_text(root)
 
@@ -115,7 +115,7 @@ def _actuators(root: Element, mechanism: Mechanism) -> None:
         element = next(e for e in root.iter("joint") if e.get("name") == drive.joint)
         element.set("armature", numbers(spring.stiffness / DRIVE**2))
         # A gear turns commands into travel, and the force of the drive with it.
-        told = {
+        attributes = {
             "name": drive.site,
             "joint": drive.joint,
             "kp": numbers(spring.stiffness),
@@ -123,8 +123,8 @@ def _actuators(root: Element, mechanism: Mechanism) -> None:
             "gear": numbers(1.0 / drive.scale),
         }
         if np.isfinite([drive.lower, drive.upper]).all():
-            told["ctrlrange"] = numbers(drive.lower, drive.upper)
-        SubElement(actuators, "position", told)
+            attributes["ctrlrange"] = numbers(drive.lower, drive.upper)
+        SubElement(actuators, "position", attributes)
     keyframe = SubElement(root, "keyframe")
     ctrl = numbers(*(drive.home / drive.scale for drive in mechanism.drives))
     SubElement(keyframe, "key", name="home", qpos=numbers(*_qpos(mechanism)), ctrl=ctrl)

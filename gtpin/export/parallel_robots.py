@@ -1,4 +1,4 @@
-"""A URDF and the YAML beside it that names its loops and motors, as ``example-parallel-robots`` reads them."""
+"""A URDF and a YAML file with its loops and motors, in the format of ``example-parallel-robots``."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gtpin.robot.robot import Robot
 
 
 def with_anchors(robot: Robot) -> str:
-    """URDF of a robot in which both anchors of every loop are links of their own, ``LOOP_A`` and ``LOOP_B``.
+    """URDF of a robot in which both anchors of every loop are separate links, ``LOOP_A`` and ``LOOP_B``.
 
-    Without shapes: the loader drops a frame after it has told the shapes their frames' numbers, and then crashes on some.
+    Without shapes: the loader removes a frame after shapes refer to frames by number, and then crashes on some.
 
     Raises
     ------

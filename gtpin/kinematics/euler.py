@@ -1,4 +1,4 @@
-"""ZYZ Euler angles, in which the paper tells orientations: R = Rz(alpha) Ry(beta) Rz(gamma)."""
+"""ZYZ Euler angles, with which the paper describes orientations: R = Rz(alpha) Ry(beta) Rz(gamma)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ LEAST_TILT = 0.02
 """Sine of beta below which alpha and gamma turn about nearly one axis and jump from pose to pose."""
 
 
-def well_told(R: Floats) -> bool:
-    """Whether ZYZ angles tell all of the rotations (N, 3, 3): none has its z axis along that of the fixed frame."""
+def well_defined(R: Floats) -> bool:
+    """Whether ZYZ angles are well defined for all rotations (N, 3, 3): no z axis is along that of the fixed frame."""
     return bool((np.hypot(R[:, 0, 2], R[:, 1, 2]) >= LEAST_TILT).all())
 
 

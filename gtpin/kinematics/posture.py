@@ -236,11 +236,11 @@ def home(robot: Robot) -> ClosedPosture:
             f"the loops of {robot.name} don't close at its home", hint="mend <home> or the loops' anchors"
         )
     posture = ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
-    told = robot.description.home
-    if told is not None:
+    declared = robot.description.home
+    if declared is not None:
         there = posture.placement(robot.tcp_joint) * robot.home_placement
-        off = float(np.linalg.norm(there.translation - np.array(told.tcp_xyz)))
-        turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(told.tcp_rotvec)).T)))
+        off = float(np.linalg.norm(there.translation - np.array(declared.tcp_xyz)))
+        turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
         if off > HOME_OFF or turned > HOME_TURNED:
             far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
             raise AssemblyModeError(

@@ -1,1 +1,1 @@
-"""A calibrated model, its file and folder, and what it predicts."""
+"""The calibrated model, its files, and its predictions."""

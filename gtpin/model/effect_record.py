@@ -1,4 +1,4 @@
-"""Active effects as ``model.json`` holds them."""
+"""Active effects as they are stored in ``model.json``."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 UNIT = 1e-6
-"""By how much the length of a direction may differ from 1."""
+"""Largest accepted difference of a unit vector's length from 1."""
 
 
 class Record(BaseModel):
-    """A part of a file: no unknown keys, no text for numbers."""
+    """A part of a JSON file. Unknown keys, and text in place of numbers, are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True)
 
 
 class TimeRecord(Record):
-    """When a fit's measurements began, and how long they took, s."""
+    """Start and duration of a fit's measurements, s."""
 
     start: Finite
     span: Positive
@@ -54,7 +54,7 @@ class DirectionRecord(Record):
 
 
 class ReferencesRecord(Record):
-    """What covariates are counted from; see :class:`~gtpin.effects.situation.References`."""
+    """Reference values of the covariates; see :class:`~gtpin.effects.situation.References`."""
 
     temperature: Finite
     time: TimeRecord
@@ -76,12 +76,12 @@ class EffectRecord(Record):
 
 
 def record(active: ActiveEffect) -> EffectRecord:
-    """An active effect as a file holds it.
+    """An active effect as it is stored in a file.
 
     Raises
     ------
     ModelError
-        If its id is that of another effect of the catalogue, as which it would be read again.
+        If another effect of the catalogue has the same id, since reading the file would give that effect.
     """
     own = active.effect
     if not isinstance(own, type(effects_by_id().get(own.id, own))):
@@ -104,87 +104,87 @@ def record(active: ActiveEffect) -> EffectRecord:
     )
 
 
-def active_effect(told: EffectRecord, kinematics: RodKinematics, known: Mapping[str, Effect]) -> ActiveEffect:
+def active_effect(stored: EffectRecord, kinematics: RodKinematics, known: Mapping[str, Effect]) -> ActiveEffect:
     """An active effect from a file.
 
     Parameters
     ----------
     known
-        The effects that it may be, by id.
+        Accepted effects, by id.
     kinematics
-        Of the geometry that it acts on.
+        Kinematics of the geometry to which the effect belongs.
 
     Raises
     ------
     ModelError
-        If it can't be this robot's; ``column`` is the key at fault.
+        If the effect does not fit the robot; ``column`` is the wrong key.
     """
     robot = kinematics.geometry.robot
-    effect = known.get(told.effect)
+    effect = known.get(stored.effect)
     if effect is None:
         hint = f"install the package that registers it under {GROUP}, or give it: read_model(..., effects=[MyEffect()])"
-        raise ModelError(f"no effect is called {told.effect!r}", column="effect", hint=hint)
+        raise ModelError(f"no effect is called {stored.effect!r}", column="effect", hint=hint)
     sites = effect.sites(robot)
-    if told.site not in sites:
+    if stored.site not in sites:
         raise ModelError(
-            f"{effect.id} of {robot.name} can't be at {told.site!r}", column="site", hint=f"use {', '.join(sites)}"
+            f"{effect.id} of {robot.name} can't be at {stored.site!r}", column="site", hint=f"use {', '.join(sites)}"
         )
-    if effect.has_nonlinear != (told.setting is not None):
+    if effect.has_nonlinear != (stored.setting is not None):
         raise ModelError(f"{effect.id} {'needs' if effect.has_nonlinear else 'has no'} setting", column="setting")
     active = ActiveEffect(
         effect,
-        told.site,
-        told.setting,
-        np.array(told.coefficients, dtype=float),
+        stored.site,
+        stored.setting,
+        np.array(stored.coefficients, dtype=float),
         np.zeros((0, 0)),
-        _references(told.references, len(robot.rods), effect.covariates(robot, told.site)),
+        _references(stored.references, len(robot.rods), effect.covariates(robot, stored.site)),
     )
     _try(active, kinematics)
-    return replace(active, covariance=_covariance(told))
+    return replace(active, covariance=_covariance(stored))
 
 
-def _covariance(told: EffectRecord) -> Floats:
-    count = len(told.coefficients)
-    if len(told.covariance) != count or any(len(row) != count for row in told.covariance):
+def _covariance(stored: EffectRecord) -> Floats:
+    count = len(stored.coefficients)
+    if len(stored.covariance) != count or any(len(row) != count for row in stored.covariance):
         raise ModelError(f"not {count} x {count}", column="covariance")
-    covariance = np.array(told.covariance, dtype=float).reshape(count, count)
+    covariance = np.array(stored.covariance, dtype=float).reshape(count, count)
     if (covariance.diagonal() < 0.0).any():
         raise ModelError("a negative variance", column="covariance")
     return covariance
 
 
-def _references(told: ReferencesRecord, n_rods: int, needed: tuple[str, ...]) -> References:
+def _references(stored: ReferencesRecord, n_rods: int, needed: tuple[str, ...]) -> References:
     counts = {
-        "force.mean": len(told.force.mean),
-        "force.spread": len(told.force.spread),
-        "direction.mean": len(told.direction.mean),
-        "direction.spread": len(told.direction.spread),
+        "force.mean": len(stored.force.mean),
+        "force.spread": len(stored.force.spread),
+        "direction.mean": len(stored.direction.mean),
+        "direction.spread": len(stored.direction.spread),
     }
     for name, count in counts.items():
         if count != n_rods:
             raise ModelError(f"{count} values for {n_rods} rods", column=f"references.{name}")
-    towards = np.array(told.direction.mean)
+    towards = np.array(stored.direction.mean)
     if (np.abs(np.linalg.norm(towards, axis=1) - 1.0) > UNIT).any():
         raise ModelError("not unit vectors", column="references.direction.mean")
-    missing = [name for name in needed if name not in told.covariates]
+    missing = [name for name in needed if name not in stored.covariates]
     if missing:
         raise ModelError(f"{missing[0]} is missing, which the effect needs", column="references.covariates")
-    if len(set(told.sessions)) != len(told.sessions) or bool(told.sessions) != ("session" in told.covariates):
+    if len(set(stored.sessions)) != len(stored.sessions) or bool(stored.sessions) != ("session" in stored.covariates):
         raise ModelError(
-            "each session of the fit stands here once, none where it knew none", column="references.sessions"
+            "list each session of the fit once, and none without the covariate session", column="references.sessions"
         )
     return References(
-        temperature=told.temperature,
-        time=(told.time.start, told.time.span),
-        sessions=tuple(told.sessions),
-        force=(np.array(told.force.mean), np.array(told.force.spread)),
-        direction=(towards, np.array(told.direction.spread)),
-        covariates=tuple(told.covariates),
+        temperature=stored.temperature,
+        time=(stored.time.start, stored.time.span),
+        sessions=tuple(stored.sessions),
+        force=(np.array(stored.force.mean), np.array(stored.force.spread)),
+        direction=(towards, np.array(stored.direction.spread)),
+        covariates=tuple(stored.covariates),
     )
 
 
 def _try(active: ActiveEffect, kinematics: RodKinematics) -> None:
-    """Apply an effect once, at home, where its own parts may say that they do not fit together."""
+    """Apply an effect once at home, to raise the error of an effect whose parts do not fit together."""
     home, known = kinematics.home, active.references
     if not home.reached.all():
         return
@@ -197,7 +197,7 @@ def _try(active: ActiveEffect, kinematics: RodKinematics) -> None:
             displacement = active.basis(at).displacement(at) @ active.coefficients
     except ModelError as error:
         raise ModelError(error.what, column="coefficients", hint=error.hint) from None
-    except Exception as error:  # an effect of others may fail in any way
+    except Exception as error:  # a user's effect may raise any error
         raise ModelError(f"{active.name} can't be applied ({type(error).__name__}: {error})") from error
     if not np.isfinite(displacement).all():
-        raise ModelError(f"{active.name} displaces the robot without bounds", column="coefficients")
+        raise ModelError(f"{active.name} gives a displacement that is not finite", column="coefficients")

@@ -1,4 +1,4 @@
-"""The model: a robot's geometry, and where the instrument that watches it stands."""
+"""The model: a robot's geometry, and the pose of its base in the instrument's frame."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the robot's base frame lies in the instrument's frame: T (3,), m, and R (3, 3).
+    """Pose of the robot's base frame in the instrument's frame: T (3,), m, and R (3, 3).
 
     Examples
     --------
@@ -46,22 +46,22 @@ class Frame:
 
 @dataclass(frozen=True, repr=False)
 class Model:
-    """What predicts poses: a geometry, and the frame that the instrument measures in.
+    """Predicts poses from a geometry and active effects, in the instrument's frame.
 
-    It knows nothing of the data that it came from.
+    It has no reference to the data from which it was identified.
 
     Parameters
     ----------
     geometry
-        Of a robot.
+        Geometry of a robot.
     frame
-        The base frame in the instrument's frame; left out, the instrument measures in the base frame.
+        The base frame in the instrument's frame; by default, the instrument measures in the base frame.
     effects
-        What the geometry leaves out, with coefficients.
+        Effects that the geometry does not describe, with their coefficients.
     covariance
-        (p, p) of the geometry's parameters, m, rad and m/m, where they were identified; None where they are nominal.
+        (p, p) of the geometry's parameters, m, rad and m/m, if they were identified; None if they are nominal.
     solver
-        What solves the closures of a robot with rods: see :func:`~gtpin.kinematics.kinematics.kinematics`.
+        Solver of the loop closures of a robot with rods: see :func:`~gtpin.kinematics.kinematics.kinematics`.
 
     Examples
     --------
@@ -98,13 +98,13 @@ class Model:
         Parameters
         ----------
         covariates
-            By name, (N,) each: what the effects depend on. A session that the effects' fit never saw has their mean shift,
-            with a warning.
+            By name, (N,) each: the covariates on which the effects depend. A session that was not in the effects' fit gets
+            their mean shift, with a warning.
 
         Returns
         -------
         poses
-            NaN where the robot can't reach one.
+            NaN where the robot can't reach the pose.
 
         Raises
         ------
@@ -121,12 +121,12 @@ class Model:
         return self.seen(with_effects(kinematics, commands, known, self.effects))
 
     def seen(self, poses: Poses) -> Poses:
-        """Poses in the base frame as the instrument sees them."""
+        """Poses in the base frame, transformed to the instrument's frame."""
         return poses if self.frame.is_base else poses.moved(self.frame.T, self.frame.R)
 
 
 def _column(name: str, values: npt.ArrayLike, count: int) -> Column:
-    """A covariate as effects take it: sessions as ids in their normal form, everything else as finite numbers."""
+    """A covariate in the form that effects need: sessions as ids in their normal form, all others as finite numbers."""
     try:
         column: Column = normal_ids(np.ravel(values)) if name == "session" else np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:

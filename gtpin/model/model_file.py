@@ -1,4 +1,4 @@
-"""What ``model.json`` holds."""
+"""The content of ``model.json``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AGAIN = "write the model again"
 
 
 class FrameRecord(Record):
-    """Where the base frame lies in the instrument's: its origin, m, and the rows of its rotation matrix."""
+    """Pose of the base frame in the instrument's frame: its origin, m, and the rows of its rotation matrix."""
 
     position: Triple
     rotation: Annotated[list[Triple], Field(min_length=3, max_length=3)]
@@ -34,7 +34,7 @@ class TrackRecord(Record):
 
 
 class ModelFile(Record):
-    """The whole of ``model.json``; docs/model.md tells what each key means."""
+    """The whole of ``model.json``; docs/model.md explains the keys."""
 
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")
     robot: str
@@ -57,7 +57,7 @@ def read_model_file(file: Path) -> ModelFile:
     Raises
     ------
     ModelError
-        If it can't be read, is no JSON, or says what a model can't; with the key at fault.
+        If the file can't be read, is not JSON, or has an invalid value; with the key of that value.
     """
     try:
         return ModelFile.model_validate(json.loads(file.read_text(encoding="utf-8-sig")))
@@ -72,7 +72,7 @@ def read_model_file(file: Path) -> ModelFile:
 
 
 def explained(error: ValidationError, file: Path) -> ModelError:
-    """The first of pydantic's complaints, with the key as people write it: ``effects.0.coefficients.3``."""
+    """The first of pydantic's errors, with its key in the usual notation: ``effects.0.coefficients.3``."""
     first = error.errors(include_url=False)[0]
     key = ".".join(str(part) for part in first["loc"])
     return ModelError(first["msg"], file=file, column=key, hint=AGAIN)

@@ -1,4 +1,4 @@
-"""Models on disk: a folder with ``model.json`` and the URDFs, or anything else that names a model."""
+"""Models in files: a folder with ``model.json`` and the URDFs; a robot's name or a URDF gives a nominal model."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
 
 FILES = ("model.json", "robot.urdf", "nominal.urdf")
-"""What ``write_model`` writes."""
+"""Files that ``write_model`` writes."""
 NOT_TURNED = 1e-9
-"""By how much a rotation matrix may differ from one, and a correlation be larger."""
+"""Largest accepted error of a rotation matrix's orthogonality, and of a correlation above 1."""
 MOST_UNCERTAIN = 1e3
-"""Standard deviation, m or rad, that no geometric parameter has: tolerances are millimetres."""
+"""Standard deviation, m or rad, above which a file is refused: tolerances of geometric parameters are millimetres."""
 
 
 def calibrated_urdf(model: Model) -> str:
-    """URDF of a model's robot with the model's geometry, as far as a URDF can carry it."""
+    """URDF of a model's robot with the model's geometry, as far as a URDF can represent it."""
     geometry = model.geometry
     if not geometry.robot.rods:
         return placements_to_urdf(geometry)
@@ -48,15 +48,15 @@ def calibrated_urdf(model: Model) -> str:
 def write_model(model: Model, folder: str | Path, *, force: bool = False) -> None:
     """Write ``model.json``, ``robot.urdf`` (the model's geometry) and ``nominal.urdf`` into a folder.
 
-    ``read_model`` gives the same model again, with the same predictions bit by bit. In ``model.json`` stands what a URDF
-    can't carry too. A model that gtpin wrote is replaced; with ``force``, files of these names that it has not written, or
-    that were changed since, are moved aside (``NAME.old-1``).
+    ``read_model`` reads the same model, with bit-identical predictions. ``model.json`` also has what a URDF can't represent.
+    A model that gtpin wrote is replaced. With ``force``, files of these names that gtpin did not write, or that were changed
+    since, are renamed (``NAME.old-1``).
 
     Raises
     ------
     ModelError
-        If the model could not be read again: an effect that has another's id, numbers that are none; the folder can't be
-        written; or, without ``force``, it holds such files.
+        If the file could not be read again (an effect has the id of another, a number is not finite); if the folder can't be
+        written; or, without ``force``, if it has such files.
 
     Examples
     --------
@@ -68,18 +68,18 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
     folder = Path(folder)
     file = folder / "model.json"
     try:
-        told = _told(model)
+        content = _content(model)
     except ValidationError as error:
         raise explained(error, file) from None
-    _effects(told, model.geometry, file, {active.effect.id: active.effect for active in model.effects})
+    _effects(content, model.geometry, file, {active.effect.id: active.effect for active in model.effects})
     urdf = calibrated_urdf(model)
     with results_folder(folder, FILES, force=force, kind=ModelError) as new:
-        (new / "model.json").write_text(told.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
+        (new / "model.json").write_text(content.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
         (new / "robot.urdf").write_text(urdf, encoding="utf-8")
         (new / "nominal.urdf").write_text(model.robot.description.xml, encoding="utf-8")
 
 
-def _told(model: Model) -> ModelFile:
+def _content(model: Model) -> ModelFile:
     geometry, frame = model.geometry, model.frame
     kinds = {p.kind: p.per for p in geometry.parameters}
     return ModelFile(
@@ -110,10 +110,10 @@ def read_model(reference: str | Path, *, effects: Iterable[Effect] = ()) -> Mode
     Parameters
     ----------
     reference
-        A folder that holds ``model.json``, or whose ``model/`` does; the name of a robot that gtpin ships, or the path of a
-        URDF, both of which give nominal geometry.
+        A folder with ``model.json`` or ``model/model.json``; or, for nominal geometry, the name of a robot that gtpin ships, or
+        the path of a URDF.
     effects
-        Effects of your own that the model may have, beside those of :func:`gtpin.catalogue`.
+        Your own effects that the model may have, in addition to those of :func:`gtpin.catalogue`.
 
     Raises
     ------
@@ -140,25 +140,25 @@ def read_model(reference: str | Path, *, effects: Iterable[Effect] = ()) -> Mode
 
 def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     file = folder / "model.json"
-    told = read_model_file(file)
-    robot = Robot(Description.read(folder / told.nominal_urdf), told.tcp)
+    content = read_model_file(file)
+    robot = Robot(Description.read(folder / content.nominal_urdf), content.tcp)
     try:
-        geometry = _geometry(robot, told)
-        frame, covariance = _frame(told), _covariance(geometry, told)
+        geometry = _geometry(robot, content)
+        frame, covariance = _frame(content), _covariance(geometry, content)
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
-    return Model(geometry, frame, _effects(told, geometry, file, own), covariance)
+    return Model(geometry, frame, _effects(content, geometry, file, own), covariance)
 
 
-def _effects(told: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
-    if not told.effects:
+def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
+    if not content.effects:
         return ()
     if not geometry.robot.rods:
         raise ModelError(
             f"{geometry.robot.name} has no rods", file=file, column="effects", hint="effects are for robots with rods"
         )
     kinematics, known, found = RodKinematics(geometry), {**effects_by_id(), **own}, []
-    for number, one in enumerate(told.effects):
+    for number, one in enumerate(content.effects):
         try:
             found.append(active_effect(one, kinematics, known))
         except GtpinError as error:
@@ -167,38 +167,38 @@ def _effects(told: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, 
     return tuple(found)
 
 
-def _geometry(robot: Robot, told: ModelFile) -> Geometry:
-    # Tolerances are told by parameter, so those of the kinds, which the URDF may not know, do not matter here.
-    tracks = tuple(None if t is None else _track(t) for t in told.tracks)
+def _geometry(robot: Robot, content: ModelFile) -> Geometry:
+    # The file gives a tolerance for each parameter; those of the kinds, which a URDF may lack, are not used here.
+    tracks = tuple(None if t is None else _track(t) for t in content.tracks)
     if tracks and len(tracks) != len(robot.rods):
         raise ModelError(f"{len(tracks)} tracks for {len(robot.rods)} rods")
-    full = Geometry.nominal(robot, directions=told.directions, scale=told.scale, arm=told.arm, tracks=tracks)
-    unknown = sorted(set(told.parameters) - set(full.names))
+    full = Geometry.nominal(robot, directions=content.directions, scale=content.scale, arm=content.arm, tracks=tracks)
+    unknown = sorted(set(content.parameters) - set(full.names))
     if unknown:
         raise ModelError(f"no parameter is called {unknown[0]!r}")
-    kept = tuple(p for p in full.parameters if p.name in told.parameters)
-    values = np.array([told.parameters[p.name] for p in kept])
-    tolerances = (told.tolerance.get(p.name, p.tolerance) for p in kept)
+    kept = tuple(p for p in full.parameters if p.name in content.parameters)
+    values = np.array([content.parameters[p.name] for p in kept])
+    tolerances = (content.tolerance.get(p.name, p.tolerance) for p in kept)
     parameters = tuple(p.with_tolerance(tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
     return Geometry(robot, parameters, values, tracks)
 
 
-def _track(told: TrackRecord) -> MeasuredTrack:
-    if len(told.path) != len(told.q) or (told.turns is not None and len(told.turns) != len(told.q)):
+def _track(record: TrackRecord) -> MeasuredTrack:
+    if len(record.path) != len(record.q) or (record.turns is not None and len(record.turns) != len(record.q)):
         raise ModelError("a track's points differ in number")
-    turns = None if told.turns is None else np.array(told.turns)
-    return MeasuredTrack(np.array(told.q), np.array(told.path), turns, np.array(told.origin))
+    turns = None if record.turns is None else np.array(record.turns)
+    return MeasuredTrack(np.array(record.q), np.array(record.path), turns, np.array(record.origin))
 
 
-def _covariance(geometry: Geometry, told: ModelFile) -> npt.NDArray[np.float64] | None:
-    if told.covariance is None:
+def _covariance(geometry: Geometry, content: ModelFile) -> npt.NDArray[np.float64] | None:
+    if content.covariance is None:
         return None
     count = len(geometry.parameters)
-    if len(told.covariance) != count or any(len(row) != count for row in told.covariance):
+    if len(content.covariance) != count or any(len(row) != count for row in content.covariance):
         raise ModelError(f"the covariance is not {count} x {count}")
     # In the order of the file's parameters, as it was written.
-    order = [list(told.parameters).index(name) for name in geometry.names]
-    covariance = np.array(told.covariance)[np.ix_(order, order)]
+    order = [list(content.parameters).index(name) for name in geometry.names]
+    covariance = np.array(content.covariance)[np.ix_(order, order)]
     sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
     if (covariance.diagonal() < 0.0).any() or (sigma > MOST_UNCERTAIN).any():
         raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column="covariance")
@@ -207,10 +207,10 @@ def _covariance(geometry: Geometry, told: ModelFile) -> npt.NDArray[np.float64] 
     return covariance
 
 
-def _frame(told: ModelFile) -> Frame:
-    if told.base_in_instrument is None:
+def _frame(content: ModelFile) -> Frame:
+    if content.base_in_instrument is None:
         return Frame()
-    R = np.array(told.base_in_instrument.rotation)
+    R = np.array(content.base_in_instrument.rotation)
     if np.abs(R @ R.T - np.eye(3)).max() > NOT_TURNED or np.linalg.det(R) < 0.0:
         raise ModelError("no rotation matrix", column="base_in_instrument.rotation")
-    return Frame(np.array(told.base_in_instrument.position), R)
+    return Frame(np.array(content.base_in_instrument.position), R)

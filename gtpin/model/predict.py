@@ -1,4 +1,4 @@
-"""What an instrument would read at a table of commands."""
+"""Predicted poses at a table of commands."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def predict(model: Model, commands: Commands) -> Poses:
     Raises
     ------
     DatasetError
-        If the commands can't be the robot's.
+        If the commands do not fit the robot.
     ModelError
         If a command leaves a measured track, or a covariate is missing that an active effect needs; the message names the
         row or the column.

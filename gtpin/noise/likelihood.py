@@ -1,4 +1,4 @@
-"""The likelihood of a noise, and the noise that makes errors likeliest: one for calibration and diagnosis."""
+"""The likelihood of a noise model, and its maximum: the same for calibration and diagnosis."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gtpin.noise.noise import SMALLEST, Noise
 Floats = npt.NDArray[np.float64]
 
 SHOWN = 3.84
-"""Twice the gain in log likelihood from which on repeatability is believed (chance of 2.5 % where there is none): what
+"""Twice the gain in log likelihood from which repeatability is accepted (false-positive probability 2.5 %): what
 scatter alone mimics would make every noise look larger than it is.
 """
 
@@ -76,7 +76,7 @@ def likeliest(
 
 
 def roughly(noise: Noise, values: Floats, declared: tuple[bool, bool]) -> Noise:
-    """Noise whose sigmas that were not declared are told by medians, which neither gross errors nor heavy tails move.
+    """Noise with undeclared sigmas estimated by medians, which are robust to gross errors and heavy tails.
 
     Parameters
     ----------

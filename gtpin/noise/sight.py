@@ -35,7 +35,7 @@ def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
 def range_ratio(noise: Noise, residual: Floats) -> float:
     """Noise along the line of sight over noise across it, by maximum likelihood from residuals (N, 3), m.
 
-    The level stays as declared: only residuals' directions are asked, which an unmodelled effect hardly steers.
+    The level stays as declared: only the residuals' directions are used, on which an unmodelled effect has little influence.
     """
 
     def cost(log_ratio: float) -> float:

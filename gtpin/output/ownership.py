@@ -24,13 +24,13 @@ Record = dict[str, str | None]
 
 def recorded(folder: Path) -> Record:
     """What a folder's marker lists; nothing where there is no marker, or it can't be read."""
-    entries = _told(folder).get("entries")
+    entries = _marker_content(folder).get("entries")
     return entries if isinstance(entries, dict) else {}
 
 
 def alone_in(folder: Path) -> set[str]:
     """Names of the files that a folder's marker lists as written each by itself, as ``gtpin predict`` writes its table."""
-    names = _told(folder).get("alone")
+    names = _marker_content(folder).get("alone")
     return {str(name) for name in names} if isinstance(names, list) else set()
 
 
@@ -39,19 +39,19 @@ def part_of_others(path: Path) -> bool:
     return os.path.lexists(path) and path.name in recorded(path.parent) and path.name not in alone_in(path.parent)
 
 
-def _told(folder: Path) -> dict[str, Any]:
+def _marker_content(folder: Path) -> dict[str, Any]:
     file = folder / MARKER
     try:
-        told = json.loads(file.read_text(encoding="utf-8")) if stat.S_ISREG(file.lstat().st_mode) else {}
+        content = json.loads(file.read_text(encoding="utf-8")) if stat.S_ISREG(file.lstat().st_mode) else {}
     except (OSError, ValueError, RecursionError):
         return {}
-    return told if isinstance(told, dict) and told.get("schema") == SCHEMA else {}
+    return content if isinstance(content, dict) and content.get("schema") == SCHEMA else {}
 
 
 def mark(folder: Path, others: Record | None = None, alone: Collection[str] = ()) -> None:
     """Write the markers of a folder that gtpin has filled, and of all folders in it.
 
-    ``others`` are entries that are not in it now but will stand beside what it holds; ``alone`` are the names of files that
+    ``others`` are entries that are not in it now but will be added to its content; ``alone`` are the names of files that
     were written each by itself.
     """
     entries: Record = {}
@@ -63,10 +63,10 @@ def mark(folder: Path, others: Record | None = None, alone: Collection[str] = ()
             entries[entry.name] = _digest(entry)
     entries = dict(sorted(((others or {}) | entries).items()))
     if entries:
-        told: dict[str, Any] = {"schema": SCHEMA, "entries": entries}
+        content: dict[str, Any] = {"schema": SCHEMA, "entries": entries}
         if alone:
-            told["alone"] = sorted(alone)
-        text = json.dumps(told, indent=1) + "\n"
+            content["alone"] = sorted(alone)
+        text = json.dumps(content, indent=1) + "\n"
         (folder / MARKER).write_text(text, encoding="utf-8")
 
 

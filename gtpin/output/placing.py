@@ -33,7 +33,7 @@ def place(work: Path, folder: Path, names: Collection[str], force: bool, alone: 
     written = os.listdir(work / NEW)
     going = {*names, *written} - {MARKER}
     refuse_foreign(folder, [*sorted(going), MARKER], force, alone=alone)
-    others = {name: told for name, told in recorded(folder).items() if name not in going}
+    others = {name: digest for name, digest in recorded(folder).items() if name not in going}
     mark(work / NEW, others, (alone_in(folder) & set(others)) | (going if alone else set()))
     os.replace(work / NEW, work / READY)
     moves: list[Move] = []
@@ -63,7 +63,7 @@ def _emptied(work: Path) -> None:
 
 def _move(work: Path, folder: Path, gone: Iterable[str], force: bool, moves: list[Move], alone: bool = False) -> None:
     (work / OLD).mkdir(exist_ok=True)
-    # The marker last: until then the old one tells what of the old results may be replaced.
+    # The marker last: until then the old one lists the old results that may be replaced.
     for name in [*gone, *sorted(os.listdir(work / READY), key=lambda name: (name == MARKER, name))]:
         there, ready = folder / name, work / READY / name
         if os.path.lexists(there):

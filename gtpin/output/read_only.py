@@ -1,4 +1,4 @@
-"""Which folder keeps something from being written."""
+"""The folder that prevents a file from being written."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ REASONS = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 def read_only_folder(error: OSError) -> Path | None:
-    """The folder that may not be written and so caused an error; None where another thing did, or it can't be told.
+    """The folder that may not be written and so caused an error; None for another reason, or if it is not known.
 
     A folder that is moved must be writable itself; of all else the folder that it lies in.
     """

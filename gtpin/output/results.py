@@ -99,7 +99,7 @@ def check_file(target: Path, *, force: bool = False, kind: type[GtpinError] = Gt
 
 @contextlib.contextmanager
 def writing(target: Path, kind: type[GtpinError] = GtpinError) -> Iterator[None]:
-    """Turn what the system says against writing a file or folder into an error of the family."""
+    """Turn the system's errors on writing a file or folder into `GtpinError`."""
     try:
         yield
     except OSError as error:

@@ -39,7 +39,7 @@ class Presentation(ABC):
 class Shown(ABC):
     """A result that shows itself.
 
-    The presentation is imported when it is first asked for: a result knows no report.
+    The presentation is imported when it is first asked for: results do not depend on the report.
     """
 
     @abstractmethod
@@ -57,5 +57,5 @@ class Shown(ABC):
         return self._presentation().text()
 
     def to_dataframe(self) -> pd.DataFrame:
-        """The result as a table; ``docs/python.md`` says what its columns are."""
+        """The result as a table; ``docs/python.md`` explains its columns."""
         return self._presentation().table()

@@ -117,14 +117,14 @@ def build(recipe: Recipe) -> Case:
     made = assemble(recipe)
     plant, rows = made.plant, made.rows
     held = np.flatnonzero(plant.visits.held)
-    mine, asked = plant.visits.take(rows), plant.visits.take(held)
+    mine, held_visits = plant.visits.take(rows), plant.visits.take(held)
     truth = made.in_frame(plant.seen(made.active)[held])
     true = made.in_frame(plant.seen(made.active, made.jitter)[rows])
     columns = mine.columns(recipe.conditions)
     return Case(
         name=f"case{recipe.seed:05d}",
         dataset=as_dataset(recipe, ids(mine.pose), mine.q, columns, recipe.noise.measured(true, made.rng)),
-        commands=Commands(ids(np.arange(len(held))), asked.q, asked.columns(recipe.conditions)),
+        commands=Commands(ids(np.arange(len(held))), held_visits.q, held_visits.columns(recipe.conditions)),
         truth=truth,
         effects=tuple(sorted(made.truths, key=lambda truth: -truth.energy)),
         machine=plant.machine,

@@ -1,4 +1,4 @@
-"""The machine of a case measured again, at commands and in circumstances of the user's choice."""
+"""The machine of a case measured again, at commands and conditions of the user's choice."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def measure_at(case: Case, commands: Commands, seed: int = 0) -> Dataset:
     Raises
     ------
     GtpinError
-        If circumstances contradict each other, or a pose can't be reached.
+        If conditions contradict each other, or a pose can't be reached.
     """
     made = assemble(case.recipe)
     rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 5, seed]))
@@ -57,10 +57,10 @@ def measure_at(case: Case, commands: Commands, seed: int = 0) -> Dataset:
 
 def _visits(day: Visits, commands: Commands, conditions: Conditions, rng: np.random.Generator) -> Visits:
     """The commands as visits after those of a day."""
-    said, q, total = commands.covariates, commands.q, len(commands)
+    given, q, total = commands.covariates, commands.q, len(commands)
 
     def wanted(name: str, otherwise: Column | float) -> Floats:
-        return np.asarray(np.broadcast_to(np.asarray(said.get(name, otherwise), dtype=float), total))
+        return np.asarray(np.broadcast_to(np.asarray(given.get(name, otherwise), dtype=float), total))
 
     def each(name: str, otherwise: Floats) -> Floats:
         return np.column_stack([wanted(f"{name}{i + 1}", otherwise[:, i]) for i in range(q.shape[1])])
@@ -76,8 +76,8 @@ def _visits(day: Visits, commands: Commands, conditions: Conditions, rng: np.ran
             "an actuator that moves one way and comes from the other", hint="give speed the approach's sign"
         )
     session = np.full(total, day.session[-1])
-    if "session" in said:
-        session = np.array([_number(str(s)) for s in said["session"]])
+    if "session" in given:
+        session = np.array([_number(str(s)) for s in given["session"]])
     temperatures = (wanted("temp_frame", day.day.frame[-1]), wanted("temp_link", day.day.link[-1]))
     return Visits(
         pose=np.arange(total),

@@ -107,7 +107,7 @@ def simulate_scenario(
         energy = effect.energy or (drawn if effect.amplitude is None else None)
         wanted.append(Wanted(effect.id, site, energy, effect.amplitude))
     needs = {need for effect in scenario.effect for need in kind(effect.id).needs}
-    said = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
+    given = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
     recipe = Recipe(
         tuple(wanted),
         seed,
@@ -115,7 +115,7 @@ def simulate_scenario(
         poses=scenario.poses if poses is None else poses,
         held_out=scenario.held_out,
         noise=scenario.noise,
-        conditions=Conditions.draw(rng, needs).model_copy(update=said),
+        conditions=Conditions.draw(rng, needs).model_copy(update=given),
         background=scenario.background,
     )
     return build(recipe)
@@ -131,5 +131,5 @@ def _explained(file: Path, error: ValidationError) -> GtpinError:
         return GtpinError("unknown key", file=file, column=where, hint=f"known here: {', '.join(known)}")
     if first["type"] == "missing":
         return GtpinError("the key is missing", file=file, column=where, hint="an [[effect]] needs an id")
-    said = str(first["input"])[:60]
-    return GtpinError(f"{said!r} can't be: {first['msg']}", file=file, column=where, hint="correct the value")
+    value = str(first["input"])[:60]
+    return GtpinError(f"{value!r} can't be: {first['msg']}", file=file, column=where, hint="correct the value")

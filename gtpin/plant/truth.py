@@ -98,9 +98,9 @@ class Case:
             that were changed since.
         """
         name = name or self.name
-        with case_folders(Path(folder) / name, force=force) as (inside, beside):
+        with case_folders(Path(folder) / name, force=force) as (inside, outside):
             self.write_dataset(inside)
-            self.write_truth(beside, name)
+            self.write_truth(outside, name)
 
     def write_dataset(self, folder: Path) -> None:
         """Write the dataset and commands.csv into a folder."""
@@ -146,10 +146,10 @@ def _is_own(file: Path) -> bool:
 
 @contextlib.contextmanager
 def case_folders(dataset: Path, *, force: bool = False) -> Iterator[tuple[Path, Path]]:
-    """Give two folders to write to: one for what belongs into a dataset's folder, one for the truth, beside it."""
+    """Give two folders to write to: one for the dataset's files, one for the truth."""
     truth = truth_names(dataset.name)
     with (
-        results_folder(dataset.parent, truth, force=force, key=truth[0]) as beside,
+        results_folder(dataset.parent, truth, force=force, key=truth[0]) as outside,
         results_folder(dataset, DATASET_FILES, force=force) as inside,
     ):
-        yield inside, beside
+        yield inside, outside

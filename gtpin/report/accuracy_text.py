@@ -7,9 +7,9 @@ from gtpin.accuracy.analysis import Accuracy
 
 def accuracy_text(accuracy: Accuracy) -> str:
     """Expected errors over the workspace."""
-    told = accuracy.to_json()
-    position, orientation = told["expected"]["position"], told["expected"]["orientation"]
-    lines = [f"Expected error of {told['robot']} over {told['poses']} poses, from {told['uncertainty']}:"]
+    values = accuracy.to_json()
+    position, orientation = values["expected"]["position"], values["expected"]["orientation"]
+    lines = [f"Expected error of {values['robot']} over {values['poses']} poses, from {values['uncertainty']}:"]
     for what, unit, error in (("position", "um", position), ("orientation", "urad", orientation)):
         if error is None:
             lines.append(f"  {what:<12} constant: the arm is reduced")

@@ -1,4 +1,4 @@
-"""The page of a calibration: how well it fits, what it learned, what the data can't see."""
+"""The page of a calibration: fit, parameters with their variance reduction, unobservable directions."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ CONTENTS = (
     ("provenance", "Provenance"),
 )
 SHOWN = 8
-"""Correlations and unobservable directions that are listed."""
+"""Largest number of listed correlations and unobservable directions."""
 
 
 def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
-    """The whole report of a calibration as one HTML file that needs nothing else."""
+    """The whole report of a calibration as one self-contained HTML file."""
     robot = calibration.model.robot
     residuals = Residuals.of(dataset, calibration)
     seen, component = components(residuals, residuals.component_names[0])
@@ -61,7 +61,7 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
         layers=ONE_LAYER,
         moved=moved,
         parameters=parameters,
-        learned=_learned(calibration),
+        reduction=_variance_reduction(calibration),
         unseen=_unobservable(calibration),
         correlations=_correlations(calibration),
         zeros=_zeros(calibration),
@@ -71,43 +71,43 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Colour, badge, headline and advice."""
-    told = c.to_json()
-    before, after = length(told["position_rms_before"]), length(told["position_rms_after"])
-    headline = f"Calibration brings the position error from {before} to {after}, RMS, on the poses it was fitted to."
+    values = c.to_json()
+    before, after = length(values["position_rms_before"]), length(values["position_rms_after"])
+    headline = f"Calibration reduces the position error from {before} to {after}, RMS, on the fitted poses."
     if c.enlarged > 1.0:
         advice = [
             f"The residuals are {c.enlarged:.2f} times the noise: geometry alone does not explain these data.",
-            "gtpin diagnose tells where the rest comes from. The sigmas below are enlarged to admit it.",
+            "gtpin diagnose finds the causes of the rest. The sigmas below are enlarged accordingly.",
         ]
-        return "warn", "something is left", headline, advice
+        return "warn", "not all explained", headline, advice
     if why := cannot_judge(c):
-        advice = [f"Chi-square does not judge the fit ({why}): declare the sigmas."]
+        advice = [f"Chi-square can't judge the fit ({why}): declare the sigmas."]
         return "accent", "fit not judged", headline, advice
     if hidden := scatters(c):
         return (
             "accent",
             "fits within its scatter",
             headline,
-            [hidden, "gtpin diagnose tells whether there is more to it."],
+            [hidden, "gtpin diagnose tests whether it has a cause."],
         )
-    return "good", "fits", headline, ["What is left is what instrument and repeatability alone would leave."]
+    return "good", "fits", headline, ["The residuals agree with the noise of instrument and repeatability."]
 
 
 def _numbers(c: Calibration) -> list[tuple[str, str]]:
-    told = c.to_json()
+    values = c.to_json()
     numbers = [
-        (length(told["position_rms_before"]), "position error, nominal"),
-        (length(told["position_rms_after"]), "calibrated"),
+        (length(values["position_rms_before"]), "position error, nominal"),
+        (length(values["position_rms_after"]), "calibrated"),
     ]
-    if told["orientation_rms_after"] is not None:
-        numbers.append((quantity(told["orientation_rms_before"], "rad"), "orientation error, nominal"))
-        numbers.append((quantity(told["orientation_rms_after"], "rad"), "calibrated"))
+    if values["orientation_rms_after"] is not None:
+        numbers.append((quantity(values["orientation_rms_before"], "rad"), "orientation error, nominal"))
+        numbers.append((quantity(values["orientation_rms_after"], "rad"), "calibrated"))
     numbers.append(
         (
             f"{c.chi2_per_dof:.2f}",
             "chi-square per degree of freedom"
             + (
-                ", which does not judge the fit here"
+                ", which can't judge the fit here"
                 if cannot_judge(c)
                 else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
             ),
@@ -116,11 +116,11 @@ def _numbers(c: Calibration) -> list[tuple[str, str]]:
     return numbers
 
 
-def _learned(c: Calibration) -> list[Bar]:
-    """How much was learned of each kind of parameter, in the mean."""
+def _variance_reduction(c: Calibration) -> list[Bar]:
+    """Mean variance reduction of each kind of parameter."""
     kinds: dict[str, list[float]] = {}
-    for name, learned in zip(c.names, c.learned, strict=True):
-        kinds.setdefault(name.partition("[")[0].replace("_", " "), []).append(float(learned))
+    for name, reduction in zip(c.names, c.learned, strict=True):
+        kinds.setdefault(name.partition("[")[0].replace("_", " "), []).append(float(reduction))
     return [
         Bar(
             f"{kind} ({counted(len(values), 'parameter')})",
@@ -136,7 +136,7 @@ def _unobservable(c: Calibration) -> Table:
     for direction in c.unobservable[:SHOWN]:
         terms = [whole(f"{weight:+.2f} {name}") for name, weight in list(direction.weights.items())[:4]]
         rows.append([" ".join(terms) + (" …" if len(direction.weights) > 4 else ""), percent(direction.learned)])
-    return Table(("direction, weights in tolerances", "learned"), rows)
+    return Table(("direction, weights in tolerances", "variance reduction"), rows)
 
 
 def _zeros(c: Calibration) -> Table:

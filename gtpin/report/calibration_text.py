@@ -8,39 +8,39 @@ from gtpin.calibration.result import Calibration
 from gtpin.report.quality import cannot_judge, scatters
 
 HEAVY = 1.5
-"""Chi-square per degree of freedom from which heavy tails are not taken for granted."""
+"""Chi-square per degree of freedom above which heavy tails get a warning."""
 ZEROS = """\
-The zero of a drive is no parameter of its own: a shifted zero moves all joints of its cart or arm alike, and stands in the
-cart_joint or arm_joint values above. What they moved by in common, as a shift of the zero (where the drive stands at 0)"""
-"""What the report says of the drives' zeros."""
+The zero of a drive is not a separate parameter: a shifted zero moves all joints of its cart or arm equally, and is part of
+the cart_joint or arm_joint values above. Their common shift, as a shift of the zero (at drive position 0)"""
+"""Explanation of the drives' zeros in the report."""
 SHOWN = 8
-"""Correlations and unobservable directions that are listed."""
+"""Largest number of listed correlations and unobservable directions."""
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """The report of a calibration: fit, noise, parameters, what the data can't see, correlations."""
+    """The report of a calibration: fit, noise, parameters, unobservable directions, correlations."""
     parts = (_fit, _noise, _parameters, _unobservable, _correlations)
     return "\n\n".join(part(calibration) for part in parts) + "\n"
 
 
 def calibration_summary(calibration: Calibration) -> str:
-    """The fit, the noise, and how much of the geometry the data see, for a terminal."""
+    """The fit, the noise, and the number of observable directions, for a terminal."""
     number = len(calibration.names)
     seen = number - len(calibration.unobservable)
-    told = f"The data see {seen} of {number} directions of the geometry; the others keep their tolerances' means."
-    return "\n\n".join((_fit(calibration), _noise(calibration), told)) + "\n"
+    observed = f"The data determine {seen} of {number} directions of the geometry; the others keep their prior means."
+    return "\n\n".join((_fit(calibration), _noise(calibration), observed)) + "\n"
 
 
 def _fit(c: Calibration) -> str:
-    told = c.to_json()
+    values = c.to_json()
     lines = [
         f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measured poses",
-        _before_after("position error, RMS", told["position_rms_before"], told["position_rms_after"], 1e6, "um"),
+        _before_after("position error, RMS", values["position_rms_before"], values["position_rms_after"], 1e6, "um"),
     ]
-    if told["orientation_rms_before"] is not None:
+    if values["orientation_rms_before"] is not None:
         lines.append(
             _before_after(
-                "orientation error, RMS", told["orientation_rms_before"], told["orientation_rms_after"], 1e6, "urad"
+                "orientation error, RMS", values["orientation_rms_before"], values["orientation_rms_after"], 1e6, "urad"
             )
         )
     spread = np.sqrt(2.0 / c.dof)
@@ -53,7 +53,7 @@ def _fit(c: Calibration) -> str:
     if c.enlarged > 1.0:
         lines.append(
             f"  The residuals are {c.enlarged:.2f} times the noise: the geometry does not explain these data. Sigmas below\n"
-            "  are enlarged to admit it."
+            "  are enlarged accordingly."
         )
     return "\n".join(lines)
 
@@ -76,30 +76,28 @@ def _noise(c: Calibration) -> str:
         lines.append(f"  repeatability of each actuator, from {how}: {noise.repeatability * 1e6:.2f} um or urad")
     if noise.lack > 0.0:
         lines.append(
-            f"  lack of the model along single drives, alike at neighbouring poses: {noise.lack * 1e6:.2f} um or urad"
+            f"  model error along single drives, correlated between neighbouring poses: {noise.lack * 1e6:.2f} um or urad"
         )
     if scatters(c):
         lines.append(
-            "  That is much: backlash and whatever else comes and goes between visits may hide in it. gtpin diagnose tells."
+            "  That is large: backlash and other effects that vary between visits may be part of it. gtpin diagnose tests this."
         )
     if np.isfinite(c.freedom):
         lines.append(f"  tails heavier than Gaussian: t distribution with {c.freedom:g} degrees of freedom")
         if c.chi2_per_dof > HEAVY:
-            lines.append(
-                "  Either the noise has such tails, or the geometry leaves something out: compare chi-square above."
-            )
+            lines.append("  Either the noise has such tails, or the geometry is incomplete: compare chi-square above.")
     return "\n".join(lines)
 
 
 def _parameters(c: Calibration) -> str:
     lines = [
-        "Parameters (learned = 1 - (sigma / tolerance)^2: 1 is all, 0 is nothing beyond the tolerance)",
-        f"  {'name':<26}{'value':>13}{'sigma':>11}{'- nominal':>12}{'tolerance':>11}  {'unit':<5}{'learned':>8}",
+        "Parameters (reduction: variance reduction 1 - (sigma / tolerance)^2; 0 is no information beyond the tolerance)",
+        f"  {'name':<26}{'value':>13}{'sigma':>11}{'- nominal':>12}{'tolerance':>11}  {'unit':<5}{'reduction':>10}",
     ]
-    for p, value, sigma, learned in zip(c.model.geometry.parameters, c.values, c.sigma, c.learned, strict=True):
+    for p, value, sigma, reduction in zip(c.model.geometry.parameters, c.values, c.sigma, c.learned, strict=True):
         lines.append(
             f"  {p.name:<26}{value:>13.7f}{sigma:>11.2e}{value - p.nominal:>+12.2e}{p.tolerance:>11.1e}  {p.unit:<5}"
-            f"{learned:>8.3f}"
+            f"{reduction:>10.3f}"
         )
     if c.zeros:
         lines += ["", ZEROS, f"  {'drive':<26}{'zero':>13}{'sigma':>11}"]
@@ -110,14 +108,16 @@ def _parameters(c: Calibration) -> str:
 def _unobservable(c: Calibration) -> str:
     directions = c.unobservable
     if not directions:
-        return "The data see every direction of the geometry."
+        return "The data determine every direction of the geometry."
     lines = [
-        f"{len(directions)} of {len(c.names)} directions of the geometry are hardly seen by these data; their values are the "
-        "tolerances'\nmeans, and change no prediction near the measured poses (weights in tolerances)"
+        f"{len(directions)} of {len(c.names)} directions of the geometry are hardly observable with these data; their values "
+        "are\nthe prior means, and change no prediction near the measured poses (weights in tolerances)"
     ]
     for direction in directions[:SHOWN]:
         terms = " ".join(f"{weight:+.2f} {name}" for name, weight in list(direction.weights.items())[:5])
-        lines.append(f"  learned {direction.learned:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}")
+        lines.append(
+            f"  variance reduction {direction.learned:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}"
+        )
     if len(directions) > SHOWN:
         lines.append(f"  and {len(directions) - SHOWN} more in calibration.json")
     indices = ", ".join(f"{name} {value:.3g}" for name, value in c.observability.indices.items())

@@ -1,4 +1,4 @@
-"""From where a machine is drawn: the side on which its rods hide each other the least."""
+"""View direction of a drawing: the one in which the rods hide each other least."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from gtpin.report.skeleton import Skeleton
 Floats = npt.NDArray[np.float64]
 
 WIDTH, HEIGHT, MARGIN = 560.0, 400.0, 46.0
-"""Of a sketch, in pixels."""
+"""Size of a sketch, pixels."""
 ELEVATION = np.deg2rad(24.0)
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Looks at points in space: to pixels, x to the right and y down."""
+    """Projects points in space to pixels, x to the right and y down."""
 
     axes: Floats
     centre: Floats

@@ -1,4 +1,4 @@
-"""Which causes a controller can correct by itself."""
+"""Causes that a controller can correct without this package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gtpin.report.words import site_words
 
 
 def sure_corrections(d: Diagnosis) -> list[str]:
-    """Causes that are sure, and that tables for single actuators can hold, in words."""
+    """Certain causes that tables for single actuators can correct, as text."""
     sure = {(c.effect, c.site) for c in d.causes if c.probability >= SURE}
     kept = [active for active in correctable(d.model) if (active.effect.id, active.site) in sure]
     return [f"{active.effect.id} at {site_words(active.site)}" for active in kept]

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 MOST = 6
-"""Curves of an effect that are drawn."""
+"""Largest number of curves that are drawn per effect."""
 
 
 def drawn_curves(found: Sequence[Curve]) -> list[Curve]:
-    """The curves of an effect that are drawn: those that are seen."""
+    """The curves of an effect that are drawn: those that differ from zero."""
     return ([curve for curve in found if curve.seen] or list(found[:1]))[:MOST]
 
 
@@ -53,23 +53,23 @@ def curve_figure(curve: Curve) -> Figure:
 
 
 def curve_notes(found: Sequence[Curve]) -> list[str]:
-    """How to read an effect's curves, and what it could move too but is not seen to."""
+    """How to read an effect's curves, and quantities without a detected displacement."""
     if not found:
         return []
     taken = "mean and a straight line" if any(curve.straightened for curve in found) else "mean"
-    held = " What else it goes with is held at its middle." if any(curve.smooth for curve in found) else ""
+    held = " Other coordinates on which it depends are held constant." if any(curve.smooth for curve in found) else ""
     notes = [
-        f"Curves are less their {taken}, which geometry takes, with 95 % bands.{held} Dots: the measurements, less everything "
-        "else that the model explains."
+        f"Curves are without their {taken}, which geometry absorbs; bands: 95 %.{held} Dots: the measurements without "
+        "everything else that the model explains."
     ]
     names = dict.fromkeys(curve.name for curve in found)
     seen = {curve.name for curve in found if curve.seen}
     hidden = [name for name in names if name not in seen]
-    return notes + ([f"It could move these too, but is not seen to: {joined(hidden)}."] if hidden else [])
+    return notes + ([f"Not detected, but possible for this effect: {joined(hidden)}."] if hidden else [])
 
 
 def reach(found: Sequence[Curve]) -> str:
-    """How much an effect moves, in words: the quantity of each unit that it moves most."""
+    """The largest displacement by an effect in each unit, as text."""
     words = []
     for unit in ("m", "rad"):
         ranges = {curve.name: curve.range for curve in found if curve.unit == unit and curve.seen}

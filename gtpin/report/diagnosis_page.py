@@ -1,4 +1,4 @@
-"""The page of a diagnosis: the verdict first, then everything that it rests on."""
+"""The page of a diagnosis: the verdict first, then the evidence for it."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ CONTENTS = (
 )
 
 CHANCE = 0.01
-"""Chance from which noise alone is enough."""
+"""Smallest p-value at which noise alone explains what is left."""
 
 
 def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> str:
-    """The whole report of a diagnosis as one HTML file that needs nothing else.
+    """The whole report of a diagnosis as one self-contained HTML file.
 
     Parameters
     ----------
     diagnosis, dataset
-        What was found, in which data.
+        The result, and the data.
     seed
-        Of the diagnosis, for the record.
+        Seed of the diagnosis, to be recorded on the page.
     """
     robot = diagnosis.baseline.model.robot
     residuals = Residuals.of(dataset, diagnosis.baseline, diagnosis.model, diagnosis.set_aside_rows)
@@ -120,7 +120,7 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
     numbers.append((length(d.gap.floor), "noise alone"))
     if d.gap.shrinkage is not None and d.gap.before > d.gap.floor:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
-        numbers.append((percent(d.gap.shrinkage), f"of the power beyond noise goes away{between}"))
+        numbers.append((percent(d.gap.shrinkage), f"of the power beyond noise is explained{between}"))
     return numbers
 
 
@@ -134,7 +134,7 @@ def _sketch(d: Diagnosis) -> str | None:
 
 
 def _left(d: Diagnosis, residuals: Residuals, views: Mapping[str, View], component: Choice) -> Plot | None:
-    """What is left over the two commands that it depends on most, if it depends on two."""
+    """Residuals over the two commands on which they depend most, if they depend on two."""
     for _, coordinates, _ in d.unexplained.correlates[:1]:
         commands = coordinates.split(" ")[0].split(",")
         if len(commands) == 2 and all(name in commanded(residuals) for name in commands):
@@ -147,13 +147,13 @@ def _found_curves(d: Diagnosis, residuals: Residuals) -> dict[tuple[str, str], t
 
 
 def _where_bars(where: Where) -> list[tuple[str, list[Bar]]]:
-    """Shares by site, rod, axis and coordinate, those that there are."""
+    """Shares by site, rod, axis and coordinate, as far as they exist."""
     groups = (
         ("By site", {short(site_words(k)): v for k, v in where.site.items()}),
-        ("What lands on each rod", where.rod),
+        ("By rod", where.rod),
         ("By axis", where.axis),
         (
-            "By what it goes with, the most telling as 100 %",
+            "By coordinate, the strongest correlation as 100 %",
             {short(coordinate_words(k)): v for k, v in where.covariate.items()},
         ),
     )
@@ -167,7 +167,7 @@ def _bars(shares: Mapping[str, float]) -> list[Bar]:
 
 
 def _regions(where: Where) -> list[Bar]:
-    """The boxes of the workspace that hold most of the gap."""
+    """The boxes of the workspace with most of the gap."""
     order = sorted(where.region, key=lambda pair: -pair[1])[:4]
     top = max((share for _, share in order), default=0.0)
     return [
@@ -187,23 +187,23 @@ def _box(box: npt.NDArray[np.float64]) -> str:
 
 
 def _correlates(d: Diagnosis) -> list[tuple[str, str, str]]:
-    """What goes with what is left, where there is more than noise could have left."""
+    """Coordinates with which the residuals correlate, if they are more than noise."""
     if d.unexplained.p_value >= CHANCE and d.verdict != "unknown":
         return []
     return [(site_words(site), coordinate_words(c), _rare(p)) for site, c, p in d.unexplained.correlates]
 
 
 def _rare(chance: float) -> str:
-    """A chance, which nobody knows to many digits where it is tiny."""
+    """A p-value as text; very small ones only as a bound."""
     return "less than 10⁻⁹" if chance < 1e-9 else typeset(f"{chance:.2g}")
 
 
 def _unexplained(d: Diagnosis) -> str:
     left, p = percent(d.unexplained.share), _rare(d.unexplained.p_value)
-    beside = (
+    share = (
         f"In units of the noise, position and orientation together, {left} of what geometry alone leaves beyond noise is not "
-        "explained. (The gap above is of positions alone, in micrometres, on poses left out of the fit.)"
+        "explained. (The gap above is that of positions, in micrometres, on poses that were not fitted.)"
     )
     if d.unexplained.p_value >= CHANCE:
-        return f"Nothing that noise could not have left: it leaves as much with a chance of {p}."
-    return f"{beside} Noise alone would leave as much with a chance of {p}."
+        return f"Nothing beyond noise: noise alone leaves as much with a probability of {p}."
+    return f"{share} Noise alone would leave as much with a probability of {p}."

@@ -1,4 +1,4 @@
-"""A diagnosis in a few lines, for a terminal."""
+"""A short summary of a diagnosis for a terminal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gtpin.report.verdict import questions, verdict
 from gtpin.report.words import chance, length, percent, quantity
 
 SHOWN = 6
-"""Parameters of a cause that are listed; the report has all."""
+"""Number of parameters listed per cause; the report lists all."""
 
 
 def diagnosis_summary(diagnosis: Diagnosis) -> RenderableType:
@@ -35,7 +35,7 @@ def _causes(diagnosis: Diagnosis) -> Table:
     table.add_column("cause", no_wrap=True)
     table.add_column("probability", justify="right", no_wrap=True)
     table.add_column("parameters")
-    table.add_column("shrinks the gap by", justify="right", no_wrap=True)
+    table.add_column("explains of the gap", justify="right", no_wrap=True)
     for cause in diagnosis.causes:
         values = [_value(name, estimate) for name, estimate in cause.parameters.items()]
         more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
@@ -52,15 +52,17 @@ def _value(name: str, estimate: Estimate) -> str:
 
 def _gap(diagnosis: Diagnosis) -> list[str]:
     gap = diagnosis.gap
-    before, after, floor = (length(value) for value in (gap.before, gap.after, gap.floor))
+    before, after, noise = (length(value) for value in (gap.before, gap.after, gap.floor))
     if not diagnosis.causes:
-        return [f"Held-out position error, RMS: {before}, of which noise is {floor}."]
+        return [f"Held-out position error, RMS: {before}, of which noise is {noise}."]
     lines = [
-        f"Held-out position error, RMS: {before} by geometry alone -> {after} with the causes; noise floor {floor}."
+        f"Held-out position error, RMS: {before} by geometry alone -> {after} with the causes; noise floor {noise}."
     ]
     if gap.shrinkage is not None and gap.interval is not None:
         low, high = (percent(value) for value in gap.interval)
-        lines.append(f"The gap's power beyond noise shrinks by {percent(gap.shrinkage)} (95 %: {low} to {high}).")
+        lines.append(
+            f"Explained fraction of the gap's power beyond noise: {percent(gap.shrinkage)} (95 %: {low} to {high})."
+        )
     return lines
 
 
@@ -68,4 +70,6 @@ def _untestable(diagnosis: Diagnosis) -> list[str]:
     count = sum(not candidate.testable for candidate in diagnosis.candidates)
     if not count:
         return []
-    return [f"{count} of {len(diagnosis.candidates)} candidates can't be tested with these data; the report says why."]
+    return [
+        f"{count} of {len(diagnosis.candidates)} candidates can't be tested with these data; the report gives the reasons."
+    ]

@@ -1,4 +1,4 @@
-"""Which causes are sure enough to stand alone."""
+"""Splits causes into certain and ambiguous ones."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from gtpin.diagnosis.inference.findings import Cause
 
 SURE = 0.95
-"""Probability from which a cause stands alone."""
+"""Smallest probability of a certain cause."""
 
 
 def sure_and_doubtful(causes: Iterable[Cause]) -> tuple[list[Cause], list[Cause]]:
-    """The causes that stand alone, and the others."""
+    """The certain causes, and the others."""
     found = list(causes)
     return [c for c in found if c.probability >= SURE], [c for c in found if c.probability < SURE]

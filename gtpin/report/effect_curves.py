@@ -25,11 +25,11 @@ class Line:
     Parameters
     ----------
     label
-        What is special about it; empty for the only one.
+        Label of the line; empty if there is only one.
     x, y, sigma
-        (m,) the curve and its standard deviations; x is text where it counts sessions.
+        (m,) the curve and its standard deviations; x is text for sessions.
     points_x, points_y
-        (n,) the curve at the measured poses plus what is left there.
+        (n,) the curve at the measured poses plus the residuals there.
     """
 
     label: str
@@ -42,22 +42,22 @@ class Line:
 
 @dataclass(frozen=True)
 class Curve:
-    """How an effect moves one quantity.
+    """One quantity that an effect displaces, as a curve.
 
     Parameters
     ----------
     name, unit
-        What is moved, m or rad.
+        The displaced quantity; m or rad.
     x_title
-        With what it goes, and its unit.
+        The coordinate on which it depends, and its unit.
     lines
-        One, or several that differ in something else.
+        One line, or one for each value of a second coordinate.
     smooth
-        Whether the lines are curves; else each of their points is a pose or a session.
+        Whether the lines are continuous; otherwise each point is a pose or a session.
     categories
         Whether x is text.
     straightened
-        Whether a straight line was taken from it, not only its mean.
+        Whether a straight line was subtracted, not only the mean.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Curve:
 
     @property
     def seen(self) -> bool:
-        """Whether it leaves its band's middle, zero, anywhere."""
+        """Whether it differs from zero by more than its band anywhere."""
         return any(bool((np.abs(line.y) > WIDE * line.sigma).any()) for line in self.lines)
 
     @property
@@ -90,8 +90,8 @@ class _Level:
 def curves(active: ActiveEffect, residuals: Residuals) -> tuple[Curve, ...]:
     """The curves of an effect, of every quantity that it moves.
 
-    Where it goes with something that can be swept (a command, time, a temperature), the rest is held at its middle; where it
-    goes with forces, directions or places, it is shown at the measured poses.
+    If the effect depends on a coordinate that can be swept (a command, time, a temperature), all others are held at their
+    means or medians; if it depends on forces, directions or positions, it is shown at the measured poses.
     """
     own = _own_coordinates(active, residuals)
     name, levels = _levels(active, residuals, own)
@@ -105,7 +105,7 @@ def _own_coordinates(active: ActiveEffect, residuals: Residuals) -> tuple[str, .
 
 
 def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[str, list[_Level]]:
-    """What to sweep, and the situations along it: one for each value of what else the effect goes with."""
+    """The swept coordinate, and situations along it, one for each value of a second coordinate."""
     if not own or own[0] in ("load", "direction", "position"):
         return "", []
     if "session" in own:
@@ -115,7 +115,7 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     if not swept:
         return "", []
     if active.site in residuals.model.robot.sites and len(swept) == residuals.model.robot.n_actuators > 1:
-        swept.sort(key=lambda name: name == _command_of(active, residuals))  # with the others' places, not its own
+        swept.sort(key=lambda name: name == _command_of(active, residuals))  # along the other actuators' commands first
     first = swept[0]
     others = [name for name in known if name != first]
     data = _column(residuals, first)
@@ -163,7 +163,7 @@ def _angular(residuals: Residuals, name: str) -> bool:
 
 
 def _situation(active: ActiveEffect, residuals: Residuals, given: Mapping[str, npt.NDArray[np.generic]]) -> Situation:
-    """Situations at which some coordinates are given, and the rest is usual."""
+    """Situations with some given coordinates and usual values for the others."""
     return residuals.at(*residuals.middle(given), active.references)
 
 
@@ -206,7 +206,7 @@ def _at_the_poses(active: ActiveEffect, residuals: Residuals, own: tuple[str, ..
 def _places(
     active: ActiveEffect, at: Situation, motion: Motion, number: int, own: tuple[str, ...]
 ) -> list[tuple[str, str, Floats]]:
-    """What an effect of forces, directions or places is shown against."""
+    """Coordinates against which an effect of forces, directions or positions is shown."""
     if "load" in own and motion.rod is not None:
         return [(f"force in {at.robot.rods[motion.rod].site}", "N", at.force[:, motion.rod])]
     if "load" in own and active.site in at.robot.sites:
@@ -234,7 +234,7 @@ def _x_of(residuals: Residuals, name: str) -> npt.NDArray[np.generic]:
 
 
 def _between(x: npt.NDArray[np.generic], y: Floats, at: npt.NDArray[np.generic]) -> Floats:
-    """A curve between its points, or of a session."""
+    """A curve interpolated between its points, or its value at a session."""
     if x.dtype == object:
         value = dict(zip(x.tolist(), y.tolist(), strict=True))
         return np.array([value[one] for one in at.tolist()])
@@ -242,7 +242,7 @@ def _between(x: npt.NDArray[np.generic], y: Floats, at: npt.NDArray[np.generic])
 
 
 def _less_geometry(parts: list[Floats], x: Floats | None) -> list[Floats]:
-    """Columns less what geometry takes of them: their mean over all parts, and a straight line over x if that is given."""
+    """Columns without the part that geometry absorbs: their mean over all parts, and a straight line over x if x is given."""
     whole = np.vstack(parts)
     taken = np.ones((len(whole), 1)) if x is None else np.stack([np.ones(len(x)), x - x.mean()], axis=1)
     left = whole - taken @ np.linalg.lstsq(taken, whole, rcond=None)[0]

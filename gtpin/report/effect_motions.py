@@ -50,7 +50,12 @@ class Motion:
 def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
     """All quantities that an effect moves; those that it can't are left out."""
     basis = active.basis(at)
-    found = [*_travel(active, at, basis), *_seats(active, at, basis), *_lengths(at, basis), *_twist(active, at, basis)]
+    found = [
+        *_travel(active, at, basis),
+        *_carrier_joints(active, at, basis),
+        *_lengths(at, basis),
+        *_twist(active, at, basis),
+    ]
     return [motion for motion in found if np.abs(motion.columns * basis.sigma).max(initial=0.0) > SMALLEST]
 
 
@@ -64,7 +69,7 @@ def _travel(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
     return [Motion(f"travel of {site}", "rad" if turns else "m", columns, one.displacement(at)[:, :, 0])]
 
 
-def _seats(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+def _carrier_joints(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
     """Shifts of a cart along and across its track, and its turns."""
     if basis.carrier_joints is None or active.site not in at.robot.sites:
         return []
@@ -116,10 +121,10 @@ def _twist(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
 
 
 def _tcp(at: Situation, rods: npt.NDArray[np.intp], moved: Floats) -> Floats:
-    """(N, 6) motion of the TCP by a motion (N, len(rods), 3) of some rods' seats."""
-    seat = np.zeros((len(at), len(at.robot.rods), 3, 1))
-    seat[:, rods] = moved[..., None]
-    return Basis(np.ones(1), carrier_joints=seat).displacement(at)[:, :, 0]
+    """(N, 6) motion of the TCP by a motion (N, len(rods), 3) of the carrier joints of some rods."""
+    joint = np.zeros((len(at), len(at.robot.rods), 3, 1))
+    joint[:, rods] = moved[..., None]
+    return Basis(np.ones(1), carrier_joints=joint).displacement(at)[:, :, 0]
 
 
 def _towards(direction: Floats) -> str:

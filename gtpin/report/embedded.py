@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FEW = 8
 """Entries up to which a list is written where it is used."""
 SHORT = 25
-"""Letters up to which settings are."""
+"""Length, in characters, up to which settings are written where they are used."""
 
 
 @dataclass(frozen=True)
@@ -40,19 +40,19 @@ class Plot:
     Parameters
     ----------
     name
-        By which the page knows it.
+        Name of the plot in the page.
     title
-        Read to those who can't see it.
+        Title, also read by screen readers.
     draw
         Makes the figure; called with one option of each choice in ``follows``, by the choices' names.
     follows
         Choices of the reader that the figure depends on.
     caption
-        Below it.
+        Text below the figure.
     height
         In pixels; the width is the page's.
     whole
-        Whether it takes a row of its own among others.
+        Whether it takes a whole row.
     """
 
     name: str
@@ -157,7 +157,7 @@ def _look(trace: Mapping[str, Any]) -> tuple[str, str, str] | None:
 
 
 def script(content: Mapping[str, Any]) -> Markup:
-    """JSON so written that no text in it can end the script that holds it."""
+    """JSON in which no text can end the script element that contains it."""
     text = json.dumps(plain(content), allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
@@ -178,5 +178,5 @@ def plain(value: Any) -> Any:
 
 
 def escaped(text: str) -> str:
-    """Text as plots show it: they read a little HTML."""
+    """Text escaped for plots, which interpret some HTML."""
     return str(Markup.escape(text))

@@ -1,4 +1,4 @@
-"""Candidates by their evidence, classes that can't be told apart, and what could not be tested."""
+"""Candidates by their evidence, classes of causes that can't be distinguished, and untestable effects."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from gtpin.report.reasons import reason_words
 from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
 
 SHOWN = 12
-"""Candidates whose bars are drawn; the others are in a table."""
+"""Number of candidates with a bar; the others are in a table."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar: name, share of the longest, value in words, and whether it stands for a cause."""
+    """A bar: name, length relative to the longest, value as text, and whether it is a named cause."""
 
     name: str
     share: float
@@ -32,7 +32,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class NamedCause:
-    """A cause as the page shows it."""
+    """A named cause as it is shown on the page."""
 
     key: str
     words: str
@@ -48,7 +48,7 @@ class NamedCause:
 
 
 def evidence_bars(d: Diagnosis) -> tuple[list[Bar], Table]:
-    """Gains in log evidence of each candidate alone beside geometry: bars of the largest, and a table of the others."""
+    """Gain in log evidence of geometry with each single candidate over geometry alone: bars and a table."""
     named = {(c.effect, c.site) for c in d.causes}
     tested = sorted((c for c in d.candidates if c.testable), key=lambda c: -c.log_evidence)
     top = max([c.log_evidence for c in tested], default=0.0)
@@ -71,22 +71,22 @@ def named_causes(d: Diagnosis, reach: Mapping[tuple[str, str], str]) -> list[Nam
     Parameters
     ----------
     reach
-        How much each moves, in words, by effect and site.
+        Size of each effect as text, by effect and site.
     """
-    told = d.gap.before > d.gap.floor
+    estimable = d.gap.before > d.gap.floor
     return [
-        _named(f"cause-{k + 1}", c, d.effect(c.effect), reach.get((c.effect, c.site), ""), told)
+        _named(f"cause-{k + 1}", c, d.effect(c.effect), reach.get((c.effect, c.site), ""), estimable)
         for k, c in enumerate(d.causes)
     ]
 
 
-def _named(key: str, c: Cause, effect: Effect, reach: str, told: bool) -> NamedCause:
+def _named(key: str, c: Cause, effect: Effect, reach: str, estimable: bool) -> NamedCause:
     rows = [[name.replace("_", " "), quantity(e.value, e.unit, e.sigma)] for name, e in c.parameters.items()]
     members = tuple(
         Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == (c.effect, c.site)) for m in c.members
     )
     words = sentence(clause(effect, c.site))
-    shrinkage = percent(c.shrinkage) if told else "can't be told"
+    shrinkage = percent(c.shrinkage) if estimable else "not estimable"
     return NamedCause(
         key,
         words,
@@ -103,7 +103,7 @@ def _named(key: str, c: Cause, effect: Effect, reach: str, told: bool) -> NamedC
 
 
 def _nonlinear(c: Cause, effect: Effect) -> str:
-    """What is not linear in a cause, its period or place, in words; its parameters begin with it."""
+    """The nonlinear parameter of a cause, such as a period, as text; it is the first of the parameters."""
     if not effect.has_nonlinear:
         return ""
     name, setting = next(iter(c.parameters.items()))
@@ -111,7 +111,7 @@ def _nonlinear(c: Cause, effect: Effect) -> str:
 
 
 def untestable(candidates: Sequence[Considered]) -> Table:
-    """What could not be tested, by its reason."""
+    """Effects that could not be tested, with the reason."""
     reasons: dict[tuple[str, str], list[str]] = {}
     for c in candidates:
         if not c.testable:
@@ -122,7 +122,7 @@ def untestable(candidates: Sequence[Considered]) -> Table:
 
 
 def testable_count(d: Diagnosis) -> str:
-    """How many candidates were tried."""
+    """Number of tested candidates."""
     return counted(sum(c.testable for c in d.candidates), "candidate")
 
 

@@ -1,4 +1,4 @@
-"""What to measure next, as the page shows it."""
+"""Proposed measurements as they are shown on the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gtpin.report.words import covariate_unit, whole, with_unit
 
 @dataclass(frozen=True)
 class Step:
-    """A proposed measurement: what to do, what it is worth, the commands, and the file that has them too."""
+    """A proposed measurement: what to do, its expected gain, the commands, and the file with these commands."""
 
     measure: str
     worth: str
@@ -26,11 +26,11 @@ class Step:
 
 FOLDER = "next_experiment"
 NEARLY = 0.9
-"""Share of a plan's gain from which random poses do as well."""
+"""Fraction of a plan's gain from which random poses count as equally good."""
 
 
 def experiments(d: Diagnosis) -> list[Step]:
-    """Everything that is worth measuring next, the most telling first."""
+    """Proposed measurements, the most informative first."""
     return [_step(e, experiment_file(i)) for i, e in enumerate(d.next_experiment)]
 
 
@@ -40,9 +40,10 @@ def experiment_file(number: int) -> str:
 
 
 def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
-    """Write each experiment's commands as a table that ``predict`` reads too: with what to set, and all else as usual.
+    """Write each experiment's commands as a table that ``predict`` reads too: with the conditions to set, and usual values for
+    all other covariates.
 
-    The folder is there even where nothing is in it, so that it takes the place of an older one.
+    The folder is made even if it is empty, so that it replaces an older one.
     """
     (folder / FOLDER).mkdir()
     for i, experiment in enumerate(d.next_experiment):
@@ -54,12 +55,12 @@ def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
 
 
 def confirmation(d: Diagnosis) -> str:
-    """How to see that the causes were the right ones; empty where none is named for sure."""
+    """How to confirm the causes; empty if none is certain."""
     if d.verdict != "explained":
         return ""
     return (
-        "To confirm it: take the cause away on the machine, or load the corrections, measure as many poses of the same kind "
-        "again, and diagnose those: nothing but noise should be left."
+        "To confirm it: remove the cause on the machine, or load the corrections. Then measure as many poses of the same kind "
+        "again and diagnose them: only noise should remain."
     )
 
 
@@ -80,8 +81,8 @@ def _worth(expected: float | None, random: float | None) -> str:
     if random is None:
         return f"{gain}."
     if random >= NEARLY * expected:
-        return f"{gain}. Other poses would do as well ({random:.1f}): what counts is what is set beside the commands."
-    return f"{gain}, where as many random poses bring {random:.1f}."
+        return f"{gain}. Other poses are as good ({random:.1f}): the conditions that are set matter, not the poses."
+    return f"{gain}, compared with {random:.1f} for as many random poses."
 
 
 def _cell(value: float | str) -> str:

@@ -26,11 +26,11 @@ LOOK: Mapping[str, Any] = {
     "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
     "margin": {"l": 58, "r": 12, "t": 36, "b": 46},
 }
-"""Layout that all figures share, as plotly's template: a page sets it itself, in its own colours."""
+"""Layout of all figures, as plotly's template; a page sets it in its own colours."""
 
 
 def has_plotly() -> bool:
-    """Whether figures can be made."""
+    """Whether plotly is installed."""
     return find_spec("plotly") is not None
 
 
@@ -50,7 +50,7 @@ def figure(traces: Sequence[Mapping[str, Any]], layout: Mapping[str, Any] | None
 
 
 def alone(made: Figure, title: str) -> Figure:
-    """A figure as it is shown where no page gives it its look and says what it shows."""
+    """A figure for use outside a page, with its own layout and title."""
     made.update_layout(template={"layout": LOOK}, margin={"t": 80})
     made.update_layout(title={"text": title, "font": {"size": 14}, "x": 0, "xref": "paper"})
     return made

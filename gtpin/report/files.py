@@ -15,13 +15,13 @@ from gtpin.report.experiments import FOLDER, write_experiments
 from gtpin.threads import in_one_thread
 
 CALIBRATION = ("calibration.json", "report.html", "report.txt", "model")
-"""What a calibration's folder may consist of."""
+"""Names of the files of a calibration's folder."""
 DIAGNOSIS = ("baseline", "model", "diagnosis.json", "report.html", FOLDER)
-"""What a diagnosis's folder may consist of."""
+"""Names of the files of a diagnosis's folder."""
 
 
 def write_calibration(calibration: Calibration, folder: Path) -> dict[str, object]:
-    """Write ``model/``, ``calibration.json``, ``report.txt`` and ``report.html``; give what ``calibration.json`` holds."""
+    """Write ``model/``, ``calibration.json``, ``report.txt`` and ``report.html``; return the content of the JSON."""
     result = calibration.to_json()
     write_model(calibration.model, folder / "model")
     (folder / "calibration.json").write_text(json_text(result), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What the causes make of residuals along a column: a fine line, with everything else at its middle."""
+"""The causes' prediction of residuals along a column, with all other coordinates held constant."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from gtpin.report.residuals import Residuals, fine
 Floats = npt.NDArray[np.float64]
 
 LEVELS = 4
-"""Values up to which something that a cause goes with too has a line for each of them."""
-GOES = 0.5
-"""Share of the power of a column's causes that its line must have: what goes more with other things is not seen along it."""
+"""Largest number of values of a second coordinate for which one line per value is drawn."""
+LINE_SHARE = 0.5
+"""Smallest fraction of the causes' power that the line must explain; otherwise they depend more on other coordinates."""
 
 
 @dataclass(frozen=True)
 class Along:
-    """What the causes make of residuals along a column, finely, with everything else at its middle.
+    """The causes' prediction of residuals on a fine grid along a column, with all other coordinates held constant.
 
     Parameters
     ----------
     x
-        (m,) values of the column; NaN parts one line from the next.
+        (m,) values of the column; NaN between two lines.
     fit
-        By component, (m,): what the causes of this column add, less a straight line, which geometry takes of them.
+        By component, (m,): the causes' contribution without a straight line, which geometry absorbs.
     """
 
     x: Floats
@@ -37,9 +37,9 @@ class Along:
 
 
 def fit_along(residuals: Residuals, name: str) -> Along | None:
-    """The causes' line along a column of numbers; None where no cause goes with it, or goes more with something else.
+    """The causes' line along a numeric column; None if no cause depends on it, or depends more on another coordinate.
 
-    Where they go with something of few values too, a direction of approach, there is a line for each of these.
+    If they also depend on a coordinate with few values, such as a direction of approach, there is one line for each value.
     """
     model, column = residuals.model, residuals.column(name)
     own = tuple(e for e in model.effects if name in e.effect.coordinates(model.robot, e.site))
@@ -55,7 +55,7 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
     for (_, rows), line in zip(levels, made, strict=True):
         seen[rows] = np.stack([np.interp(data[rows], grid, part) for part in line.T], axis=1)
     power, missed = (float((np.var(part, axis=0) / residuals.sigma**2).sum()) for part in (there, there - seen))
-    if not missed <= (1.0 - GOES) * power:  # false too where the line leaves what the robot can reach
+    if not missed <= (1.0 - LINE_SHARE) * power:  # also false if the line has poses that the robot can't reach
         return None
     moved = [model.kinematics.command_jacobian(q, model.kinematics.forward(q)) for q, _ in middles]
     gap, fit = [np.nan], {}
@@ -71,7 +71,7 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
 
 
 def _made(residuals: Residuals, own: tuple[ActiveEffect, ...], q: Floats, known: Mapping[str, Column]) -> Floats:
-    """(N, c) what some effects alone make of poses."""
+    """(N, c) displacement of the poses by some effects alone."""
     with_them, plain = (replace(residuals.model, effects=effects) for effects in (own, ()))
     return with_them.predict(q, known).minus(plain.predict(q))[:, : residuals.components]
 
@@ -79,7 +79,7 @@ def _made(residuals: Residuals, own: tuple[ActiveEffect, ...], q: Floats, known:
 def _levels(
     residuals: Residuals, own: Sequence[ActiveEffect], name: str
 ) -> list[tuple[dict[str, object], npt.NDArray[np.bool_]]]:
-    """Values of the first other thing that causes go with, where they are few, and the poses of each."""
+    """Values of the first other coordinate on which causes depend, if they are few, and the poses of each value."""
     others = [other for e in own for other in e.effect.coordinates(residuals.model.robot, e.site) if other != name]
     for other in others:
         values = residuals.column(other)

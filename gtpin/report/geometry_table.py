@@ -8,23 +8,23 @@ from gtpin.report.page import Table
 from gtpin.report.words import quantity, whole
 
 MOVED = 8
-"""Parameters that moved most, which are shown first."""
+"""Number of parameters with the largest changes, which are shown first."""
 
 
 def geometry_tables(calibration: Calibration, model: Model | None = None) -> tuple[Table, Table]:
-    """The parameters that moved most, in tolerances, and all of them.
+    """The parameters with the largest changes in tolerances, and all parameters.
 
     Parameters
     ----------
     model
-        Geometry identified together with causes, shown beside the geometry alone.
+        Geometry identified together with causes, shown in addition to the geometry alone.
     """
     geometry = calibration.model.geometry
-    head = ["parameter", "nominal", "identified − nominal", "in tolerances", "learned"]
+    head = ["parameter", "nominal", "identified − nominal", "in tolerances", "variance reduction"]
     if model is not None:
         head.append("with the causes − nominal")
     rows = []
-    for p, value, sigma, learned in zip(
+    for p, value, sigma, reduction in zip(
         geometry.parameters, calibration.values, calibration.sigma, calibration.learned, strict=True
     ):
         moved = float(value - p.nominal)
@@ -33,7 +33,7 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
             whole(f"{p.nominal:.6f} {p.unit}"),
             quantity(moved, p.unit, float(sigma)),
             whole(f"{moved / p.tolerance:+.1f}"),
-            f"{100.0 * learned:.0f} %",
+            f"{100.0 * reduction:.0f} %",
         ]
         if model is not None:
             row.append(quantity(model.geometry[p.name] - p.nominal, p.unit))

@@ -25,16 +25,16 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scale:
-    """What the maps of a dataset share, whichever layer they show.
+    """Common scales of all maps of a dataset.
 
     Parameters
     ----------
     factor, unit
         From m to the unit of the colours.
     top
-        Length, in that unit, from which colours do not change.
+        Length, in that unit, at the end of the colour scale.
     magnified
-        How many times longer than they are the residuals are drawn.
+        Magnification of the drawn residuals.
     """
 
     factor: float
@@ -44,7 +44,7 @@ class Scale:
 
     @staticmethod
     def of(residuals: Residuals) -> Scale:
-        """Of the residuals that geometry alone leaves."""
+        """Scales for the residuals of geometry alone."""
         rows = shown(len(residuals))
         length = np.linalg.norm(residuals.before[rows, :3], axis=1)
         factor, unit = scale_of(length, "m")
@@ -54,7 +54,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Maps:
-    """Maps seen along each axis, and what the page says of them: top of the colours, its unit, magnification."""
+    """Maps along each axis, with the end of the colour scale, its unit, and the magnification."""
 
     plots: tuple[Plot, ...]
     top: str
@@ -63,7 +63,7 @@ class Maps:
 
 
 def maps(residuals: Residuals, layers: Choice) -> Maps:
-    """Map what is left before and after the causes."""
+    """Map the residuals without and with the causes."""
     scale = Scale.of(residuals)
 
     def plot(view: str) -> Plot:
@@ -76,14 +76,14 @@ def maps(residuals: Residuals, layers: Choice) -> Maps:
 
 
 def residual_map(residuals: Residuals, view: str = "xy", *, after: bool = False) -> Figure:
-    """Position residuals over the workspace, base frame: colours tell their lengths, lines their directions.
+    """Position residuals over the workspace, base frame: colours show their lengths, lines their directions.
 
     Parameters
     ----------
     view
         The two axes to see: ``xy``, ``xz`` or ``yz``.
     after
-        Show what is left with the causes, instead of what geometry alone leaves.
+        Show the residuals of geometry with the causes, instead of geometry alone.
     """
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")

@@ -1,4 +1,4 @@
-"""What an effect is and what its parameters mean, in the words of its own class."""
+"""The meaning of an effect and its parameters, from the docstring of its class."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gtpin.effects.effect import Effect
 
 
 def meaning(effect: Effect) -> tuple[Markup, ...]:
-    """Equation, signs and parameters of an effect, a paragraph each; empty for one that says nothing of itself.
+    """Equation, signs and parameters of an effect, a paragraph each; empty without a docstring.
 
-    What its class's description says of typical sizes is left out: the data have told the size.
+    Paragraphs on typical sizes are omitted, because the data have determined the size.
     """
     text = inspect.cleandoc(type(effect).__dict__.get("__doc__") or "")
     paragraphs = [" ".join(part.split()) for part in text.split("\n\n")]
@@ -21,7 +21,7 @@ def meaning(effect: Effect) -> tuple[Markup, ...]:
 
 
 def _marked(text: str) -> Markup:
-    """A paragraph with its names set as code, and references to classes as their last word."""
+    """A paragraph with its names set as code, and references to classes as the class name."""
     plain = re.sub(r":\w+:`~?(?:[\w.]+\.)?(\w+)`", r"``\1``", text)
     parts = plain.split("``")
     return Markup("").join(

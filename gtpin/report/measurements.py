@@ -1,4 +1,4 @@
-"""What to measure next, in a sentence or two."""
+"""The next measurement in one or two sentences."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gtpin.robot.robot import Robot
 
 
 def measure_words(e: Experiment) -> str:
-    """What to do, and what for."""
+    """What to measure, and for what purpose."""
     robot = e.robot
     if e.visits is not None:
-        where = f"what is not known at {e.visits.site} goes with {e.visits.coordinates}"
+        where = f"the unknown effect at {e.visits.site} depends on {e.visits.coordinates}"
         return f"{_visits(e, e.visits, robot)}: {where}."
     if e.lacking is not None:
         return _testable(e, e.lacking, robot)
@@ -26,15 +26,15 @@ def measure_words(e: Experiment) -> str:
 
 
 def _apart(e: Experiment, robot: Robot) -> str:
-    """How to tell effects apart."""
+    """How to distinguish effects."""
     first, *others = e.separates
-    told = f"{first} from {joined(others or ['no effect'])}"
+    pair = f"{first} from {joined(others or ['no effect'])}"
     if not len(e.poses):
-        return f"No poses within reach tell {told}: {_watch(e.watch, robot)}."
-    words = f"Measure these {len(e.poses)} poses to tell {told}{_settings(e, robot)}."
+        return f"No reachable poses distinguish {pair}: {_watch(e.watch, robot)}."
+    words = f"Measure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}."
     if e.rounds is not None:
         instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
-        words += f" It takes about {e.rounds} such rounds{instead}."
+        words += f" About {e.rounds} such measurements are needed{instead}."
     return words
 
 
@@ -46,12 +46,12 @@ def _testable(e: Experiment, lacking: Lacking, robot: Robot) -> str:
     effects = joined([f"{effect} ({', '.join(names)})" for effect, names in sites.items()])
     if not len(e.poses):
         reason = reason_words(lacking.reason, e.effects[0][1])
-        return f"No poses within reach reveal {effects}, because {reason}: {_watch(e.watch, robot)}."
-    return f"{_remedy(lacking)}{len(e.poses)} poses reveal {effects}{_settings(e, robot)}."
+        return f"No reachable poses make {effects} testable, because {reason}: {_watch(e.watch, robot)}."
+    return f"{_remedy(lacking)}{len(e.poses)} poses make {effects} testable{_settings(e, robot)}."
 
 
 def _remedy(lacking: Lacking) -> str:
-    """What is to be done differently from the measurements so far, as the beginning of a sentence."""
+    """What must differ from the measurements so far, as the beginning of a sentence."""
     if not lacking.covariates:
         return "These "
     if lacking.covariates == ("session",):
@@ -63,55 +63,57 @@ def _remedy(lacking: Lacking) -> str:
 
 
 def _watch(sites: Sequence[str], robot: Robot) -> str:
-    """How some sites are measured by themselves."""
+    """How some sites are measured separately."""
     carts = [site for site in dict.fromkeys(sites) if site in robot.sites]
     links = [site for site in sites if site == "arm" or site in set(robot.rod_sites) - set(robot.sites)]
     words = []
     if carts:
-        words.append(f"watch {joined(carts)} by {'targets of their own' if len(carts) > 1 else 'a target of its own'}")
+        words.append(
+            f"measure {joined(carts)} directly by {'separate targets' if len(carts) > 1 else 'a separate target'}"
+        )
     if links:
-        words.append("watch the length of the links by targets at both of their ends")
+        words.append("measure the length of the links by targets at both ends")
     if "frame" in sites:
-        words.append("watch targets that stand still beside the robot")
+        words.append("measure fixed targets next to the robot")
     if "platform" in sites:
-        words.append("measure by itself where the target sits on the platform")
+        words.append("measure separately where the target is on the platform")
     return joined(words)
 
 
 def _visits(e: Experiment, visits: Visits, robot: Robot) -> str:
-    """What is visited to see how an unknown effect depends on its coordinates."""
+    """Visits that show how an unknown effect depends on its coordinates."""
     if visits.pattern == "spread":
-        return f"Visit {len(e.poses)} poses all over the workspace, at rest and unchanged in all else"
+        return f"Visit {len(e.poses)} poses all over the workspace, at rest, with all other conditions unchanged"
     if visits.pattern == "net":
-        return f"Move {joined(list(visits.actuators))} alone, over a net of {len(e.poses)} poses"
+        return f"Move {joined(list(visits.actuators))} alone, over a grid of {len(e.poses)} poses"
     if visits.pattern == "line":
         (site,), there = visits.actuators, e.poses[: len(e.poses) // 2]
         first, last = there[[0, -1], robot.sites.index(site)]
-        return f"Move {site} alone, in {len(there)} even steps from {first:.3f} to {last:.3f}, and back"
-    return f"Visit the same {visits.stations} poses {_rounds(visits, robot)}"
+        return f"Move {site} alone, in {len(there)} equal steps from {first:.3f} to {last:.3f}, and back"
+    return f"Visit the same {visits.stations} poses {_repeated(visits, robot)}"
 
 
-def _rounds(visits: Visits, robot: Robot) -> str:
-    """Under what the same poses are visited again and again."""
-    what, rounds = kind(visits.varied[0]), len(visits.levels)
+def _repeated(visits: Visits, robot: Robot) -> str:
+    """The conditions under which the same poses are visited repeatedly."""
+    what, times = kind(visits.varied[0]), len(visits.levels)
     if what == "session":
-        return f"in {rounds} sessions"
+        return f"in {times} sessions"
     levels = np.asarray(visits.levels, dtype=float)
     if what == "time":
-        return f"{rounds} times, every {np.ptp(levels) / 60.0 / (rounds - 1):.0f} minutes"
+        return f"{times} times, every {np.ptp(levels) / 60.0 / (times - 1):.0f} minutes"
     if what == "temperature":
-        return f"{rounds} times while the machine warms up"
+        return f"{times} times while the machine warms up"
     if what == "approach":
-        return f"{rounds} times, {_moved(visits.varied, robot)} moving up and down by turns"
+        return f"{times} times, {_moved(visits.varied, robot)} moving up and down alternately"
     if what == "speed":
         moved, fastest = _moved(visits.varied, robot), np.abs(levels).max()
-        return f"{rounds} times, {moved} passing both ways at half and at all of {fastest:.2g} per second"
+        return f"{times} times, {moved} passing both ways at half and at all of {fastest:.2g} per second"
     named = "a payload" if what == "payload" else visits.varied[0]
-    return f"{rounds} times with {named} of {joined([f'{level:.3g}' for level in levels])}"
+    return f"{times} times with {named} of {joined([f'{level:.3g}' for level in levels])}"
 
 
 def _settings(e: Experiment, robot: Robot) -> str:
-    """What to set in addition to the commands, as the end of a sentence; empty where nothing is to be set."""
+    """Conditions to set in addition to the commands, as the end of a sentence; can be empty."""
     kinds: dict[str, dict[str, Column]] = {}
     for name, values in e.covariates.items():
         kinds.setdefault(kind(name), {})[name] = values
@@ -121,7 +123,7 @@ def _settings(e: Experiment, robot: Robot) -> str:
 def _setting(what: str, covariates: Mapping[str, Column], robot: Robot, reference: float) -> str:
     """Covariates of one kind."""
     if what == "session":
-        return "in a session of their own"
+        return "in a separate session"
     values = np.stack([np.asarray(v, dtype=float) for v in covariates.values()], axis=1)
     if what == "time":
         return f"spread over {np.ptp(values) / 3600.0:.1g} hours"
@@ -135,7 +137,7 @@ def _setting(what: str, covariates: Mapping[str, Column], robot: Robot, referenc
         size = np.linalg.norm(values, axis=1)
         return (
             f"push on the tool with up to {size.max():.0f} N at {np.count_nonzero(size)} of them, along the base frame's axes "
-            "as listed, and never harder than the machine is rated for"
+            "as listed, and never with more force than the machine's rated load"
         )
     if what == "temperature":
         cold = int((values[:, 0] == reference).sum())

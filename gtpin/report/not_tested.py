@@ -1,4 +1,4 @@
-"""What these data could not test, where it matters for the verdict."""
+"""Untestable effects that matter for the verdict."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from gtpin.report.reasons import reason_words
 from gtpin.report.words import joined, site_words
 
 LISTED = 3
-"""Effects that could be the unknown, of which the best are listed."""
+"""Number of listed effects that could be the unknown cause."""
 
 
 def may_hide(d: Diagnosis) -> list[str]:
-    """What comes and goes between visits, and could not be tested for lack of a covariate, where visits scatter."""
+    """Effects that vary between visits and could not be tested because a covariate is missing, if visits scatter."""
     if d.verdict != "none" or not scatters(d.baseline):
         return []
     lacking = [c for c in d.candidates if d.effect(c.effect).between_visits and _is_missing(c)]
@@ -33,7 +33,7 @@ def may_hide(d: Diagnosis) -> list[str]:
 
 
 def not_recorded(d: Diagnosis) -> list[str]:
-    """What members of a class can't be ruled out for lack of a covariate, and how to mend that."""
+    """Members of a class that can't be ruled out because a covariate is missing, and how to change that."""
     lacking = dict.fromkeys(
         (m.effect, m.site) for c in sure_and_doubtful(d.causes)[1] for m in c.members if not m.recorded
     )
@@ -45,15 +45,15 @@ def not_recorded(d: Diagnosis) -> list[str]:
 
 
 def could_be(d: Diagnosis) -> list[str]:
-    """What these data can't tell, for lack of a covariate, but would account for the unknown."""
+    """Effects that would explain the unknown cause but are untestable because a covariate is missing."""
     return [
-        f"It could be {joined(_names(rows), 'or')}, which these data can't tell: {reason}."
+        f"It could be {joined(_names(rows), 'or')}, which these data can't test: {reason}."
         for reason, rows in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
     ]
 
 
 def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[Considered]]:
-    """Effects at their sites, by why these data can't tell, in words."""
+    """Effects at their sites, by the reason why they are untestable."""
     rows = {(c.effect, c.site): c for c in d.candidates if c.reason}
     found: dict[str, list[Considered]] = {}
     for effect in effects:
@@ -68,7 +68,7 @@ def _names(rows: Iterable[Considered]) -> list[str]:
 
 def _at_rest(rows: Iterable[Considered]) -> str:
     speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
-    return " (0 where the machine stood still)" if speeds else ""
+    return " (0 if the machine stood still)" if speeds else ""
 
 
 def _is_missing(c: Considered) -> bool:

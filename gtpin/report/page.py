@@ -1,4 +1,4 @@
-"""Pages: one self-contained HTML file each, from templates, with interactive plots where plotly is there."""
+"""Pages: one self-contained HTML file each, from templates, with interactive plots if plotly is installed."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def render(
     template
         A file in ``gtpin/report/templates``.
     title
-        Of the browser's tab.
+        Title in the browser's tab.
     contents
         (id, title) of the sections that the page links to at its top.
     plots
-        By the names that the template knows them by; none of them is drawn where plotly is not installed.
+        By their names in the template; none is drawn if plotly is not installed.
     provenance
-        Where the page's numbers come from.
+        Versions and digests of the data behind the page.
     content
-        What else the template knows. Text is escaped.
+        Other values for the template. Text is escaped.
     """
     library = plotly_js() if plots else None
     scripts = (library, _own_script()) if library else ()
@@ -82,7 +82,7 @@ def _embedded(shared: Shared, plots: Plot | Sequence[Plot]) -> Embedded | list[E
 
 
 def _hash(script: str) -> str:
-    """By which the page's security policy knows a script: none but the page's own may run in it."""
+    """Hashes of scripts for the page's security policy, which lets only these run."""
     return "'sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() + "'"
 
 

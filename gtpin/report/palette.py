@@ -24,7 +24,7 @@ LIGHT = {
     "high": "#b42319",
     "shade": "rgba(27, 31, 36, .28)",
 }
-"""By name, in CSS; no two alike, because a page finds a colour's name by its value. Figures are in these."""
+"""By name, in CSS, as used in figures. All values differ, because a page finds a colour's name by its value."""
 DARK = {
     "paper": "#14171b",
     "panel": "#1d2127",
@@ -52,11 +52,11 @@ INK, LINE, ZERO, DATA, FIT = (LIGHT[name] for name in ("ink", "line", "zero", "d
 ACCENT, GOOD, WARN, BAD, MYSTERY, SOFT = (LIGHT[n] for n in ("accent", "good", "warn", "bad", "mystery", "soft"))
 LOW, MID, HIGH = (LIGHT[name] for name in ("low", "mid", "high"))
 CURVES = ((FIT, LIGHT["band"]), (ACCENT, LIGHT["band2"]), (GOOD, LIGHT["band3"]))
-"""Of curves and their bands."""
+"""Colours of curves and their bands."""
 SCALE = [[0.0, LOW], [0.45, MID], [1.0, HIGH]]
-"""Of what is never negative."""
+"""Colour scale of values that are not negative."""
 DIVERGING = [[0.0, ACCENT], [0.5, LOW], [1.0, HIGH]]
-"""Of what has either sign."""
+"""Colour scale of values of either sign."""
 
 
 def name_of(color: str) -> str:

@@ -1,4 +1,4 @@
-"""What an effect does at a site, as a clause, and clauses as sentences."""
+"""Effects at sites as clauses, and clauses as sentences."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from gtpin.report.words import site_words
 
 
 def clause(effect: Effect, site: str) -> str:
-    """What an effect does at a site, in the words of its class: ``cart1 has backlash``; made from its title without such."""
+    """An effect at a site as a clause, from its class: ``cart1 has backlash``; from its title if it has no clause."""
     words = effect.plural_clause if site == "arm" and effect.plural_clause else effect.clause
     return (words or f"{effect.title} at {{site}}").replace("{site}", site_words(site))
 

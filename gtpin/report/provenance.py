@@ -19,7 +19,7 @@ PACKAGES = ("gtpin", "pin", "numpy", "scipy")
 def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -> Table:
     """Versions, seed and sha256 of the dataset's files and of the robot's URDF.
 
-    A dataset that was read from no files is told by the digests of those that `Dataset.write` makes of it: whoever has it
+    A dataset that was not read from files is identified by the digests of the files that `Dataset.write` makes: who has it
     as a folder can see that it is the same.
     """
     rows = [[name, version(name)] for name in PACKAGES]

@@ -1,4 +1,4 @@
-"""How good the data are: what was measured, how noisy, what varies, what was set aside."""
+"""Quality of the data: what was measured, noise, ranges, rejected poses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residu
 
 
 SCATTERS = 0.5
-"""Repeatability over the instrument's sigma from which it may well hide something."""
+"""Ratio of repeatability to the instrument's sigma above which it may contain an effect."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Quality:
 
 
 def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] | None = None) -> Quality:
-    """Judge a dataset by its calibration; ``aside`` are the lines of the rows set aside, the calibration's by default."""
+    """The quality of a dataset, from its calibration; ``aside`` are lines of rejected rows, the calibration's by default."""
     visits = len(np.unique(dataset.visits))
     repeats = len(dataset) - visits
     facts = [
@@ -39,7 +39,7 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] |
         + (
             f", {counted(repeats, 'repeated visit')}"
             if repeats
-            else ", none visited twice: repeatability can't be told from what geometry leaves out"
+            else ", none visited twice: repeatability can't be distinguished from errors of the geometry"
         )
         + ".",
         "Position and orientation were measured."
@@ -58,10 +58,9 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] |
 
 
 def _misspelt(dataset: Dataset) -> list[str]:
-    """Columns that no effect looks at, although they are named nearly like known ones."""
+    """Columns that no effect uses, with names similar to known ones."""
     return [
-        f"No effect looks at the column {name}: is {known} meant?"
-        for name, known in lookalikes(dataset.covariates).items()
+        f"No effect uses the column {name}: is {known} meant?" for name, known in lookalikes(dataset.covariates).items()
     ]
 
 
@@ -74,36 +73,36 @@ def _noise(c: Calibration) -> str:
         how = "from the residuals" if noise.source == "residuals" else "from repeated visits"
         text += f"; repeatability of each actuator, {how}: {length(noise.repeatability)}"
     if noise.lack > 0.0:
-        text += f"; what the model lacks along single drives, alike at neighbouring poses: {length(noise.lack)}"
+        text += f"; model error along single drives, correlated between neighbouring poses: {length(noise.lack)}"
     if np.isfinite(c.freedom):
         text += f"; its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)"
     return text + "."
 
 
 def scatters(c: Calibration) -> str:
-    """What a repeatability that is not small may hide; empty where it is small."""
+    """Warning that a large repeatability may contain effects; empty if it is small."""
     if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
         return ""
     return (
         f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator, which calibration counts as noise: "
-        "backlash and whatever else comes and goes between visits of one pose may hide in it. Diagnosis tells, where the "
-        "directions of approach and the speeds were recorded."
+        "backlash and other effects that vary between visits of one pose may be part of it. Diagnosis can test this if "
+        "directions of approach and speeds were recorded."
     )
 
 
 def cannot_judge(c: Calibration) -> str:
-    """Why chi-square does not judge the fit of the geometry; empty where it does."""
+    """Why chi-square can't judge the fit of the geometry; empty if it can."""
     if c.noise.source != "residuals":
         return ""
     position, orientation = c.noise.estimated
     if position != orientation and c.residual.shape[1] == 6:
         taken, other = ("position", "orientation") if position else ("orientation", "position")
         return (
-            f"the noise of {taken} was taken from these residuals, that of {other} was declared: above 1, what was declared "
-            "is exceeded"
+            f"the noise of {taken} was taken from these residuals, that of {other} was declared: above 1, residuals are "
+            "larger than the declared noise"
         )
     if np.isfinite(c.freedom):
-        return "the noise was taken from these residuals, and far poses count in full here: this can't judge the fit"
+        return "the noise was taken from these residuals, and outliers have full weight here: this can't judge the fit"
     return "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
 
 
@@ -113,7 +112,7 @@ def _fit(c: Calibration) -> str:
     spread = np.sqrt(2.0 / c.dof)
     return (
         f"Chi-square of geometry alone is {c.chi2_per_dof:.2f} per degree of freedom; {1.0 - 2.0 * spread:.2f} to "
-        f"{1.0 + 2.0 * spread:.2f} is usual where nothing is left out."
+        f"{1.0 + 2.0 * spread:.2f} is usual for a complete model."
     )
 
 
@@ -137,7 +136,7 @@ def _range(name: str, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]])
 
 
 def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Table:
-    """The rows that were set aside, by how far they lie from the calibrated geometry."""
+    """The rows that were set aside, by their distance from the calibrated geometry."""
     rows = np.flatnonzero(np.isin(dataset.row, list(aside)))
     head = ("pose", "line", "off by")
     if not len(rows):

@@ -17,5 +17,5 @@ WORDS = {
 
 
 def reason_words(reason: Untestable | None, site: str) -> str:
-    """Why an effect at a site can't be tested, as part of a sentence; empty where it can."""
+    """Why an effect at a site can't be tested, as part of a sentence; empty if it can be tested."""
     return WORDS[reason.kind].format(covariate=reason.covariate, site=site, words=reason.words) if reason else ""

@@ -1,4 +1,4 @@
-"""Figures of residuals against each command and covariate, with what the causes make of them on top."""
+"""Figures of residuals against each command and covariate, with the causes' prediction."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST = 1500
 POINTS = {"size": 4.5, "opacity": 0.6}
 LAYERS = Choice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
 ONE_LAYER = Choice("layer", "Left by", LAYERS.options[:1])
-"""Where there are no causes."""
+"""Layers if there are no causes."""
 
 
 def shown(count: int) -> npt.NDArray[np.intp]:
@@ -33,7 +33,7 @@ def shown(count: int) -> npt.NDArray[np.intp]:
 
 
 def selection(residuals: Residuals) -> str:
-    """How many of the poses the plots show, where that is not all."""
+    """How many poses the plots show, if not all."""
     drawn = len(shown(len(residuals)))
     if drawn == residuals.used:
         return ""
@@ -51,11 +51,11 @@ def residual_figure(
     against
         A command (``q1``) or covariate.
     component
-        Along what they are seen: ``x``, ``rx``, ``cart2``, ...
+        Component: ``x``, ``rx``, ``cart2``, ...
     causes
-        Whether to draw what the causes make of them.
+        Whether to draw the causes' prediction.
     after
-        Show what is left with the causes, instead of what geometry alone leaves.
+        Show the residuals of geometry with the causes, instead of geometry alone.
     """
     made = _figure(residuals, column(residuals, against, causes), view(residuals, component), causes, after)
     made.update_layout(showlegend=True)
@@ -66,7 +66,7 @@ def components(residuals: Residuals, first: str) -> tuple[dict[str, View], Choic
     """Views of the residuals along every component, and the choice between them."""
     views = {name: view(residuals, name) for name in residuals.component_names}
     options = sorted(((name, one.title) for name, one in views.items()), key=lambda option: option[0] != first)
-    return views, Choice("component", "Seen along", tuple(options))
+    return views, Choice("component", "Component", tuple(options))
 
 
 def against_columns(
@@ -77,11 +77,11 @@ def against_columns(
     Parameters
     ----------
     share
-        How telling each column is.
+        Strength of the correlation with each column, by name.
     views
         By component.
     follows
-        The choices of component and layer; of two layers, the first has what the causes make of it on top.
+        The choices of component and layer; of two layers, the first also shows the causes' prediction.
     """
     causes = len(follows[1].options) > 1
 
@@ -102,8 +102,8 @@ def against_columns(
 
 
 def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: Choice) -> Plot:
-    """What is left over two commands together, in colour: for what depends on both at once."""
-    return Plot("left", f"What is left over {a} and {b}", partial(_over_two, residuals, a, b, views), (component,))
+    """Residuals over two commands, in colour, for a dependence on both."""
+    return Plot("left", f"Residuals over {a} and {b}", partial(_over_two, residuals, a, b, views), (component,))
 
 
 def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: str) -> Figure:
@@ -138,12 +138,12 @@ def _figure(residuals: Residuals, against: Column, seen: View, causes: bool, aft
         axis |= {"categoryorder": "array", "categoryarray": list(against.order)}
     else:
         traces = _dots(residuals, against, left[rows], made)
-        if against.line is not None and not after:  # in place of the means, which would smooth a short period away
+        if against.line is not None and not after:  # instead of means, which would remove a short period
             traces.append(_cause_line(against, seen))
         else:
             traces.append(_means(against, left))
         axis = {"hoverformat": ".4g"}
-    # Numbers are told in the axes' formats: unlike those of a hover template, they have a true minus sign.
+    # Hover numbers use the axes' formats: unlike those of a hover template, they have a true minus sign.
     layout = {
         "xaxis": {"title": {"text": against.title}} | axis,
         "yaxis": {"title": {"text": seen.title}, "hoverformat": ".3g"},
@@ -155,21 +155,21 @@ def _figure(residuals: Residuals, against: Column, seen: View, causes: bool, aft
 
 
 def _dots(residuals: Residuals, against: Column, left: npt.ArrayLike, made: npt.ArrayLike | None) -> list[Any]:
-    told: dict[str, Any] = {"type": "scatter", "mode": "markers", "text": pose_names(residuals)}
-    told["x"] = against.values[shown(len(residuals))]
-    told["hovertemplate"] = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
-    traces = [told | {"y": left, "name": "residual", "marker": POINTS | {"color": DATA}}]
+    trace: dict[str, Any] = {"type": "scatter", "mode": "markers", "text": pose_names(residuals)}
+    trace["x"] = against.values[shown(len(residuals))]
+    trace["hovertemplate"] = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
+    traces = [trace | {"y": left, "name": "residual", "marker": POINTS | {"color": DATA}}]
     if made is not None:
-        traces.append(told | {"y": made, "name": "what the causes make of it", "marker": POINTS | {"color": FIT}})
+        traces.append(trace | {"y": made, "name": "predicted from the causes", "marker": POINTS | {"color": FIT}})
     return traces
 
 
 def _boxes(against: Column, rows: npt.NDArray[np.intp], left: npt.ArrayLike, made: npt.ArrayLike | None) -> list[Any]:
-    told: dict[str, Any] = {"x": against.values[rows], "type": "box", "boxpoints": False, "hoverinfo": "y"}
+    trace: dict[str, Any] = {"x": against.values[rows], "type": "box", "boxpoints": False, "hoverinfo": "y"}
     name = "residuals of one value: median, quartiles, ends"
-    traces = [told | {"y": left, "name": name, "marker": {"color": DATA}}]
+    traces = [trace | {"y": left, "name": name, "marker": {"color": DATA}}]
     if made is not None:
-        traces.append(told | {"y": made, "name": "what the causes make of them", "marker": {"color": FIT}})
+        traces.append(trace | {"y": made, "name": "predicted from the causes", "marker": {"color": FIT}})
     return traces
 
 
@@ -179,7 +179,7 @@ def _cause_line(against: Column, seen: View) -> dict[str, Any]:
         "type": "scatter",
         "mode": "lines",
         "hoverinfo": "skip",
-        "name": "the same along the column, all else at its middle",
+        "name": "the same along the column, all else constant",
         "x": against.line.x,
         "y": seen.factor * against.line.fit[seen.name],
         "line": {"color": FIT, "width": 1.4},

@@ -97,7 +97,7 @@ class Residuals:
         return self.model.kinematics.command_jacobian(self.dataset.q, self.poses)
 
     def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
-        """Commands and circumstances at the model's geometry, of a robot with rods."""
+        """Commands and measurement conditions at the model's geometry, of a robot with rods."""
         kinematics = self.model.kinematics
         assert isinstance(kinematics, RodKinematics)
         temperature = self.dataset.conditions.reference_temperature
@@ -124,7 +124,7 @@ class Residuals:
 
     @property
     def component_names(self) -> tuple[str, ...]:
-        """What residuals can be seen along."""
+        """Components of residuals."""
         return (*self.model.robot.sites, *AXES[: self.components])
 
     def unit(self, name: str) -> str:
@@ -161,10 +161,10 @@ class Residuals:
 
 
 def evenly(count: int, most: int) -> npt.NDArray[np.intp]:
-    """Which of ``count`` rows are taken where there are more than ``most``: one in so many."""
+    """Indices of at most ``most`` of ``count`` rows, evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))
 
 
 def fine(values: Floats, short: bool) -> Floats:
-    """(m,) values over the range of a column; so many where there may be a short period that none is missed."""
+    """(m,) values over the range of a column; ``short``: a finer grid, for short periods."""
     return np.linspace(values.min(), values.max(), FINEST if short else FINE)

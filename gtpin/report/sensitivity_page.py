@@ -1,4 +1,4 @@
-"""The page of an accuracy analysis: what error to expect where, and which parameter makes it."""
+"""The page of an accuracy analysis: expected errors over the workspace, and the influence of each parameter."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ MEANINGS = {
 
 
 def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
-    """The whole report of an accuracy analysis as one HTML file that needs nothing else.
+    """The whole report of an accuracy analysis as one self-contained HTML file.
 
     Parameters
     ----------
     seed
-        Of the analysis, for the record.
+        Seed of the analysis, to be recorded on the page.
     """
-    model, told = found.model, found.to_json()
+    model, values = found.model, found.to_json()
     quantities, plots = slices(found)
     machine = skeleton(model)
     return render(
@@ -51,24 +51,24 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
         plots={"maps": plots},
         provenance=provenance(None, model.robot, seed),
         robot=model.robot.name,
-        poses=told["poses"],
-        headline=_headline(told),
+        poses=values["poses"],
+        headline=_headline(values),
         advice=[_greatest(found)],
-        numbers=_numbers(told),
+        numbers=_numbers(values),
         sketch=sketch(machine, model.robot.rod_sites, {}, {}) if machine else None,
         quantities=quantities,
         table=step_table(found),
         shares=_shares(found),
         step=found.sensitivity.step,
-        dexterity=_dexterity(told["dexterity"]),
+        dexterity=_dexterity(values["dexterity"]),
         volume=f"{found.space.volume:.3g}",
     )
 
 
-def _headline(told: Mapping[str, Any]) -> str:
-    position = told["expected"]["position"]
+def _headline(values: Mapping[str, Any]) -> str:
+    position = values["expected"]["position"]
     mean = quantity(position["mean"], "m")
-    return f"Expect a position error of {mean} on average over the workspace, from {told['uncertainty']}."
+    return f"Expect a position error of {mean} on average over the workspace, from {values['uncertainty']}."
 
 
 def _greatest(found: Accuracy) -> str:
@@ -81,10 +81,10 @@ def _greatest(found: Accuracy) -> str:
     return f"{name} moves the TCP most: by {far} for a step of {by}, on average."
 
 
-def _numbers(told: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _numbers(values: Mapping[str, Any]) -> list[tuple[str, str]]:
     numbers = []
     for what, unit in (("position", "m"), ("orientation", "rad")):
-        error = told["expected"][what]
+        error = values["expected"][what]
         if error is None:
             continue
         numbers += [
@@ -105,14 +105,14 @@ def step_table(found: Accuracy) -> Table:
 
 
 def _shares(found: Accuracy) -> list[list[float]]:
-    """Each cell of the table over the largest."""
+    """Each cell of the table relative to the largest."""
     moved = np.nan_to_num(found.sensitivity.exact.position, nan=0.0)
     return [[0.0, *row] for row in (moved / max(float(moved.max()), 1e-300)).tolist()]
 
 
-def _dexterity(told: Mapping[str, Any]) -> Table:
+def _dexterity(values: Mapping[str, Any]) -> Table:
     rows = []
-    for name, measure in told.items():
+    for name, measure in values.items():
         title, unit = MEANINGS[name]
         parts = measure["median"] if isinstance(measure["median"], list) else None
         for k in range(len(parts)) if parts else (None,):

@@ -25,7 +25,7 @@ class Skeleton:
     tcp
         (3,) the TCP.
     tracks
-        By actuator: (2, 3) the ends of the way that its cart, in the middle of its joints, can go.
+        By actuator: (2, 3) end points of the path of its cart (the mean of its joints).
     carts
         By actuator that moves rods' ends: (3,) the middle of its joints.
     anchors
@@ -47,13 +47,13 @@ class Skeleton:
 
     @property
     def points(self) -> Floats:
-        """(m, 3) all of it."""
+        """(m, 3) all points."""
         ends = [*self.tracks.values(), *(a[None] for a in self.anchors.values())]
         return np.vstack([self.seats, self.joints, self.tcp[None], *ends])
 
 
 def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
-    """The skeleton at a command (n,), by default amid its range; None without rods, or where the robot can't go."""
+    """The skeleton at a command (n,), by default mid-range; None without rods, or if the pose can't be reached."""
     kinematics, robot = model.kinematics, model.robot
     if not isinstance(kinematics, RodKinematics):
         return None
@@ -92,7 +92,7 @@ def _middle(kinematics: RodKinematics) -> Floats:
 
 
 def _track(actuator: Actuator, q: float, middle: Floats) -> Floats:
-    """(2, 3) the ends of a cart's way, drawn straight."""
+    """(2, 3) end points of a cart's path, as a straight line."""
     ends = (
         (actuator.lower, actuator.upper) if np.isfinite([actuator.lower, actuator.upper]).all() else (q - 0.5, q + 0.5)
     )

@@ -15,9 +15,9 @@ from gtpin.report.words import percent, short, site_words
 Floats = npt.NDArray[np.float64]
 
 SHOWN = 0.05
-"""Share from which a part's share stands beside its name."""
+"""Smallest share that is written next to a part's name."""
 CORNERS = {"arm": 42.0, "frame": WIDTH - 42.0}
-"""Where sites stand that are no one part of the machine: all links together, and the instrument. Pixels from the left."""
+"""Positions of sites that are not one part of the machine (all links, the instrument), pixels from the left."""
 
 
 def sketch(
@@ -37,7 +37,7 @@ def sketch(
         Shares of the gap by site (carts, links, all links, platform, instrument), in which the parts are coloured; empty
         where there is no gap.
     rod_share
-        What of the gap lands on each rod. Told where the pointer rests on one, and no colour: it adds up to one by itself, so
+        Share of the gap by rod. Shown as a tooltip, not as a colour: these shares add up to one by themselves, so
         that a rod would look worse than the cart that moves it.
     causes
         Sites of the causes, which are ringed.
@@ -55,8 +55,8 @@ def sketch(
         _labels(machine, at, links, site_share, causes),
         _scale(top),
     ]
-    told = ", ".join(f"{_name(site)} {percent(share)}" for site, share in site_share.items() if share >= SHOWN)
-    name = f"The machine; shares of the gap: {told}" if told else "The machine"
+    shares = ", ".join(f"{_name(site)} {percent(share)}" for site, share in site_share.items() if share >= SHOWN)
+    name = f"The machine; shares of the gap: {shares}" if shares else "The machine"
     return Markup(
         f'<svg class="drawing" viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="{escape(name)}">'
         + "".join(parts)
@@ -70,7 +70,7 @@ def color(part: float) -> str:
 
 
 NONE = color(0.0)
-"""Of what has no share."""
+"""Colour of parts without a share."""
 
 
 def _name(site: str) -> str:
@@ -83,7 +83,7 @@ def _line(a: Floats, b: Floats, shade: str, width: float, extra: str = "") -> st
 
 
 def _base(machine: Skeleton, at: Camera) -> str:
-    """The outline of the joints that nothing moves."""
+    """The outline of the joints on the base."""
     carried = {i for site in machine.carts for i in machine.rods_of[site]}
     fixed = [i for i in range(len(machine.seats)) if i not in carried]
     if len(fixed) < 3:
@@ -190,7 +190,7 @@ def _scale(top: float) -> str:
 def _labels(
     machine: Skeleton, at: Camera, links: Sequence[str], share: Mapping[str, float], causes: Collection[str]
 ) -> str:
-    """Names of carts, platform, corners and rods; shares beside them where they are worth it."""
+    """Names of carts, platform, corners and rods; with shares that are large enough."""
     placed: list[tuple[float, float, str]] = []
     for site, middle in machine.carts.items():
         x, y = at(middle[None])[0]

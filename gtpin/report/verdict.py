@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis in a sentence that an engineer can act on."""
+"""The verdict of a diagnosis in sentences: what was found and what to do."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BADGES = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """The first words of the page: a badge with its colour, a headline, and what to do."""
+    """The top of the page: a badge with its colour, a headline, and advice."""
 
     badge: str
     tone: str
@@ -43,7 +43,7 @@ class Verdict:
 
 
 def verdict(diagnosis: Diagnosis) -> Verdict:
-    """Say what a diagnosis says."""
+    """The verdict of a diagnosis in words."""
     headline, advice = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}[
         diagnosis.verdict
     ](diagnosis)
@@ -53,20 +53,20 @@ def verdict(diagnosis: Diagnosis) -> Verdict:
 
 def _none(d: Diagnosis) -> tuple[str, list[str]]:
     gap = (
-        f"The calibrated geometry leaves {length(d.gap.before)} RMS on poses that it was not fitted to; instrument and "
-        f"repeatability alone give {length(d.gap.floor)}."
+        f"The calibrated geometry leaves {length(d.gap.before)} RMS on poses that it was not fitted to; the noise of "
+        f"instrument and repeatability alone is {length(d.gap.floor)}."
     )
     scatter, hidden = scatters(d.baseline), may_hide(d)
     if scatter and hidden:
         headline = (
-            "Nothing beyond noise is seen, but much of this noise is scatter between visits, and what may be behind it "
+            "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible "
         )
-        return headline + "could not be tested.", [gap, scatter, *hidden]
-    advice = [f"{gap} Use it as it is: nothing calls for a compensation."]
+        return headline + "causes could not be tested.", [gap, scatter, *hidden]
+    advice = [f"{gap} Use it as it is: no compensation is needed."]
     untestable = sum(not c.testable for c in d.candidates)
     if untestable:
         advice.append(
-            f"{counted(untestable, 'candidate')} could not be tested with these data; a cause among them would not show."
+            f"{counted(untestable, 'candidate')} could not be tested with these data; a cause among them is not detected."
         )
     return "Nothing but noise is left: the calibrated geometry explains these measurements.", advice
 
@@ -74,23 +74,23 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
 def _explained(d: Diagnosis) -> tuple[str, list[str]]:
     clauses = _clauses(d, d.causes)
     several = f"{number_word(len(clauses))} causes: " if len(clauses) > 1 else ""
-    return sentence(several + joined(clauses)), [*_remedies(d, d.causes), _shrinks(d)]
+    return sentence(several + joined(clauses)), [*_remedies(d, d.causes), _explained_gap(d)]
 
 
 def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
     sure, doubtful = sure_and_doubtful(d.causes)
     headline = " ".join(sentence(_either(d, cause)) for cause in doubtful)
     if sure:
-        headline += f" Sure beside it: {joined(_clauses(d, sure))}."
-    advice = [_shrinks(d), *not_recorded(d)]
+        headline += f" Also certain: {joined(_clauses(d, sure))}."
+    advice = [_explained_gap(d), *not_recorded(d)]
     if len(advice) == 1:
-        advice.append("Which of them it is makes no difference to what the model predicts near these poses.")
+        advice.append("Near these poses, the model's predictions are the same for all of them.")
     members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
     return headline, [*_remedies(d, sure), *advice, *_next(d, members)]
 
 
 def questions(d: Diagnosis) -> list[str]:
-    """What parameters outside the expected make doubtful, and what to check."""
+    """Warnings about parameters outside their expected ranges, and what to check."""
     return [_question(q) for q in d.questions]
 
 
@@ -107,40 +107,40 @@ def _question(q: Question) -> str:
 
 def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
     what = (
-        "something that these data can't name"
+        "something that these data can't identify"
         if d.unexplained.could_be
-        else "something that the catalogue does not know"
+        else "something that is not in the catalogue"
     )
     if d.unexplained.correlates:
         site, coordinates, _ = d.unexplained.correlates[0]
-        moved = "everything that the instrument sees" if site == "frame" else site_words(site)
+        moved = "everything that the instrument measures" if site == "frame" else site_words(site)
         headline = sentence(f"{what} moves {moved} with {coordinate_words(coordinates)}: don't compensate it by name")
         look = f"Look for what could move {moved} with {coordinate_words(coordinates)}; the plots below show how."
     else:
         headline = sentence(f"{what} is in these measurements: don't compensate it by name")
-        look = "It goes with no single coordinate that was recorded; the maps below show where it is."
+        look = "It correlates with no single recorded coordinate; the maps below show where it is."
     advice = [look, *doubt_words(d.doubts), *could_be(d)]
     if d.causes:
         sure = joined(_clauses(d, d.causes))
-        advice += [f"Sure beside it: {sure}.", *_remedies(d, d.causes), _shrinks(d)]
+        advice += [f"Also certain: {sure}.", *_remedies(d, d.causes), _explained_gap(d)]
     else:
         advice.append(
-            "The corrected model is the calibrated geometry alone: no known effect is sure enough to be in it."
+            "The corrected model is the calibrated geometry alone: no known effect has a high enough probability to be in it."
         )
     return headline, [*advice, *_next(d, {"unknown"})]
 
 
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:
-    """The first measurement that would tell some things apart."""
+    """The first proposed measurement that distinguishes some hypotheses."""
     steps = (e for e in d.next_experiment if separates.intersection(e.separates))
     return [e.measure for e in steps][:1]
 
 
 def _either(d: Diagnosis, cause: Cause) -> str:
-    """What a doubtful cause may be."""
+    """The members of the class of an ambiguous cause."""
     named = [f"{clause(d.effect(m.effect), m.site)} ({chance(m.probability)})" for m in cause.members]
     if len(named) == 1:
-        return f"probably {named[0]}, but these data don't settle it"
+        return f"probably {named[0]}, but these data don't decide it"
     others = f"one of {len(named) - 3} others" if len(named) > 4 else "another"
     more = f", or {others}" if len(named) > 3 else ""
     return f"{joined(named[:3], 'or')}{more}: these data can't tell"
@@ -157,24 +157,24 @@ def _remedies(d: Diagnosis, causes: tuple[Cause, ...] | list[Cause]) -> list[str
 
 
 def _lower(remedy: str) -> str:
-    """A remedy as the rest of a sentence."""
+    """A remedy as the second part of a sentence."""
     return remedy[:1].lower() + remedy[1:].rstrip(".")
 
 
-def _shrinks(d: Diagnosis) -> str:
+def _explained_gap(d: Diagnosis) -> str:
     gap = d.gap
     if gap.shrinkage is None:
-        return "How far the gap shrinks can't be told from these data."
-    before, after, floor = length(gap.before), length(gap.after), length(gap.floor)
+        return "The explained fraction of the gap can't be estimated from these data."
+    before, after, noise = length(gap.before), length(gap.after), length(gap.floor)
     if gap.before <= gap.floor:
         return (
-            f"The gap, {before}, is below the noise that these data are taken to have, {floor}: how far it shrinks can't "
-            f"be told well. The corrected model leaves {after}."
+            f"The gap, {before}, is below the assumed noise of these data, {noise}: its explained fraction can't be "
+            f"estimated well. The corrected model leaves {after}."
         )
     interval = f" (95\u00a0% interval {_range(gap.interval)})" if gap.interval else ""
     return (
-        f"On poses that it was not fitted to, the corrected model brings the gap from {before} to {after}, where noise alone "
-        f"gives {floor}: {percent(gap.shrinkage)} of its power beyond noise{interval}."
+        f"On poses that it was not fitted to, the corrected model reduces the gap from {before} to {after} (noise alone: "
+        f"{noise}). It explains {percent(gap.shrinkage)} of the gap's power beyond noise{interval}."
     )
 
 

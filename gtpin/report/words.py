@@ -1,4 +1,4 @@
-"""Numbers, sites and coordinates in words that an engineer reads."""
+"""Numbers, sites and coordinates as text."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 import re
 
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n"}
-"""Of the units that are shown in thousandths."""
+"""Prefix for thousandths of each unit."""
 SITES = {"arm": "all links", "frame": "the instrument", "platform": "the platform"}
-"""What sites are that no machine names itself."""
+"""Names of the sites that are the same for all machines."""
 COORDINATES = {
     "time": "time",
     "session": "the session",
@@ -20,7 +20,7 @@ COORDINATES = {
     "temp_link": "the links' temperature",
 }
 UNITS = {"time": "s", "temp_frame": "°C", "temp_link": "°C", "payload": "kg", "fx": "N", "fy": "N", "fz": "N"}
-"""Of the covariates that have names of their own."""
+"""Units of covariates, by name."""
 MINUS = re.compile(r"(?<![\w.-])-(?=\.?\d)")
 """A hyphen that begins a number, and none that joins words or digits, or begins an option of a command."""
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-])0*(\d+)\b")
@@ -39,7 +39,7 @@ def coordinate_words(name: str) -> str:
 
 
 def covariate_unit(name: str, angular: bool = False) -> str:
-    """The unit of a command (angular: of a turning actuator) or covariate; empty where it has none or nobody knows it."""
+    """The unit of a command (angular: of a turning actuator) or covariate; empty if it has none or it is not known."""
     if name in UNITS:
         return UNITS[name]
     if name.rstrip("0123456789") == "q":
@@ -55,7 +55,7 @@ def with_unit(name: str, unit: str) -> str:
 
 
 def length(value: float) -> str:
-    """A length as it reads best: ``26.0 µm``, ``1.20 mm``."""
+    """A length with a suitable unit: ``26.0 µm``, ``1.20 mm``."""
     return quantity(value, "m")
 
 
@@ -105,7 +105,7 @@ def short(words: str) -> str:
 
 
 def percent(share: float) -> str:
-    """A share: ``86 %``; what is not quite nothing or all is not rounded to it."""
+    """A fraction as ``86 %``; values close to 0 and 1 are not rounded to them."""
     if 0.0 < share < 0.005:
         return whole("< 1 %")
     if 0.995 <= share < 1.0:
@@ -114,7 +114,7 @@ def percent(share: float) -> str:
 
 
 def chance(probability: float) -> str:
-    """A probability: as a share, but never quite certain."""
+    """A probability as a percentage, never rounded to 0 or 100 %."""
     return percent(min(max(probability, 1e-3), 1.0 - 1e-3))
 
 

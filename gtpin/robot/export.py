@@ -45,13 +45,13 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
             _axis(joints[actuator.joint]).set("xyz", _text(frame.T @ (mean / np.linalg.norm(mean))))
     for i, rod in enumerate(robot.rods):
         loop = robot.description.loops[rod.loop]
-        own, seat = (loop.anchor1, loop.anchor2) if rod.rod_end == 0 else (loop.anchor2, loop.anchor1)
+        own, other = (loop.anchor1, loop.anchor2) if rod.rod_end == 0 else (loop.anchor2, loop.anchor1)
         element = loops[loop.name]
         own_element = _child(element, "link1" if rod.rod_end == 0 else "link2")
-        seat_element = _child(element, "link2" if rod.rod_end == 0 else "link1")
+        other_element = _child(element, "link2" if rod.rod_end == 0 else "link1")
         stretched = np.array(own.xyz) + (L0[i] - rod.L) * _own_direction(robot, own.link, own.xyz, rod.joint_id)
         own_element.set("xyz", _text(stretched))
-        seat_element.set("xyz", _text(_link_placement(robot, seat.link).actInv(C0[i])))
+        other_element.set("xyz", _text(_link_placement(robot, other.link).actInv(C0[i])))
         _hang(robot, joints[robot.model.names[rod.joint_id]], rod.joint_id, P[i])
     _rehome(robot, root, joints, home)
     indent(root)
@@ -103,13 +103,13 @@ def _hang(robot: Robot, joint: Element, joint_id: int, P: Floats) -> None:
 def _rehome(robot: Robot, root: Element, joints: dict[str, Element], home: tuple[Floats, Floats]) -> None:
     """Tell the new home pose, and let the platform's zero be there if it was."""
     own = root.find("gtpin")
-    told = None if own is None else own.find("home")
-    if told is None or robot.description.home is None:
+    element = None if own is None else own.find("home")
+    if element is None or robot.description.home is None:
         return
     platform_pose = pin.SE3(home[1], home[0]) * robot.tcp_placement.inverse()
     pose = platform_pose * robot.home_placement
-    told.set("tcp_xyz", _text(pose.translation))
-    told.set("tcp_rotvec", _text(pin.log3(pose.rotation)))
+    element.set("tcp_xyz", _text(pose.translation))
+    element.set("tcp_rotvec", _text(pin.log3(pose.rotation)))
     platform = robot.model.names[robot.tcp_joint]
     was = pin.SE3(pin.exp3(np.array(robot.description.home.tcp_rotvec)), np.array(robot.description.home.tcp_xyz))
     now = robot.data.oMi[robot.tcp_joint] * robot.home_placement
@@ -128,7 +128,7 @@ def _set_origin(joint: Element, placement: pin.SE3) -> None:
 
 def _axis(joint: Element) -> Element:
     axis = joint.find("axis")
-    if axis is None:  # URDF's default, which goes without saying
+    if axis is None:  # URDF's default, which is not written
         axis = Element("axis")
         joint.append(axis)
     return axis

@@ -41,9 +41,9 @@ def build_model(xml: str, source: str) -> Any:
         except (RuntimeError, ValueError) as error:
             model, failure = None, str(error)
         kept.seek(0)
-        said = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
+        errors = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
     # The parser also goes on after errors, and leaves out what it could not read: a body without its mass, say.
-    if model is None or said:
-        reason = said[0].strip() if said else failure
+    if model is None or errors:
+        reason = errors[0].strip() if errors else failure
         raise RobotError(f"not a valid URDF ({reason})", file=source, hint="mend the URDF")
     return model

@@ -46,7 +46,7 @@ class GapPanel:
         self.place = gui.add_slider("one by one", 1, max(len(gap.q), 2), 1, 1, disabled=alone, hint="Along the table.")
         self.larger = gui.add_slider("errors magnified", factor / 10.0, 5.0 * factor, factor / 10.0, factor)
         self.play = gui.add_checkbox("play", False, disabled=alone)
-        self.told = gui.add_markdown("")
+        self.message = gui.add_markdown("")
         self.chosen.on_update(self._choose)
         self.place.on_update(self._here)
         self.larger.on_update(self._scaled)
@@ -65,7 +65,7 @@ class GapPanel:
         i = self.index
         self.chosen.value = self.names[i]
         trouble = self._go(self.gap.q[i])
-        self.told.content = _plain(f"**Pose {self.names[i]}**: off by {1e6 * self.gap.length[i]:,.1f} µm. {trouble}")
+        self.message.content = _plain(f"**Pose {self.names[i]}**: off by {1e6 * self.gap.length[i]:,.1f} µm. {trouble}")
         self._draw("/gap/here", slice(i, i + 1), BLACK[None], 6.0)
 
     def _scaled(self, _: object = None) -> None:
@@ -97,9 +97,9 @@ class GapPanel:
 
 
 def _summary(name: str, gap: Gap) -> str:
-    told = f"**{name}**: position errors {gap.whose}, {1e6 * gap.rms:,.0f} µm RMS at {len(gap.q)} poses."
+    text = f"**{name}**: position errors {gap.whose}, {1e6 * gap.rms:,.0f} µm RMS at {len(gap.q)} poses."
     shares = ", ".join(f"{site} {100.0 * part:.0f} %" for site, part in gap.share.items())
-    return f"{told} Rods by share of the gap: {shares}." if shares else told
+    return f"{text} Rods by share of the gap: {shares}." if shares else text
 
 
 def _plain(text: str) -> str:

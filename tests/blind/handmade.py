@@ -11,8 +11,8 @@ import numpy as np
 
 from gtpin.blind.judged import Judged
 from gtpin.blind.statement import Statement
-from gtpin.blind.truth import Hidden
-from gtpin.blind.worker import Said
+from gtpin.blind.truth import TrueEffect
+from gtpin.blind.worker import Outcome
 from gtpin.plant.case import Case
 
 CANNED = "canned.json"
@@ -78,11 +78,11 @@ def diagnosis(
 def judged(
     name: str, kind: str, truth: Sequence[tuple[str, float | None, float | None]], told: Mapping[str, Any], **more: Any
 ) -> Judged:
-    """A judged case: effects as (name, E, D), and what was said."""
+    """A judged case: effects as (name, E, D), and the diagnosis."""
     effects = []
     for full, energy, leaves in truth:
         effect, _, site = full.partition("@")
-        effects.append(Hidden(effect=effect, site=site, energy=energy, leaves=leaves))
+        effects.append(TrueEffect(effect=effect, site=site, energy=energy, leaves=leaves))
     return Judged(name=name, kind=kind, truth=tuple(effects), said=Statement.of(told), **more)
 
 
@@ -98,7 +98,7 @@ def write_case(
     (folder / f"{name}.truth.json").write_text(json.dumps({"effects": rows} | more))
 
 
-def canned(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[Said, float]:
+def canned(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[Outcome, float]:
     """Stands in for the worker: says what lies in the dataset's folder."""
     told = json.loads(files[CANNED])
     if told == "dies":
@@ -106,10 +106,10 @@ def canned(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[S
 
         os._exit(1)
     if told == "fails":
-        return Said(error="it can't be read"), 0.1
+        return Outcome(error="it can't be read"), 0.1
     at = told.get("at")
     say = told.get("without" if exclude else "said", told.get("said"))
-    return Said(diagnosis=say, baseline=at and at["baseline"], model=at and at["model"]), 0.1
+    return Outcome(diagnosis=say, baseline=at and at["baseline"], model=at and at["model"]), 0.1
 
 
 class Quiet:

@@ -25,9 +25,9 @@ def dying(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[objec
     """Ends its process at a fatal case."""
     if "fatal" in files:
         os._exit(1)
-    from gtpin.blind.worker import Said
+    from gtpin.blind.worker import Outcome
 
-    return Said(error="alive"), 0.0
+    return Outcome(error="alive"), 0.0
 
 
 def waiting(folder: str, name: str) -> None:

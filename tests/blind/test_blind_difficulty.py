@@ -1,11 +1,11 @@
-"""E and D against the definition, and the rivals on a machine whose effect is known."""
+"""E and D against the definition, and the baselines on a machine whose effect is known."""
 
 import numpy as np
 import pytest
 
-from gtpin.blind.difficulty import SCALES, Yardstick
-from gtpin.blind.oracle import knowing
-from gtpin.blind.smooth import smoothed
+from gtpin.blind.difficulty import SCALES, Difficulty
+from gtpin.blind.oracle import fit_known_causes
+from gtpin.blind.smooth import gaussian_process_positions
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.effects.catalogue import effects_by_id
@@ -31,22 +31,22 @@ def linearity() -> tuple[Case, Calibration]:
 
 
 @pytest.fixture(scope="module")
-def yardstick(linearity: tuple[Case, Calibration]) -> Yardstick:
+def difficulty(linearity: tuple[Case, Calibration]) -> Difficulty:
     case, baseline = linearity
-    return Yardstick.of(case.dataset, SIGMA, baseline.model.geometry)
+    return Difficulty.of(case.dataset, SIGMA, baseline.model.geometry)
 
 
-def test_energy_is_the_plants(linearity: tuple[Case, Calibration], yardstick: Yardstick) -> None:
+def test_energy_is_the_plants(linearity: tuple[Case, Calibration], difficulty: Difficulty) -> None:
     (effect,) = linearity[0].effects
-    assert yardstick.energy(effect.displacement) == pytest.approx(effect.energy, rel=0.01)
+    assert difficulty.energy(effect.displacement) == pytest.approx(effect.energy, rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["backlash@cart1", "link_compliance@arm", "straightness@cart2"])
 def test_what_an_effect_leaves_is_by_the_definition(
-    linearity: tuple[Case, Calibration], yardstick: Yardstick, name: str
+    linearity: tuple[Case, Calibration], difficulty: Difficulty, name: str
 ) -> None:
     (true,) = linearity[0].effects
-    at, geometry = yardstick.situation, linearity[1].model.geometry
+    at, geometry = difficulty.situation, linearity[1].model.geometry
     effect, _, site = name.partition("@")
     basis = effects_by_id()[effect].basis(at, site)
     B = (at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance / SIGMA[:, None]).reshape(6 * len(at), -1)
@@ -56,50 +56,50 @@ def test_what_an_effect_leaves_is_by_the_definition(
         ((s, np.eye(len(d)) + B @ B.T + s**2 * X @ X.T) for s in SCALES),
         key=lambda trial: -0.5 * d @ np.linalg.solve(trial[1], d) - 0.5 * np.linalg.slogdet(trial[1])[1],
     )
-    found = yardstick.left(true.displacement)[name]
+    found = difficulty.left(true.displacement)[name]
     assert found.scale == best[0]
     assert found.left == pytest.approx(d @ np.linalg.solve(best[1], d), rel=1e-6)
 
 
-def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(yardstick: Yardstick) -> None:
-    at = yardstick.situation
+def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(difficulty: Difficulty) -> None:
+    at = difficulty.situation
     for effect, site, nonlinear in (("backlash", "cart1", None), ("rack_periodic", "cart3", 0.08)):
         form = effects_by_id()[effect].basis(at, site, nonlinear)
         displacement = 5.0 * (form.displacement(at) * form.sigma)[:, :, 0]
-        found = yardstick.left(displacement)[f"{effect}@{site}"]
-        assert found.left < 0.01 * yardstick.energy(displacement)
+        found = difficulty.left(displacement)[f"{effect}@{site}"]
+        assert found.left < 0.01 * difficulty.energy(displacement)
         assert nonlinear is None or found.nonlinear == pytest.approx(nonlinear, rel=0.05)
 
 
-def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration], yardstick: Yardstick) -> None:
+def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration], difficulty: Difficulty) -> None:
     (effect,) = linearity[0].effects
-    whole = yardstick.energy(effect.displacement)
+    whole = difficulty.energy(effect.displacement)
     assert all(
-        -1e-6 * whole <= best.left <= whole * (1 + 1e-9) for best in yardstick.left(effect.displacement).values()
+        -1e-6 * whole <= best.left <= whole * (1 + 1e-9) for best in difficulty.left(effect.displacement).values()
     )
 
 
-def test_parameters_are_those_of_the_form(yardstick: Yardstick) -> None:
-    at = yardstick.situation
+def test_parameters_are_those_of_the_form(difficulty: Difficulty) -> None:
+    at = difficulty.situation
     scale = effects_by_id()["encoder_scale"].basis(at, "cart1")
     displacement = scale.displacement(at)[:, :, 0] * 1e-4
-    best = yardstick.left(displacement)["encoder_scale@cart1"]
-    values = yardstick.parameters(best, displacement)
+    best = difficulty.left(displacement)["encoder_scale@cart1"]
+    values = difficulty.parameters(best, displacement)
     assert next(iter(values.values())) == pytest.approx(1e-4, rel=0.01)
 
 
 def test_who_knows_the_cause_is_nearer_to_the_truth_than_the_geometry_and_who_smooths(
-    linearity: tuple[Case, Calibration], yardstick: Yardstick
+    linearity: tuple[Case, Calibration], difficulty: Difficulty
 ) -> None:
     case, baseline = linearity
-    best = yardstick.left(case.effects[0].displacement)["linearity@cart2"]
-    model = knowing(case.dataset, baseline, [best])
+    best = difficulty.left(case.effects[0].displacement)["linearity@cart2"]
+    model = fit_known_causes(case.dataset, baseline, [best])
 
     def off(T: np.ndarray) -> float:
         return float(np.sqrt(((T - case.truth.T) ** 2).sum(axis=1).mean()))
 
     geometry = off(baseline.model.predict(case.commands.q).T)
     known = off(model.predict(case.commands.q, case.commands.covariates).T)
-    smooth = off(smoothed(case.dataset, baseline.model, case.commands))
+    smooth = off(gaussian_process_positions(case.dataset, baseline.model, case.commands))
     assert known < 0.7 * geometry
     assert known < smooth < geometry

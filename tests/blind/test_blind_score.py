@@ -138,11 +138,11 @@ def test_sets_are_scored_by_f1() -> None:
 def test_probabilities_are_held_against_how_often_they_were_right() -> None:
     cases = [RIGHT] * 3 + [one("wrong", diagnosis("explained", cause("backlash@cart1", 0.91)))]
     (tenth,) = tenths(cases)
-    assert tenth.said == pytest.approx((3 * 0.99 + 0.91) / 4)
+    assert tenth.predicted == pytest.approx((3 * 0.99 + 0.91) / 4)
     assert tenth.right.value == 0.75
     low, high = tenths([AMBIGUOUS], members=True)
-    assert (low.start, low.said, low.right.value) == (0.3, 0.3, 0.0)
-    assert (high.start, high.said, high.right.value) == (0.7, 0.7, 1.0)
+    assert (low.start, low.predicted, low.right.value) == (0.3, 0.3, 0.0)
+    assert (high.start, high.predicted, high.right.value) == (0.7, 0.7, 1.0)
     assert figure(cases, "probabilities: farthest off of the tenths that have 30 causes") == (None, 0)
     value, _ = figure(cases * 8, "probabilities: farthest off of the tenths that have 30 causes")
     assert value == pytest.approx(0.97 - 0.75)
@@ -162,10 +162,10 @@ def test_shrinkage_is_held_against_the_true_poses() -> None:
     assert figure(cases, "95 % interval of shrinkage covers") == (0.5, 2)
     assert figure(cases, "gap after over that of a fit that knows the cause, E > 63")[0] == pytest.approx(1.25)
     assert score(cases)["shrinkage_error"] == pytest.approx(0.10)
-    rivals = baselines(cases)
-    assert rivals["diagnosis"]["shrinkage"]["value"] == pytest.approx(0.75)
-    assert rivals["Gaussian process"]["shrinkage"]["value"] == pytest.approx(0.36)
-    assert rivals["knows the cause"]["shrinkage"]["value"] == pytest.approx(0.84)
+    found = baselines(cases)
+    assert found["diagnosis"]["shrinkage"]["value"] == pytest.approx(0.75)
+    assert found["Gaussian process"]["shrinkage"]["value"] == pytest.approx(0.36)
+    assert found["knows the cause"]["shrinkage"]["value"] == pytest.approx(0.84)
 
 
 def test_parameters_are_covered_within_their_sigmas() -> None:
@@ -181,14 +181,14 @@ def test_rough_data_count_where_the_covariate_is_there() -> None:
     assert figure([seen, lacking, unlisted], "rough data: class holds the truth, E > 63, covariate there") == (1.0, 1)
 
 
-def test_rivals_are_scored_on_the_same_cases() -> None:
+def test_baselines_are_scored_on_the_same_cases() -> None:
     truth = [("linearity@cart1", 500.0, 100.0), ("backlash@cart2", 500.0, 100.0)]
     two = judged("t", "two", truth, diagnosis("none"))
     null = judged("n", "none", [], diagnosis("none"))
     hose = judged("h", "unlisted", [("hose@platform", 900.0, 300.0)], diagnosis("unknown"), listed=False)
-    rivals = baselines([RIGHT, BESIDE, two, null, hose])
-    assert rivals["diagnosis"]["strict"]["value"] == 0.5
-    bold = rivals["largest score"]  # linearity@cart1 leads the candidates of every case
+    found = baselines([RIGHT, BESIDE, two, null, hose])
+    assert found["diagnosis"]["strict"]["value"] == 0.5
+    bold = found["largest score"]  # linearity@cart1 leads the candidates of every case
     assert {name: row["value"] for name, row in bold.items()} == {
         "strict": 1.0,
         "set_f1": pytest.approx(2 / 3),
@@ -196,8 +196,8 @@ def test_rivals_are_scored_on_the_same_cases() -> None:
         "misnamed": 1.0,
         "shrinkage": None,
     }
-    assert rivals["geometry only"]["strict"]["value"] == 0.0
-    assert rivals["geometry only"]["false_alarm"]["value"] == 0.0
+    assert found["geometry only"]["strict"]["value"] == 0.0
+    assert found["geometry only"]["false_alarm"]["value"] == 0.0
 
 
 def test_confusion_counts_leading_causes_and_verdicts() -> None:
@@ -216,8 +216,8 @@ def test_power_counts_by_poses_and_energy() -> None:
 
 def test_what_is_right_is_no_failure_and_what_is_not_has_a_reason() -> None:
     assert [failure(c) is None for c in SINGLES] == [True, True, False, False, False, False, False]
-    assert "straightness@cart1 named in its place" in str(failure(OTHER))
-    assert "backlash@cart2 named beside it" in str(failure(BESIDE))
+    assert "straightness@cart1 named instead" in str(failure(OTHER))
+    assert "backlash@cart2 named in addition" in str(failure(BESIDE))
     weak = judged("w", "one", [("linearity@cart1", 40.0, 10.0)], diagnosis("none"))
     assert "E <= 63" in str(failure(weak))
     hose = judged("h", "unlisted", [("hose@platform", 900.0, 300.0)], diagnosis("unknown"), listed=False)

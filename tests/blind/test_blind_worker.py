@@ -103,7 +103,7 @@ def test_a_process_that_dies_costs_its_own_case_alone(tmp_path: Path, monkeypatc
         folder.case(name).mkdir(parents=True)
         (folder.case(name) / ("fatal" if name == "b" else "harmless")).touch()
     gtpin.blind.run._diagnose(folder, dict.fromkeys("abc", ()), watch, None, "x")
-    said = {name: folder.said(name) for name in "abc"}
+    said = {name: folder.outcome(name) for name in "abc"}
     assert {name: told and told.error for name, told in said.items()} == {
         "a": "alive",
         "b": "the process that diagnosed it died",

@@ -82,7 +82,7 @@ def test_a_curve_within_its_band_is_not_said_to_be_seen(residuals):
     found = curves(faint, residuals)
     assert not found[0].seen
     assert reach(found) == ""
-    assert any("not seen" in note for note in curve_notes(found))
+    assert any("Not detected" in note for note in curve_notes(found))
 
 
 @pytest.mark.parametrize("effect", sorted(effects_by_id()))
@@ -139,9 +139,9 @@ def test_the_mean_of_neighbours_does_not_hide_the_causes_line(residuals):
     found = columns(residuals, {"q1": 1.0}, causes=True)
     assert [one.name for one in found if one.line is not None] == [found[0].name] == ["q2"]
     before, after = (residual_figure(residuals, "q2", "cart2", causes=True, after=after) for after in (False, True))
-    lines = {"mean of neighbouring poses", "the same along the column, all else at its middle"}
+    lines = {"mean of neighbouring poses", "the same along the column, all else constant"}
     drawn_before, drawn_after = ({t.name: t for t in made.data if t.name in lines} for made in (before, after))
-    assert list(drawn_before) == ["the same along the column, all else at its middle"]
+    assert list(drawn_before) == ["the same along the column, all else constant"]
     assert list(drawn_after) == ["mean of neighbouring poses"]
     assert len(drawn_before.popitem()[1].x) > 1000
 

@@ -119,10 +119,10 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
     )
     seen = text(of(Found(replace(found.diagnosis, next_experiment=(step,)), found.dataset)))
     assert (
-        seen.count("Measure these 1 poses to tell rack_periodic@cart2") == 2
+        seen.count("Measure these 1 poses to distinguish rack_periodic@cart2") == 2
     )  # on the first screen, and with its commands
     assert "q1 q2 q3 payload (kg) session 0.1000 0.2000 0.3000 20 next" in seen
-    assert "4.2, where as many random poses bring 0.5" in seen
+    assert "4.2, compared with 0.5 for as many random poses" in seen
 
 
 def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):

@@ -19,7 +19,7 @@ def words(found) -> str:
 def test_without_a_cause_nothing_is_to_be_compensated(findings):
     said = words(findings["none"])
     assert said.startswith("Nothing but noise is left")
-    assert "nothing calls for a compensation" in said
+    assert "no compensation is needed" in said
 
 
 def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
@@ -40,9 +40,7 @@ def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
 
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
     said = verdict(findings["unknown"].diagnosis).headline
-    assert said == (
-        "Something that the catalogue does not know moves cart1 with q1 and q3: don't compensate it by name."
-    )
+    assert said == ("Something that is not in the catalogue moves cart1 with q1 and q3: don't compensate it by name.")
 
 
 def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
@@ -54,7 +52,7 @@ def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
 
 def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
     found = replace(findings["unknown"].diagnosis, causes=findings["explained"].diagnosis.causes)
-    assert any("Sure beside it: cart2 departs periodically" in line for line in verdict(found).advice)
+    assert any("Also certain: cart2 departs periodically" in line for line in verdict(found).advice)
 
 
 def test_two_causes_are_both_named(findings):
@@ -70,8 +68,8 @@ def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
     said = words(
         type(findings["explained"])(replace(found, gap=replace(found.gap, floor=2.0 * found.gap.before)), None)
     )
-    assert "can't be told well" in said
-    assert "of its power beyond noise" not in said
+    assert "can't be estimated well" in said
+    assert "of the gap's power beyond noise" not in said
 
 
 @pytest.mark.parametrize("kind", ["none", "explained", "ambiguous", "unknown"])
@@ -105,7 +103,7 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
     others = tuple(c for c in found.candidates if (c.effect, c.site) != ("zero_shift", "cart1"))
     left = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
     advice = " ".join(verdict(replace(found, candidates=(*others, lacking), unexplained=left)).advice)
-    assert "could be zero_shift at cart1, which these data can't tell: the covariate session is missing." in advice
+    assert "could be zero_shift at cart1, which these data can't test: the covariate session is missing." in advice
     assert "could be" not in " ".join(verdict(found).advice)
 
 

@@ -1,1 +1,1 @@
-"""What is asked of data before, while and after a geometry is fitted to them: mistakes are named, not fitted."""
+"""Checks of the data before, during and after the fit of a geometry: mistakes are reported, not fitted."""

@@ -23,12 +23,12 @@ Floats = npt.NDArray[np.float64]
 
 RATIO = 2.0
 """Power of the residuals without steps over that with them from which steps are the reason. A stated assumption: a moved frame
-accounts for all that is left, other causes for a part."""
+explains all residuals, other causes only a part."""
 LARGE = 4.0
 """Size of the step at the median pose, in standard deviations of what is left, from which data are refused. A stated
 assumption: smaller ones are left to a diagnosis, which weighs them against drift and other causes."""
 AHEAD = 1.2
-"""Power that the best rival leaves over that which steps leave, from which it is steps: a motion of the frame in proportion to
+"""Ratio of the best alternative's residual power to that of steps above which it is steps: a motion in proportion to
 time (to its third power), temperatures, payload or another recorded column that changes slowly. A stated assumption; with 150
 poses of six numbers it is 80 nats."""
 
@@ -43,12 +43,12 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise)
     problem, point
         What is fitted, and a point about which all is linear.
     noise
-        Of these rows; the drives' scatter is left out, since a step between visits of one pose looks like it.
+        Noise of these rows, without repeatability, since a step between visits of one pose looks like it.
 
     Raises
     ------
     DatasetError
-        If one or two steps of the frame explain what the geometry leaves; it names the rows.
+        If one or two steps of the frame explain the residuals; with the rows.
     """
     if len(dataset) < 4 * EDGE:
         return
@@ -70,7 +70,7 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise)
         size, moved = scan.size(steps)
         if scan.ratio(steps) < RATIO or size < LARGE or own_session(dataset, rows):
             continue
-        if scan.left_by(_rivals(dataset, scan.rows)) < AHEAD * scan.left(steps):
+        if scan.left_by(_alternatives(dataset, scan.rows)) < AHEAD * scan.left(steps):
             continue
         lines = dataset.row[rows]
         raise DatasetError(
@@ -82,7 +82,7 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise)
         )
 
 
-def _rivals(dataset: Dataset, rows: npt.NDArray[np.intp]) -> Floats:
+def _alternatives(dataset: Dataset, rows: npt.NDArray[np.intp]) -> Floats:
     """(M, k) what may move the frame instead of steps: powers of the rows' order, and every numeric column but the moves'."""
     t = np.linspace(-1.0, 1.0, len(rows))
     columns = [t, t**2, t**3]

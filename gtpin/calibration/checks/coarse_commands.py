@@ -21,7 +21,7 @@ NINE_TENTHS = 0.9
 
 
 def coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | None:
-    """What is said of coarse commands that explain the residuals; None where they do not.
+    """The message on coarse commands that explain the residuals; None if they do not.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from gtpin.data.readings import RotationReading, orientation_readings, position_
 Floats = npt.NDArray[np.float64]
 
 ROWS = 150
-"""Poses that are enough to tell."""
+"""Number of poses that are enough for the decision."""
 LEFT, GAIN = 0.8, 60.0
 """Share of the squared orientation residuals that another convention may leave, and the least by which it lowers them: a
 factor of exp(30) in likelihood, over some 150 readings. A reading has no free number: of effects' residuals none left less than
@@ -24,7 +24,7 @@ factor of exp(30) in likelihood, over some 150 readings. A reading has no free n
 AS_GOOD = 1.5
 """Times the least that is left up to which a convention fits as well."""
 LEAST = 20
-"""Poses below which nothing is said."""
+"""Number of poses below which nothing is reported."""
 
 
 def other_convention(fit: Fit) -> list[RotationReading]:

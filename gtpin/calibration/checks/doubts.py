@@ -1,4 +1,4 @@
-"""What is doubted once a geometry is fitted: orientations' convention, frame, tolerances, and whether it fits at all."""
+"""Checks after a geometry is fitted: orientations' convention, frame, tolerances, and whether it fits at all."""
 
 from __future__ import annotations
 
@@ -106,12 +106,12 @@ def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., S
         )
         return settle(instrument), instrument
     if found.what == "zero":
-        said = f"the zero of {found.site} looks {found.size * 1e3:.3g} mm or mrad off"
+        deviation = f"the zero of {found.site} looks {found.size * 1e3:.3g} mm or mrad off"
     elif found.what == "part":
-        said = f"{found.site} looks {abs(found.size):.2g} tolerances off"
+        deviation = f"{found.site} looks {abs(found.size):.2g} tolerances off"
     else:
-        said = f"its parameters are off by {found.size:g} times their tolerances"
-    warn(f"the nominal model is not this machine: {said}; tolerances are widened to admit it")
+        deviation = f"its parameters are off by {found.size:g} times their tolerances"
+    warn(f"the nominal model is not this machine: {deviation}; tolerances are widened to admit it")
     return settle(instrument, relieved(settled, found)), instrument
 
 

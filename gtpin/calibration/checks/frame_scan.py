@@ -20,7 +20,7 @@ from gtpin.noise.noise import Noise
 Floats = npt.NDArray[np.float64]
 
 SIZE = 30.0
-"""Prior size of a step, mm and mrad; so wide that its value hardly matters beside thousands of nats."""
+"""Prior size of a step, mm and mrad; so wide that its value hardly matters compared with thousands of nats."""
 GRID = 60
 """Rows that are tried at first; then those around the best."""
 EDGE = FEWEST

@@ -102,10 +102,10 @@ def _refuse(dataset: Dataset, moved: dict[str, float], least: float) -> None:
     far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
     if not far:
         return
-    said = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[:NAMED])
+    moves = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[:NAMED])
     more = f" and {len(far) - NAMED} more sessions" if len(far) > NAMED else ""
     raise DatasetError(
-        f"the instrument moved between sessions: from where it stood in session {first} by {said}{more}",
+        f"the instrument moved between sessions: from where it stood in session {first} by {moves}{more}",
         file=dataset.file,
         column="session",
         hint="make a dataset of each session, or register the sessions to common marks and give all poses in one frame",

@@ -1,4 +1,4 @@
-"""Rows that belong to other commands than they stand beside, and stretches of rows in which the instrument had moved."""
+"""Measurements in the rows of other commands, and sequences of rows during which the instrument had moved."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     Parameters
     ----------
     measured, predicted
-        (N) poses as the instrument read them, and as a model has them at the commands that stand beside them.
+        (N) poses as the instrument read them, and as a model predicts them at the commands of the same rows.
     far
         (N,) rows that are far off.
 
@@ -65,14 +65,14 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     part = found.rows
     off = _off(measured.T, predicted.T)
     usual = float(np.nanmedian(off[~far])) if not far.all() else 0.0
-    said = f"rows {dataset.row[found.first]} to {dataset.row[found.last]}"
+    rows = f"rows {dataset.row[found.first]} to {dataset.row[found.last]}"
     for by in NEIGHBOURS:
         neighbour = np.roll(predicted.T, by, axis=0)
         inner = slice(found.first + 1, found.last)  # the ends have no neighbour in the stretch
         left = np.nanmedian(_off(measured.T[inner], neighbour[inner]))
         if left < max(MENDED * np.nanmedian(off[part]), 3.0 * usual):
             raise DatasetError(
-                f"the commands look one row off in {said}: what was measured there fits the commands of the row "
+                f"the commands look one row off in {rows}: what was measured there fits the commands of the row "
                 f"{'before' if by > 0 else 'after'}",
                 file=dataset.file,
                 row=int(dataset.row[found.first]),
@@ -82,7 +82,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     left = np.float64(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
     if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, found.rows):
         raise DatasetError(
-            f"{said} are {1e3 * np.nanmedian(off[part]):.3g} mm from where the other rows say, all by the same motion: the "
+            f"{rows} are {1e3 * np.nanmedian(off[part]):.3g} mm from where the other rows say, all by the same motion: the "
             "instrument was bumped or set up anew",
             file=dataset.file,
             row=int(dataset.row[found.first]),

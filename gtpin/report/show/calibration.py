@@ -30,8 +30,8 @@ class CalibrationPresentation(Presentation):
     def short(self) -> str:
         """How many parameters from how many poses, and how well they fit."""
         c = self.calibration
-        told = c.to_json()
-        before, after = length(told["position_rms_before"]), length(told["position_rms_after"])
+        values = c.to_json()
+        before, after = length(values["position_rms_before"]), length(values["position_rms_after"])
         return (
             f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measured poses\n"
             f"position error, RMS: {before} nominal, {after} calibrated\n"
