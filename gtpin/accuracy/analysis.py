@@ -16,7 +16,7 @@ from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, workspace
 from gtpin.errors import ModelError
-from gtpin.kinematics.euler import zyz
+from gtpin.kinematics.euler import well_defined, zyz
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.output.shown import Presentation, Shown
