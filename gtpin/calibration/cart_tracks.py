@@ -30,10 +30,10 @@ class _Path:
 
 
 def measured_tracks(robot: Robot, carts: CartMeasurements, *, orientations: bool = False) -> tuple[MeasuredTrack, ...]:
-    """The measured track of every actuator, turned like the base frame.
+    """The measured track of every actuator, rotated to the base frame's axes.
 
-    The instrument stood elsewhere than for the TCP. The carts' paths are turned so that their mean direction is the nominal
-    tracks' and their places around it fit best; what is left is for a calibration to find.
+    The instrument's pose may differ from that for the TCP. The carts' paths are rotated so that their mean direction is that
+    of the nominal tracks and their positions around it fit best. A calibration finds the remaining rotation.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def measured_tracks(robot: Robot, carts: CartMeasurements, *, orientations: bool
     Raises
     ------
     DatasetError
-        If a cart was not measured at two or more commands around zero, or orientations are wanted that were not measured.
+        If a cart was not measured at two or more commands around zero, or if orientations are wanted but not measured.
     """
     paths = [_path(robot, carts, i, orientations) for i in range(robot.n_actuators)]
     nominal = [np.mean([rod.C for rod in robot.rods if rod.carrier == i], axis=0) for i in range(robot.n_actuators)]

@@ -66,7 +66,7 @@ def model_geometry(
 
 
 def parallelogram(robot: Robot, R: Floats) -> Robot:
-    """The robot whose plate never turns: rods of a cart equal and parallel (eqs. 1 to 3).
+    """The robot with a plate of constant orientation: the rods of a cart are equal and parallel (eqs. 1 to 3).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which commands there are. Imports all that they need, which takes seconds."""
+"""Registers all commands. Imports all their modules, which takes seconds."""
 
 from __future__ import annotations
 

@@ -153,11 +153,11 @@ def write_comparison(
     Parameters
     ----------
     comparison
-        What to write.
+        The comparison to write.
     folder
-        Where; created.
+        Output folder; created if missing.
     carts, roaming
-        Cart measurements, whose linearity is shown too; see :func:`along_and_across`.
+        Cart measurements, whose linearity is also shown; see :func:`along_and_across`.
     force
         Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
 

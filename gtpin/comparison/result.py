@@ -89,7 +89,7 @@ class Held:
 
     @staticmethod
     def joined(parts: Sequence[Held]) -> Held:
-        """The same model's errors on several parts of a dataset, in the dataset's order."""
+        """Join the errors of one model on several parts of a dataset, in the dataset's order."""
         row = np.concatenate([part.row for part in parts])
         order = np.argsort(row, kind="stable")
         costs = [part.closure_cost for part in parts if part.closure_cost is not None]

@@ -88,7 +88,7 @@ class CartMeasurements:
         return carts
 
     def write(self, file: Path) -> None:
-        """Write a CSV, or Parquet by the suffix, from which `read` gives the same again."""
+        """Write a CSV, or Parquet by the suffix, which `read` reads back bit-identically."""
         table: dict[str, Column] = {"cart": self.cart, "q": self.q}
         table |= dict(zip(POSITION, self.position.T, strict=True))
         if self.orientation is not None:

@@ -155,7 +155,7 @@ class Dataset(Shown):
         return replace(self, covariates=kept, unusable=self.unusable | frozenset(names))
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.integer] | slice | list[int]) -> Dataset:
-        """Give the dataset of some rows, by mask or index, in the order given; carts stay whole."""
+        """The dataset of some rows, by mask or index, in the given order; carts are not changed."""
         if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.shape == (len(self),) and rows.all():
             return self
         return replace(

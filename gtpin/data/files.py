@@ -74,7 +74,7 @@ def read_table(file: Path, ignore: Collection[str] = ()) -> Table:
 
 
 def write_table(file: Path, columns: Mapping[str, Column]) -> None:
-    """Write columns as CSV, or as Parquet by the file's suffix, so that reading gives the same bits again."""
+    """Write columns as CSV, or as Parquet by the file's suffix, so that reading gives bit-identical values."""
     import pandas as pd
 
     frame = pd.DataFrame(dict(columns))

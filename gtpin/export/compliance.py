@@ -66,10 +66,9 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
     for active in model.effects:
         if active.effect.exported_as != "cart_springs":
             continue
-        parameters = active.effect.parameters(active.coefficients, active.nonlinear)
+        found = active.effect.parameters(active.coefficients, active.nonlinear)
         values = [
-            parameters[n][0] if n in parameters else 0.0
-            for n in ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")
+            found[n][0] if n in found else 0.0 for n in ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")
         ]
         actuator = robot.sites.index(active.site)
         ends = [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]

@@ -8,12 +8,13 @@ from gtpin.model.model import Model
 
 
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
-    """Names of what a model has beyond straight tracks, rods and joints, less what a file carries.
+    """Names of parts of a model, beyond straight tracks, rods and joints, that a file can't represent.
 
     Parameters
     ----------
     carried
-        Of these names: ``effect@site``, ``drive scales``, ``directions of single rods``, ``measured tracks``,
+        Parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single rods``,
+        ``measured tracks``,
         ``instrument's frame``.
     """
     geometry = model.geometry

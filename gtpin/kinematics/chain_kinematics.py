@@ -20,12 +20,12 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ChainKinematics:
-    """The kinematics of a robot without rods, by Pinocchio throughout.
+    """The kinematics of a robot without rods, computed by Pinocchio.
 
     Parameters
     ----------
     geometry
-        Deviations of its joints' placements.
+        Geometry whose parameters are deviations of joint placements.
     """
 
     geometry: Geometry

@@ -14,7 +14,7 @@ from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jac
 from gtpin.kinematics.first_guess import FirstGuess
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
-from gtpin.kinematics.seats import ArmSeat, FixedSeat, MeasuredSeat, Seat, TrackSeat, Turned
+from gtpin.kinematics.seats import ArmJoint, CarrierJoint, FixedJoint, MeasuredJoint, TrackJoint, Turned
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Kind, rotation_axes
 from gtpin.robot.rods import Rod
@@ -70,7 +70,7 @@ class RodKinematics:
         return np.array([getattr(seat, "v", np.zeros(3)) for seat in self.seats])
 
     @cached_property
-    def seats(self) -> tuple[Seat, ...]:
+    def seats(self) -> tuple[CarrierJoint, ...]:
         """How each rod's joint on its carrier moves."""
         return tuple(self._seat(i, rod) for i, rod in enumerate(self._rods))
 
@@ -255,7 +255,7 @@ class RodKinematics:
 
     @cached_property
     def _driver(self) -> npt.NDArray[np.int_]:
-        """(k,) the actuator that moves a rod's seat or changes its length; -1 where none does."""
+        """(k,) the actuator that moves a rod's carrier joint or changes its length; -1 where none does."""
         return np.array([_first(rod.carrier, rod.extension) for rod in self._rods])
 
     @cached_property
@@ -268,18 +268,18 @@ class RodKinematics:
         by_actuator = self.geometry.deviations(kind, "actuator", (self.geometry.robot.n_actuators, components))
         return np.asarray(own + np.where(self._driver[:, None] >= 0, by_actuator[self._driver], 0.0))
 
-    def _seat(self, i: int, rod: Rod) -> Seat:
+    def _seat(self, i: int, rod: Rod) -> CarrierJoint:
         robot, C0 = self.geometry.robot, self.C0[i]
         if rod.carrier is None:
-            return FixedSeat(C0)
+            return FixedJoint(C0)
         actuator = robot.actuators[rod.carrier]
         turned = Turned(rotation_axes(actuator.axis), self._turns[i])
         track = self.geometry.track(i)
         if track is not None:
-            return MeasuredSeat(C0, track, turned)
+            return MeasuredJoint(C0, track, turned)
         if actuator.revolute:
-            return ArmSeat(C0, actuator.axis, actuator.origin, turned)
-        return TrackSeat(C0, actuator.axis, turned)
+            return ArmJoint(C0, actuator.axis, actuator.origin, turned)
+        return TrackJoint(C0, actuator.axis, turned)
 
     @cached_property
     def _turns(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Seats: how a rod's joint on its carrier moves with its actuator, and with the geometry."""
+"""Carrier joints: motion of a rod's joint on its carrier with its actuator and with the geometry."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gtpin.robot.tracks import MeasuredTrack
 Floats = npt.NDArray[np.float64]
 
 
-class Seat(Protocol):
+class CarrierJoint(Protocol):
     """A joint on a carrier. Everything is in the base frame; ``travel`` (N,) is in m or rad."""
 
     def position(self, travel: Floats) -> Floats:
@@ -57,8 +57,8 @@ class Turned:
 
 
 @dataclass(frozen=True)
-class FixedSeat:
-    """A seat on the base."""
+class FixedJoint:
+    """A joint on the base."""
 
     C0: Floats
 
@@ -76,8 +76,8 @@ class FixedSeat:
 
 
 @dataclass(frozen=True)
-class TrackSeat:
-    """A seat on a cart that slides along a straight track: C(q) = C0 + q v (eq. 2)."""
+class TrackJoint:
+    """A joint on a cart that slides along a straight track: C(q) = C0 + q v (eq. 2)."""
 
     C0: Floats
     axis: Floats
@@ -102,8 +102,8 @@ class TrackSeat:
 
 
 @dataclass(frozen=True)
-class ArmSeat:
-    """A seat on an arm that turns about an axis through ``origin``."""
+class ArmJoint:
+    """A joint on an arm that rotates about an axis through ``origin``."""
 
     C0: Floats
     axis: Floats
@@ -135,8 +135,8 @@ class ArmSeat:
 
 
 @dataclass(frozen=True)
-class MeasuredSeat:
-    """A seat on a cart whose path, and perhaps turning, was measured along its guideway (eq. 4)."""
+class MeasuredJoint:
+    """A joint on a cart whose path, and perhaps turning, was measured along its guideway (eq. 4)."""
 
     C0: Floats
     track: MeasuredTrack
@@ -150,7 +150,7 @@ class MeasuredSeat:
 
     @cached_property
     def _lever(self) -> Floats:
-        """(3,) from what the cart turns about to the seat."""
+        """(3,) from the cart's centre of rotation to the joint."""
         return np.asarray(self.C0 - self.track.origin)
 
     def _turn(self, travel: Floats) -> Floats:

@@ -78,7 +78,7 @@ class Field:
 
     @staticmethod
     def draw(rng: np.random.Generator, lengths: npt.ArrayLike, tails: float = 5.0) -> Field:
-        """Matern of smoothness ``tails`` / 2 with a length (d,) for each coordinate."""
+        """Draw a random field with a Matern kernel of smoothness ``tails`` / 2 and a length scale (d,) for each coordinate."""
         length = np.asarray(lengths, dtype=float)
         heavy = np.sqrt(tails / rng.chisquare(tails, (WAVES, 1)))
         frequencies = rng.standard_normal((WAVES, len(length))) * heavy / length

@@ -145,7 +145,7 @@ class Machine:
         return np.array([_centre_and_sliding(self.robot, i) for i in range(self.n_rods)])
 
     def unbent(self, visits: int) -> Deviation:
-        """No deviation, at so many visits."""
+        """A deviation of zero at a number of visits."""
         return Deviation.none(visits, self.n_carts, self.n_rods)
 
     def ends(self, q: Floats, deviation: Deviation) -> RodEnds:

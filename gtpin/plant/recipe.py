@@ -1,4 +1,4 @@
-"""What it takes to make a machine and its case once more."""
+"""The inputs that make the same machine and case again."""
 
 from __future__ import annotations
 

@@ -34,13 +34,13 @@ class Simulation:
     Parameters
     ----------
     dataset
-        What was measured.
+        The measured poses.
     machine
-        The machine that it was measured on.
+        The simulated machine.
     commands
-        Further commands, at which nothing was measured.
+        Held-out commands, without measurements.
     truth
-        The machine's poses there, without noise, in the instrument's frame.
+        True poses at these commands, without noise, in the instrument's frame.
     """
 
     dataset: Dataset

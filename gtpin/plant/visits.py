@@ -36,9 +36,9 @@ class Visits:
     pose
         (N,) number of the pose; two visits of one pose share it.
     held
-        (N,) visits that are not measured: the held-out commands.
+        (N,) mask of visits that are not measured: the held-out commands.
     q, before
-        (N, n) commands, and where the actuators' last moves began, m.
+        (N, n) commands, and start positions of the actuators' last moves, m.
     time
         (N,) s.
     session
@@ -48,7 +48,7 @@ class Visits:
     force
         (N, 3) on the tool, base frame, N.
     speed, acceleration
-        (N, n) m/s, m/s^2; nobody writes the acceleration down.
+        (N, n) m/s, m/s^2; the acceleration is not recorded in the dataset.
     day
         The temperatures.
     """

@@ -101,7 +101,7 @@ def angles_figure(comparison: Comparison, angle: str = "alpha") -> Figure:
 
 
 def carts_figure(carts: CartMeasurements) -> Figure:
-    """What a straight line leaves of each cart's measured positions."""
+    """Residuals of a straight line fitted to each cart's measured positions."""
     traces = []
     for j in range(carts.n_actuators):
         line = Linearity.of(carts, j + 1)

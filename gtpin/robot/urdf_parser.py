@@ -33,7 +33,7 @@ def build_model(xml: str, source: str) -> Any:
     Raises
     ------
     RobotError
-        If Pinocchio can't make a model of it; the message carries the parser's own words.
+        If Pinocchio can't make a model of it; with the parser's message.
     """
     with _standard_error_kept() as kept:
         try:

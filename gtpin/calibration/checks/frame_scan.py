@@ -40,7 +40,7 @@ class Scan:
 
     @staticmethod
     def of(problem: Problem, point: Point, noise: Noise) -> Scan:
-        """All rows of a problem, linear about a point."""
+        """Linearise a problem about a point, for all rows."""
         parts = problem.chunks()
         J = np.concatenate([problem.jacobian(point, part) for part in parts])
         F = np.concatenate([motions(problem, point, part)[:, :, :6] for part in parts])

@@ -63,9 +63,9 @@ def tracker_scale(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def target_offset(site: Site, rng: np.random.Generator) -> Cause:
-    """100 um in each direction; a fraction of a per cent gives with the payload and as the day goes on.
+    """100 um in each direction; a fraction of a per cent changes with the payload and over the day.
 
-    The rest is what geometry absorbs: more of a departure would be an effect of another name.
+    Geometry absorbs the constant part; a larger change would be a different effect.
     """
     offset, yields = rng.standard_normal(3), rng.uniform(-0.001, 0.001, 3)
     creep = curve(rng, 0.0, 1.0, 0.4, "twice")

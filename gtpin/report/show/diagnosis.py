@@ -75,7 +75,7 @@ def _residuals(d: Diagnosis) -> Residuals:
 
 
 def residuals_against(d: Diagnosis, against: str, component: str | None, *, after: bool) -> Figure:
-    """Residuals against a column, with what the causes make of them."""
+    """Residuals against a column, with the causes' prediction."""
     residuals = _residuals(d)
     if component is None:
         component = leading(residuals, [c.site for c in d.causes], d.where.axis)
