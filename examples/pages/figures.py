@@ -69,11 +69,11 @@ def rows_of(figure: Figure, job: Row) -> Sequence[Row]:
 
 
 FIGURES = (
-    Figure("false_alarms", "diagnosis/false_alarms.py", 30),
+    Figure("false_alarms", "diagnosis/false_alarms.py", 8),
     Figure("missing_covariates", "diagnosis/missing_covariates.py", 20),
     Figure("mistakes", "mistakes/bench.py", 5),
-    Figure("next_experiment", "next_experiment/compare.py", 10),
+    Figure("next_experiment", "next_experiment/compare.py", 6),
     Figure("noise_floor", "diagnosis/noise_floor.py", 15),
-    Figure("priors", "diagnosis/priors.py", 40),
+    Figure("priors", "diagnosis/priors.py", 16),
     Figure("imitators", "effects/confusable.py", 1),
 )
