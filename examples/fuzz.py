@@ -5,27 +5,21 @@ left where it failed. What does not is kept in a folder, with the command that s
 """
 
 import argparse
-import shutil
 import tempfile
 import time
 import warnings
 from collections import Counter
 from pathlib import Path
-from random import Random
 
-from fuzzing.judged import contents, faults, run
-from fuzzing.material import COMMANDS, make
-from fuzzing.mutations import mutate_file
+from fuzzing.material import make
+from fuzzing.trial import trial
 
-SECONDS = 120
-"""CPU seconds after which a command on a small file counts as hung."""
-
-SPOKEN = 300
-"""Seconds between two lines that say how far the run is."""
+EVERY = 300
+"""Seconds between two lines of progress."""
 
 
 def main(minutes: float, seed: int, kept: Path) -> None:
-    counts, found, said = Counter[tuple[str, int]](), 0, time.monotonic()
+    counts, found, reported = Counter[tuple[str, int]](), 0, time.monotonic()
     with tempfile.TemporaryDirectory() as scratch, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         sound, work = Path(scratch, "sound"), Path(scratch, "work")
@@ -33,26 +27,13 @@ def main(minutes: float, seed: int, kept: Path) -> None:
         make(sound)
         end = time.monotonic() + 60.0 * minutes
         while time.monotonic() < end:
-            rng = Random(f"{seed} {counts.total()}")
-            command = rng.choices(COMMANDS, [c.weight for c in COMMANDS])[0]
-            shutil.copytree(sound, work)
-            damaged = work / rng.choice(command.reads)
-            mutate_file(damaged, rng)
-            before = contents(work)
-            ran = run(command.line, work, SECONDS)
-            wrong = faults(ran, before, contents(work))
-            if wrong:
-                found += 1
-                place = kept.absolute() / f"{seed}-{counts.total()}"
-                shutil.copytree(work, place)
-                print(f"cd {place} && gtpin {command.line}  # {damaged.name}: {'; '.join(wrong)}", flush=True)
-            counts[command.line.split()[0], ran.code] += 1
-            shutil.rmtree(work)
-            if time.monotonic() > said + SPOKEN:
-                said = time.monotonic()
-                print(
-                    f"{(end - said) / 60:.0f} minutes left: {counts.total()} damaged files, {found} faults", flush=True
-                )
+            ended, wrong = trial(f"{seed} {counts.total()}", sound, work, kept)
+            counts[ended] += 1
+            found += wrong
+            if time.monotonic() > reported + EVERY:
+                reported = time.monotonic()
+                left = (end - reported) / 60
+                print(f"{left:.0f} minutes left: {counts.total()} damaged files, {found} faults", flush=True)
     for (name, code), count in sorted(counts.items()):
         print(f"{name:<12} exit {code:>3}: {count}")
     print(f"{counts.total()} damaged files, {found} faults")
@@ -63,5 +44,5 @@ if __name__ == "__main__":
     parser.add_argument("--minutes", type=float, default=0.1)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kept", type=Path, default=Path("fuzz-faults"))
-    told = parser.parse_args()
-    main(told.minutes, told.seed, told.kept)
+    chosen = parser.parse_args()
+    main(chosen.minutes, chosen.seed, chosen.kept)
