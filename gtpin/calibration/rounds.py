@@ -18,7 +18,7 @@ from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise import weights
-from gtpin.noise.likelihood import roughly
+from gtpin.noise.estimate import roughly
 from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 from gtpin.noise.sight import line_of_sight, range_ratio

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.distributions import chi2
-from gtpin.noise.likelihood import likeliest
+from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import SMALLEST, Noise
 
 Floats = npt.NDArray[np.float64]

@@ -12,7 +12,7 @@ import gtpin
 from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.decide import decide
+from gtpin.diagnosis.inference.named_causes import decide
 from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.result import Diagnosis

@@ -11,7 +11,7 @@ from every_effect import every_effect
 
 import gtpin
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.noise import left_over
+from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.two_groups import two_groups
 from gtpin.diagnosis.linear.evidence import NOTHING
 from gtpin.diagnosis.linear.observed import Observed

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from gtpin.data import Dataset
 from gtpin.data.rounding import EXACT
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.inference.noise import left_over
+from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.evidence import NOTHING
 from gtpin.errors import warn

@@ -114,9 +114,9 @@ Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_group
 """Why something unknown is inferred:
 
 ``smooth_term``
-    Smooth nonparametric terms are likelier than the named causes alone (``decide.py``).
+    Smooth nonparametric terms are likelier than the named causes alone (``named_causes.py``).
 ``restless``
-    An actuator errs from pose to pose more than repeated visits let it scatter (``noise.py``).
+    An actuator errs from pose to pose more than repeated visits let it scatter (``reestimate_noise.py``).
 ``impossible``
     A cause would need a parameter that physics does not allow (``questions.py``).
 ``held_out``

@@ -7,7 +7,7 @@ import numpy as np
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt
-from gtpin.diagnosis.inference.noise import left_over
+from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.two_groups import two_groups
 from gtpin.diagnosis.inference.unexplained import marginal_chance
 from gtpin.diagnosis.inference.verdict import Conclusion

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gtpin.diagnosis.inference.decide import decide, with_restless
-from gtpin.diagnosis.inference.noise import reestimate_noise
+from gtpin.diagnosis.inference.named_causes import decide, with_restless
+from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise
 from gtpin.diagnosis.inference.settle import Settled
 from gtpin.diagnosis.inference.verdict import Conclusion
 

@@ -11,8 +11,8 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import Proposal, propose
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.noise import gross_errors, reestimate_noise
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
+from gtpin.diagnosis.inference.reestimate_noise import gross_errors, reestimate_noise
 from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared

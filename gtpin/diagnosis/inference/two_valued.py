@@ -16,7 +16,7 @@ from scipy.special import logsumexp
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
 from gtpin.diagnosis.inference.findings import Doubt
-from gtpin.diagnosis.inference.noise import left_over
+from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.noise.noise import Noise
 

@@ -10,8 +10,8 @@ from gtpin.calibration.checks.declared_noise import SIGMAS, Sigma
 from gtpin.calibration.result import Calibration
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.noise import reestimate_noise
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
+from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise
 from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared

@@ -11,7 +11,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, scal
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import Priors
-from gtpin.noise.likelihood import likeliest
+from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
