@@ -150,6 +150,10 @@ class Priors:
     """Times the least changes of session from which sessions are no stretches of work. Assumed."""
     fewest_moving: int = 8
     """Rows below which columns are not compared. Derived: so many agree by chance in 1 of 128."""
+    frozen: float = 0.2
+    """Share of the rows, one after the other, in which a temperature that stands still was not read. Assumed."""
+    distinct: float = 0.9
+    """Share of different values among the others from which steps of the thermometer are no reason. Assumed."""
     few_steps: float = 3.0
     """Position error over the commands' last digit, up to which rounding may be its reason. Assumed: rounding of three drives
     makes less."""

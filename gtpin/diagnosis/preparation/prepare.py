@@ -13,6 +13,7 @@ from gtpin.data import Dataset
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.preparation.contradictions import without_contradictions
 from gtpin.diagnosis.preparation.filled_in import without_filled_in
+from gtpin.diagnosis.preparation.frozen import without_frozen
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -54,7 +55,9 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
         If the dataset can't be read as one of this robot, or the robot has no rods.
     """
     recorded = prepared(dataset, Model(Geometry.nominal(nominal)))
-    usable = without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors)
+    usable = without_frozen(
+        without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
+    )
     baseline = calibrate(usable, nominal, progress=progress)
     if not isinstance(baseline.model.kinematics, RodKinematics):
         raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")

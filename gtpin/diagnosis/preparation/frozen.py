@@ -1,0 +1,51 @@
+"""Temperatures that stand still to the last digit for a stretch of the measurement, and vary otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Dataset
+from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.errors import warn
+
+Floats = npt.NDArray[np.float64]
+
+
+def without_frozen(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
+    """The dataset without temperatures that were not read for a stretch: they count as missing.
+
+    A thermometer whose readings differ from row to row does not stand still to the last digit. A logger that repeats its last
+    value, begins late or was read from another time does. Of readings in coarse steps nothing is said.
+
+    Warns
+    -----
+    GtpinWarning
+        Of the columns, with their rows.
+    """
+    order = np.argsort(dataset.covariates["time"], kind="stable") if "time" in dataset.covariates else slice(None)
+    frozen = []
+    for name in sorted(n for n in dataset.covariates if n.startswith("temp_")):
+        values = np.asarray(dataset.covariates[name], dtype=float)[order]
+        first, length = _longest_stretch(values)
+        others = np.delete(values, np.s_[first : first + length])
+        if length < max(priors.fewest_moving, priors.frozen * len(values)) or not len(others):
+            continue
+        if len(np.unique(others)) < priors.distinct * len(others):
+            continue
+        frozen.append(name)
+        lines = dataset.row[order][first : first + length]
+        text = (
+            f"{name} is {values[first]:g} in {length} rows one after the other (line {lines[0]} to line {lines[-1]}) and "
+            "differs in all others: it was not read there, so that it is not used"
+        )
+        warn(f"{dataset.file}: {text}" if dataset.file else text)
+    return dataset.without(frozen) if frozen else dataset
+
+
+def _longest_stretch(values: Floats) -> tuple[int, int]:
+    """First index and length of the longest stretch of equal values."""
+    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    lengths = np.diff(begins, append=len(values))
+    longest = int(np.argmax(lengths))
+    return int(begins[longest]), int(lengths[longest])
