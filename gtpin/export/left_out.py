@@ -14,8 +14,7 @@ def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
     ----------
     carried
         Parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single rods``,
-        ``measured tracks``,
-        ``instrument's frame``.
+        ``measured tracks``, ``instrument's frame``.
     """
     geometry = model.geometry
     moved = {(p.kind, p.per) for p, d in zip(geometry.parameters, geometry.deviation, strict=True) if d != 0.0}
