@@ -1,7 +1,7 @@
 """How far left-out poses are from the noise floor where the verdict is right: the source of priors.silent and priors.named.
 
 Machines with no effect, one, or two are diagnosed. Of those whose causes are the machine's own, the table has the largest
-ratio of the held-out position error with the causes in to the noise floor.
+ratio of the position error on left-out poses, with the causes, to the noise floor.
 ``python examples/pages/refresh.py --measure noise_floor`` measures the table of docs/diagnosis.md again.
 """
 

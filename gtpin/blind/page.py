@@ -51,11 +51,11 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
 
 
 def headline(result: Mapping[str, Any]) -> str:
-    """Number of figures that reach their target."""
+    """How many targets are reached, and how many cases failed."""
     reached = [row["reached"] for row in result["figures"] if row["reached"] is not None]
     failed = len(result["failures"])
     end = f"; {failed} cases failed" if failed else ""
-    return f"{sum(reached)} of {len(reached)} figures reached{end}" if reached else f"{result['cases']} cases{end}"
+    return f"{sum(reached)} of {len(reached)} targets reached{end}" if reached else f"{result['cases']} cases{end}"
 
 
 def figure_table(result: Mapping[str, Any]) -> Table:
@@ -122,7 +122,7 @@ def reliability_table(result: Mapping[str, Any]) -> Table:
 
 
 def baseline_table(result: Mapping[str, Any]) -> Table:
-    """The diagnosis and its baselines."""
+    """Figures of the diagnosis and of each baseline, one row for each."""
     columns = {
         "strict": "correct, D > 63",
         "set_f1": "F1 of two",

@@ -20,20 +20,22 @@ class Conditions(BaseModel):
     rest
         Share of the poses at which it stands still; it passes the others at speed.
     sessions
-        How many times the work was taken up; from two on there is a column ``session``.
+        Number of sessions; from two on there is a column ``session``.
     payloads
         What it carries, kg, in ``payload_blocks`` blocks of time.
     push
-        1 sigma per axis of the pushes on its tool at every other pose, N; with any there are columns ``fx fy fz``.
+        1 sigma per axis, N, of forces on its tool. They act at half of the visits, drawn at random. Above 0 there are
+        columns ``fx fy fz``.
     interval
         Mean time between visits, s.
     direct
         Share of the visits that are reached straight from the one before; the others through a point some centimetres
         off, from either side of each actuator.
     order
-        ``random``, or ``layers``: along the first actuators' direction, up and down.
+        ``random``, or ``layers``: by the mean of the actuators' places in their ranges, in layers, and within a layer by the
+        difference of the first two commands. The second visits follow after all first ones.
     warming
-        How much warmer or cooler it gets than on a day of some kelvin.
+        Factor on the drawn changes of temperature.
     reference_temperature
         degC: of everything when the day starts.
     without

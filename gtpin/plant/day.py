@@ -36,7 +36,7 @@ class Day:
 
     @staticmethod
     def draw(rng: np.random.Generator, duration: float, reference: float, warming: float = 1.0) -> Day:
-        """A day of so many seconds, ``warming`` times as warm or cool as one of some kelvin."""
+        """A day of so many seconds; ``warming`` is a factor on the drawn changes of temperature."""
         time = np.arange(0.0, duration + 2.0 * STEP, STEP)
         hours = time / 3600.0
         span = max(float(hours[-1]), 1e-3)

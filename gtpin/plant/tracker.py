@@ -1,4 +1,4 @@
-"""The instrument: what noise it adds, and what it says of its noise. And the machine's own repeatability."""
+"""Noise of the instrument, the noise that the dataset states, and the repeatability of the machine."""
 
 from __future__ import annotations
 
@@ -25,18 +25,20 @@ ACROSS = 0.3
 
 
 class Noise(BaseModel):
-    """What the instrument and the machine add at random.
+    """Random errors of the instrument and the machine.
 
     Parameters
     ----------
     position_sigma, orientation_sigma
         1 sigma per axis, m and rad.
     repeatability
-        1 sigma along its track at each cart at every visit, m: drawn between the two numbers, for every cart its own.
+        1 sigma, m, of each cart along its track, anew at every visit; each cart's is drawn between the two numbers. Across
+        the track it is 0.3 of that along it, in both directions.
     declared
-        Whether the dataset says the sigmas.
+        Whether the dataset states the sigmas.
     by_range
-        How much larger the position's sigma is at twice the mean distance from the instrument; 0 for the same everywhere.
+        Relative increase of the position's sigma from the mean distance from the instrument to twice that; 0: the same
+        everywhere.
     tails
         Degrees of freedom of a Student distribution of the same sigma; None for a normal one.
     gross
@@ -70,7 +72,7 @@ class Noise(BaseModel):
 
     @property
     def instrument(self) -> Instrument:
-        """What the dataset says of the instrument."""
+        """What the dataset states of the instrument."""
         frame: Literal["robot", "free"] = "free" if self.free else "robot"
         if not self.declared:
             return Instrument(frame=frame)
@@ -78,7 +80,7 @@ class Noise(BaseModel):
         return Instrument(position_sigma=self.position_sigma, orientation_sigma=turns, frame=frame)
 
     def elsewhere(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Where the base frame lies in a frame of the instrument's own: T (3,), m, and R (3, 3), upright to a degree."""
+        """The base frame in the instrument's own frame: T (3,), m, and R (3, 3); z vertical to about half a degree."""
         turn = exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])) @ exp(0.01 * rng.standard_normal(3))
         return np.asarray(rng.uniform(-5.0, 5.0, 3)), np.asarray(turn)
 

@@ -116,7 +116,7 @@ def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rn
     pose = np.concatenate([np.arange(poses + held_out), again])
     pose = rng.permutation(pose)
     if conditions.order == "layers":
-        # One layer after the other; second visits are a second round.
+        # By round (first visits, then second ones), by layer, then by the difference of the first two commands.
         first = np.isin(np.arange(len(pose)), np.unique(pose, return_index=True)[1])
         layer = np.round(machine.places(q)[pose].mean(axis=1) / 0.2)
         pose = pose[np.lexsort((q[pose, 1] - q[pose, 0], layer, ~first))]
@@ -159,5 +159,5 @@ def _blocks(total: int, levels: Floats, blocks: int, rng: np.random.Generator) -
 
 
 def _pushes(total: int, sigma: float, rng: np.random.Generator) -> Floats:
-    """(total, 3) forces on the tool, N: none at every other pose."""
+    """(total, 3) forces on the tool, N; none at about half of the visits, drawn at random."""
     return np.asarray(np.round(sigma * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5))

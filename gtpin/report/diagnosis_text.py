@@ -54,9 +54,9 @@ def _gap(diagnosis: Diagnosis) -> list[str]:
     gap = diagnosis.gap
     before, after, noise = (length(value) for value in (gap.before, gap.after, gap.floor))
     if not diagnosis.causes:
-        return [f"Held-out position error, RMS: {before}, of which noise is {noise}."]
+        return [f"Position error on left-out poses, RMS: {before}, of which noise is {noise}."]
     lines = [
-        f"Held-out position error, RMS: {before} by geometry alone -> {after} with the causes; noise floor {noise}."
+        f"Position error on left-out poses, RMS: {before} by geometry alone -> {after} with the causes; noise floor {noise}."
     ]
     if gap.shrinkage is not None and gap.interval is not None:
         low, high = (percent(value) for value in gap.interval)

@@ -18,25 +18,25 @@ FREEDOMS = ("shift along x", "shift along y", "shift along z", "turn about x", "
 
 
 SMALLEST = 1e-9
-"""What a coefficient of its usual size must move a quantity by, m or rad, to move it at all: rounding is below."""
+"""Displacement by a coefficient of typical size, m or rad, up to which it is rounding."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One quantity that an effect moves at N poses.
+    """One quantity that an effect displaces, at N poses.
 
     Parameters
     ----------
     name, unit
-        What it is; ``m`` or ``rad``.
+        Its name, such as ``travel of cart1``, and ``m`` or ``rad``.
     columns
-        (N, m) how far each of the effect's coefficients moves it.
+        (N, m) its displacement for a value of 1 of each of the effect's m coefficients.
     tcp
-        (N, 6) what one unit of it does to the TCP, base frame, m and rad.
+        (N, 6) displacement of the TCP by one unit of it, base frame, m and rad.
     rod
-        The rod whose length it is, if it is one's.
+        Index of the rod whose length it is; None for other quantities.
     straightened
-        Whether geometry takes a straight line of it along the track, not only its mean.
+        Whether geometry absorbs a straight line of it along the track, not only its mean.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Motion:
 
 
 def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
-    """All quantities that an effect moves; those that it can't are left out."""
+    """All quantities that an effect displaces by more than rounding."""
     basis = active.basis(at)
     found = [
         *_travel(active, at, basis),

@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Scale:
+class MapScale:
     """Common scales of all maps of a dataset.
 
     Parameters
@@ -43,13 +43,13 @@ class Scale:
     magnified: float
 
     @staticmethod
-    def of(residuals: Residuals) -> Scale:
+    def of(residuals: Residuals) -> MapScale:
         """Scales for the residuals of geometry alone."""
         rows = shown(len(residuals))
         length = np.linalg.norm(residuals.before[rows, :3], axis=1)
         factor, unit = scale_of(length, "m")
         top = factor * float(np.quantile(length, 0.98))
-        return Scale(factor, unit, top, _magnification(residuals.poses.T[rows], length))
+        return MapScale(factor, unit, top, _magnification(residuals.poses.T[rows], length))
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Maps:
 
 def maps(residuals: Residuals, layers: Choice) -> Maps:
     """Map the residuals without and with the causes."""
-    scale = Scale.of(residuals)
+    scale = MapScale.of(residuals)
 
     def plot(view: str) -> Plot:
         def draw(layer: str) -> Figure:
@@ -87,7 +87,7 @@ def residual_map(residuals: Residuals, view: str = "xy", *, after: bool = False)
     """
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
-    scale = Scale.of(residuals)
+    scale = MapScale.of(residuals)
     made = _map(residuals, view, scale, after)
     bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": scale.unit, "side": "right"}}
     made.update_traces(selector={"mode": "markers"}, marker={"showscale": True, "colorbar": bar})
@@ -102,7 +102,7 @@ def _magnification(T: Floats, lengths: Floats) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
 
 
-def _map(residuals: Residuals, view: str, scale: Scale, after: bool) -> Figure:
+def _map(residuals: Residuals, view: str, scale: MapScale, after: bool) -> Figure:
     rows = shown(len(residuals))
     T = residuals.poses.T[rows]
     # Residuals are the instrument's, the map the base frame's.

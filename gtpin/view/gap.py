@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Gap:
-    """Measured less predicted at N poses, base frame.
+    """Measured less predicted positions at N poses of a dataset, base frame.
 
     Parameters
     ----------
@@ -66,14 +66,15 @@ class Gap:
 
 
 def gap_of(model: Model, dataset: Dataset) -> Gap:
-    """The gap between a model and measurements.
+    """Measured less predicted positions at the poses of a dataset, base frame.
 
     Raises
     ------
     DatasetError
-        If the commands can't be the robot's, or it can't reach any of them.
+        If the commands do not fit the robot, or it can reach none of the poses.
     ModelError
-        If a covariate is missing that an active effect needs, or nobody knows where the instrument stood.
+        If a covariate is missing that an active effect needs, or the frame of the instrument is free and the model
+        has none.
 
     Warns
     -----
@@ -108,7 +109,7 @@ def gap_of(model: Model, dataset: Dataset) -> Gap:
 
 
 def whose(model: Model) -> str:
-    """What errors are called that a model leaves, in words that follow "errors"."""
+    """Which model's errors these are, in words that follow "errors"."""
     if model.effects:
         return "after the causes"
     return "of the nominal model" if model.covariance is None else "of the calibrated geometry"

@@ -55,14 +55,15 @@ def still(model: Model, gap: Gap | None = None) -> Figure:
 
 
 def write_still(file: Path, model: Model, gap: Gap | None = None, *, force: bool = False) -> None:
-    """Write a still image: PNG, SVG or PDF, by the file's ending.
+    """Write a still image: PNG, SVG or PDF, by the suffix of the file's name.
 
     With ``force``, a file that gtpin has not written, or that was changed since, is moved aside (``NAME.old-1``).
 
     Raises
     ------
     GtpinError
-        If the ending is none of these, or the file can't be written; or, without ``force``, is there and not gtpin's.
+        If the suffix is none of these, or the file can't be written. Without ``force``, also if the file exists and gtpin
+        has not written it, or it was changed since.
     """
     if file.suffix.lower() not in FORMATS:
         raise GtpinError("not an image that can be written", file=file, hint=f"end its name in {', '.join(FORMATS)}")

@@ -1,4 +1,4 @@
-"""Where the gap lies, before any cause is named: shares of its power by rod, site, axis, covariate and region."""
+"""Where the gap lies, before any cause is named: by rod, site, axis, covariate and region."""
 
 from __future__ import annotations
 
@@ -21,16 +21,21 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class Where:
-    """Shares of the gap's power beyond noise and beyond what geometry absorbs.
+    """Where the gap lies, after the geometry alone was fitted.
+
+    Shares sum to 1, or are all zero where there is no gap.
 
     Parameters
     ----------
-    rod, site, axis
-        By name; each sums to 1, or is all zero where there is no gap.
+    rod, axis
+        By name: shares of the gap's mean square beyond noise; of the closure residuals, and of the whitened components.
+    site
+        By name: shares of the largest gain in log evidence at each site, by an effect or a smooth term alone. Common
+        motions and proxies are left out.
     covariate
-        By name, the share that a smooth function of it at some site explains.
+        By name: the largest gain in log evidence of a smooth term over it, relative to the best covariate; not shares.
     region
-        Boxes (2, 3), m, base frame, and the share in each.
+        Boxes (2, 3), m, base frame, and the share of the gap's mean square beyond noise in each.
     """
 
     rod: dict[str, float]
@@ -75,7 +80,7 @@ def _rods(design: Design, whitened: Floats) -> dict[str, float]:
 
 
 def _sites(alone: Mapping[Term, Gain]) -> dict[str, float]:
-    """How well the best motion at each site explains the gap, whether it has a name or not."""
+    """Shares of the largest gain at each site, by an effect or a smooth term; proxies and common motions are left out."""
     best: dict[str, float] = {}
     for term, gain in alone.items():
         if isinstance(term, Proxy) or (isinstance(term, SmoothTerm) and term.motion in COMMON):
@@ -85,6 +90,7 @@ def _sites(alone: Mapping[Term, Gain]) -> dict[str, float]:
 
 
 def _covariates(alone: Mapping[Term, Gain]) -> dict[str, float]:
+    """Largest gain of a smooth term over each coordinate, relative to the largest of all."""
     best: dict[str, float] = {}
     for term, gain in alone.items():
         for coordinate in term.over if isinstance(term, SmoothTerm) else ():

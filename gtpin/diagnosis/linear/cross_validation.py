@@ -22,7 +22,7 @@ ASKED = 120
 
 @dataclass(frozen=True)
 class Gap:
-    """Held-out position errors before and after causes were added.
+    """Position errors on left-out poses before and after causes were added.
 
     Parameters
     ----------

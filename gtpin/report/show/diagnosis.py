@@ -49,7 +49,7 @@ class DiagnosisPresentation(Presentation):
         gap = d.gap
         after = f", {length(gap.after)} with the causes" if d.causes else ""
         lines.append(
-            f"held-out position error, RMS: {length(gap.before)} by geometry alone{after}; noise {length(gap.floor)}"
+            f"position error on left-out poses, RMS: {length(gap.before)} by geometry alone{after}; noise {length(gap.floor)}"
         )
         return "\n".join(lines)
 
