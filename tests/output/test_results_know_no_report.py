@@ -10,7 +10,13 @@ import pytest
 
 PACKAGE = Path(__file__).parents[2] / "gtpin"
 ROOMS = ("robot", "kinematics", "data", "effects", "calibration", "diagnosis", "accuracy", "model", "output", "plant")
-DOORS = ("gtpin.report.show", "gtpin.report.files", "gtpin.report.workspace_maps")
+DOORS = (
+    "gtpin.report.show",
+    "gtpin.report.files",
+    "gtpin.report.workspace_maps",
+    "gtpin.report.measurements",
+    "gtpin.report.diagnosis_json",
+)
 """What methods of results may import when they are called."""
 
 
