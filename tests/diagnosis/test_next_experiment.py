@@ -14,12 +14,13 @@ from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import Untested
-from gtpin.diagnosis.hypotheses.smooth_terms import free_motions
+from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
 from gtpin.diagnosis.planning.map_unknown import map_unknown
 from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, plan
 from gtpin.diagnosis.planning.trials import Known, possible
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
 from gtpin.effects.untestable import Untestable
@@ -321,7 +322,7 @@ def test_a_cause_without_a_rival_is_confirmed_where_it_is_not_sure() -> None:
 
 def test_every_free_motion_can_be_traced() -> None:
     case, known = known_of("linearity@cart2", 0)
-    frees = {free.over: free for free, _ in free_motions(known.situation)}
+    frees = {free.over: free for free, _ in smooth_terms(known.situation, PRIORS)}
     assert len(frees) > 10
     for free in frees.values():
         experiment = map_unknown(known, free.site, free.words, 20)

@@ -10,7 +10,7 @@ from gtpin.effects.catalogue import OWN
 
 ROOT = Path(gtpin.__file__).parent
 IDS = {kind.id for kind in OWN}
-ELSEWHERE = {("calibration/figures.py", "linearity")}
+ELSEWHERE = {("comparison/figures.py", "linearity")}
 """A figure of the paper, which is called so."""
 
 

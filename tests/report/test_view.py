@@ -251,7 +251,7 @@ def test_the_page_tells_the_id_and_the_row_of_the_pose_that_the_slider_is_at(sce
     for place, named in enumerate(["19 (row 2)", "32 (row 3)", "7 (row 4)", "<b> (row 5)", "19b (row 6)"], 1):
         scene.panel.place.value = place
         assert scene.panel.chosen.value == named
-        assert scene.panel.told.content.startswith(f"**Pose {named.replace('<', '&lt;')}**: off by 100.0 µm")
+        assert scene.panel.message.content.startswith(f"**Pose {named.replace('<', '&lt;')}**: off by 100.0 µm")
         np.testing.assert_allclose(scene.posture.T, scene.gap.T[place - 1], atol=1e-9)
 
 
@@ -280,7 +280,7 @@ def test_a_single_pose_has_a_page_too(scene):
 
     one = replace(scene.gap, **{k: getattr(scene.gap, k)[:1] for k in ("pose", "row", "q", "T", "error")})
     panel = GapPanel(scene.server, "one", one, lambda _: "")
-    assert "Pose 19 (row 2)" in panel.told.content
+    assert "Pose 19 (row 2)" in panel.message.content
     assert panel.place.disabled
 
 
