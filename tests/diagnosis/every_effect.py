@@ -7,4 +7,4 @@ from gtpin.effects.catalogue import catalogue
 
 
 def every_effect(false_alarm: float = 0.01) -> Scope:
-    return Scope(tuple(catalogue().values()), frozenset(), false_alarm)
+    return Scope(catalogue(), frozenset(), false_alarm)

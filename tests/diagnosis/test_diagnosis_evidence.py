@@ -66,7 +66,7 @@ def test_gains_of_groups_of_unequal_width_in_one_batch_are_those_one_by_one(dens
     assert set(together) == set(names)
     for name in names:
         gram, moment = given(groups, model, name)
-        value, scale = best_scales(gram[None], moment[None], groups.form[name])
+        value, scale = best_scales(gram[None], moment[None], groups.core[name])
         assert_allclose(together[name], (value[0], scale[0]), rtol=1e-9, atol=1e-9)
 
 
