@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,11 +19,15 @@ SHOWN = 3.84
 scatter alone mimics would make every noise look larger than it is.
 """
 
-STARTS = ((0.05, 0.0), (1.0, -0.6))
-"""From where the likelihood is climbed: variance of repeatability in units of the position's noise, and log of the other sigmas
-over the first estimate: hardly any repeatability, and as much as noise."""
-MOST = (1e4, 5.0)
+STARTS = ((0.2, 0.0), (1.0, -0.6), (2.5, 0.0))
+"""From where the likelihood is climbed: repeatability in units of the position's noise, and log of the other sigmas over the
+first estimate. It has several maxima: hardly any repeatability, as much as noise, and more than noise."""
+MOST = (100.0, 5.0)
 """Bounds of both."""
+RESTARTS = 5
+"""Times that the climb begins again where it stopped: one climb may stop in a curved valley."""
+SETTLED = 1e-3
+"""Gain in log likelihood by another climb, below which there is none to gain."""
 
 
 def likeliest(
@@ -56,7 +61,7 @@ def likeliest(
         sigmas = [noise.position_sigma, noise.orientation_sigma]
         for value, i in zip(x[1:], open_, strict=True):
             sigmas[i] *= float(np.exp(value))
-        repeatability = unit * float(np.sqrt(x[0]))
+        repeatability = unit * float(x[0])
         return replace(noise, position_sigma=sigmas[0], orientation_sigma=sigmas[1], repeatability=repeatability)
 
     def cost(x: Floats) -> float:
@@ -67,12 +72,23 @@ def likeliest(
 
     free = [(-MOST[1], MOST[1])] * len(open_)
     starts = [np.array([first] + [other] * len(open_)) for first, other in STARTS]
-    found = [minimize(cost, start, bounds=[(0.0, MOST[0]), *free], method="L-BFGS-B") for start in starts]
-    best = min(found, key=lambda result: float(result.fun))
+    best = min((_climbed(cost, start, [(0.0, MOST[0]), *free]) for start in starts), key=cost)
     without = np.zeros(1 + len(open_))
     if open_:
-        without = minimize(cost, without, bounds=[(0.0, 0.0), *free], method="L-BFGS-B").x
-    return trial(best.x if 2.0 * (cost(without) - float(best.fun)) > SHOWN else without)
+        without = _climbed(cost, without, [(0.0, 0.0), *free])
+    return trial(best if 2.0 * (cost(without) - cost(best)) > SHOWN else without)
+
+
+def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[float, float]]) -> Floats:
+    """The least cost from a start, begun again until nothing is gained."""
+    found = minimize(cost, start, bounds=bounds, method="L-BFGS-B")
+    for _ in range(RESTARTS):
+        again = minimize(cost, found.x, bounds=bounds, method="L-BFGS-B")
+        gained = float(found.fun) - float(again.fun)
+        found = again if gained > 0.0 else found
+        if gained < SETTLED:
+            break
+    return np.asarray(found.x, dtype=np.float64)
 
 
 def roughly(noise: Noise, values: Floats, declared: tuple[bool, bool]) -> Noise:
