@@ -164,7 +164,12 @@ def started(*arguments: object, start: int = 0, **more) -> subprocess.Popen:
     path = os.pathsep.join([*more.pop("paths", []), str(Path(gtpin.__file__).parents[1])])
     environment = {**os.environ, "PYTHONPATH": path, **more.pop("environment", {})}
     command = [sys.executable, *STARTS[start], *map(str, arguments)]
-    return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, **more)
+    # A shell's background job ignores Ctrl-C, and so would what it starts.
+    return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, preexec_fn=_heeding_signals, **more)
+
+
+def _heeding_signals() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

@@ -22,7 +22,13 @@ ROOT = HERE.parents[1]
 
 def program(code: str, *arguments: object, **more) -> subprocess.Popen:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(HERE)))}
-    return subprocess.Popen([sys.executable, "-c", code, *map(str, arguments)], env=environment, **more)
+    # A shell's background job ignores Ctrl-C, and so would what it starts.
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.Popen(command, env=environment, preexec_fn=_heeding_signals, **more)
+
+
+def _heeding_signals() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def texts(folder: Path) -> dict[str, str]:

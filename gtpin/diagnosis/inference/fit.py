@@ -19,6 +19,7 @@ from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_id
 from gtpin.diagnosis.inference.questions import questions, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
+from gtpin.diagnosis.inference.two_groups import with_one_measurement
 from gtpin.diagnosis.inference.two_valued import with_two_valued
 from gtpin.diagnosis.inference.unexplained import unexplained
 from gtpin.diagnosis.inference.verdict import Conclusion
@@ -63,6 +64,7 @@ def fit(prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.
     """Fit geometry and causes together, and hold the conclusion against plausible parameters and left-out poses."""
     hypotheses, searched = settled.hypotheses, settled.searched
     found = with_full_digits(without_idle(hypotheses, found, _blocks(searched)), hypotheses, searched)
+    found = with_one_measurement(found, hypotheses, searched)
     found = with_two_valued(hypotheses, found, settled.observed.noise)
     found = with_smaller_errors(hypotheses, found, _blocks(searched))
     model, causes = _fitted(prepared, settled, found)
@@ -74,7 +76,7 @@ def fit(prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.
     whole, shares = _gaps(settled, columns, rng)
     takes = {place: (whole.shrinkage or 0.0) - (share.shrinkage or 0.0) for place, share in shares.items()}
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
-    found = held_out(found, hypotheses, whole, searched)
+    found = held_out(found, hypotheses, whole)
     at, noise = hypotheses.design.situation, prepared.baseline.noise
     hidden = hidden_in_scatter(found, noise, hypotheses.untestable, at, hypotheses.priors)
     found = with_scatter(found, hidden)

@@ -12,14 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data import Dataset
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.inference.findings import Doubt
+from gtpin.diagnosis.inference.reestimate_noise import left_over
+from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.errors import warn
 from gtpin.kinematics.rotations import skew
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 SWEEPS = 30
+USUAL = (1.5e-5, 5e-5)
+"""Noise of a laser tracker, m and rad, by which positions are weighed against orientations where none is declared."""
+SHOWN = 8
+"""Lines of rows that a message lists."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,36 @@ def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors:
         return None
     apart = np.linalg.norm((F @ (a - b))[:, :3] * scale[:3], axis=1)
     return Groups(smaller, float(np.median(apart)))
+
+
+def with_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
+    """The conclusion; doubted where what passes for noise are two groups of rows.
+
+    Parameters
+    ----------
+    dataset
+        The rows that were searched.
+
+    Warns
+    -----
+    GtpinWarning
+        Of the groups, with the lines of the smaller one.
+    """
+    if found.doubts:
+        return found
+    instrument = dataset.instrument
+    sigma = (instrument.position_sigma or USUAL[0], instrument.orientation_sigma or USUAL[1])
+    groups = two_groups(hypotheses.design, left_over(hypotheses, found.model)[0], sigma, hypotheses.priors)
+    if groups is None:
+        return found
+    lines = np.sort(dataset.row[groups.smaller])
+    shown = ", ".join(str(line) for line in lines[:SHOWN])
+    warn(
+        f"the rows fall into two groups that differ by one motion of {1e3 * groups.apart:.2g} mm: {len(lines)} rows "
+        f"({shown}, ...) against {len(groups.smaller) - len(lines)}: two machines, two set-ups of the instrument, a zero that "
+        "moved, or play whose direction of approach was not recorded; give each group its session"
+    )
+    return found.doubted(Doubt("two_groups"))
 
 
 def _left_by(F: Floats, y: Floats, group: Mask) -> tuple[Floats, Floats]:
