@@ -16,7 +16,7 @@ from gtpin.blind.judge import judge
 from gtpin.blind.judged import Judged
 from gtpin.blind.others import given, source_digest, take_in
 from gtpin.blind.seal import SealError, digest_of, opened, read_manifest, seal, write_manifest
-from gtpin.blind.spread import spread, workers
+from gtpin.blind.spread import check_cluster, spread, workers
 from gtpin.blind.truth import Truth
 from gtpin.blind.worker import Outcome, diagnose_alone
 from gtpin.errors import GtpinError, warn
@@ -70,8 +70,7 @@ def check(
         If cases of the robot can't be made, or the folder belongs to another check and ``force`` is not set.
     """
     wanted = list(drafts(cases, seed, robot))
-    with workers(address):  # an error if there are none, before any work
-        pass
+    check_cluster(address)
     folder = CheckFolder(output)
     settings = Settings(cases, seed, None, robot, plant_digest(), diagnosis_digest())
     with claimed(folder, settings, force):
@@ -99,8 +98,7 @@ def check_given(
         If a truth is missing or malformed, or the folder belongs to another check and ``force`` is not set.
     """
     cases = given(source)
-    with workers(address):
-        pass
+    check_cluster(address)
     folder = CheckFolder(output)
     settings = Settings(len(cases), None, source_digest(cases), None, None, diagnosis_digest())
     with claimed(folder, settings, force):

@@ -49,6 +49,19 @@ def workers(cluster: str | None = None) -> Iterator[None]:
         get_reusable_executor().shutdown(wait=True, kill_workers=True)
 
 
+def check_cluster(cluster: str | None) -> None:
+    """Check before any work that a cluster has workers, by its scheduler's address; without one there is nothing to check.
+
+    Raises
+    ------
+    GtpinError
+        If dask is not installed, no scheduler answers, or it has no workers.
+    """
+    if cluster is not None:
+        with _client(cluster):
+            pass
+
+
 @contextmanager
 def _client(address: str) -> Iterator[None]:
     try:

@@ -131,8 +131,8 @@ def test_a_folder_that_may_not_be_written_is_one_line_and_stays(user, home):
     (locked / "mine").write_text("mine")
     locked.chmod(0o555)
     before = everything(home)
-    for ran in user(*LOCKED, cwd=home):
-        assert "can't be written (Permission denied)" in ran.failed()
+    for command, ran in zip(LOCKED, user(*LOCKED, cwd=home), strict=True):
+        assert "can't be written (Permission denied)" in ran.failed(), command
     assert everything(home) == before
     locked.chmod(0o755)
 
