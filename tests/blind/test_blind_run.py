@@ -184,6 +184,7 @@ def test_a_case_of_the_plant_goes_all_the_way(tmp_path: Path, monkeypatch: pytes
             yield
 
     monkeypatch.setattr(gtpin.blind.run, "workers", workers)
+    monkeypatch.setattr(gtpin.blind.run, "check_cluster", lambda address: None)
     monkeypatch.setattr(gtpin.blind.run, "_taken_out", lambda truths: {})
     draft = Draft("only", "one", 5, ("encoder_scale",), 60)
     monkeypatch.setattr(gtpin.blind.run, "drafts", lambda cases, seed, robot: [draft])
