@@ -13,7 +13,9 @@ from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.chunks import chunks
+from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.closures import RodEnds, between, follow
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import exp
@@ -68,7 +70,7 @@ class ActiveEffect:
 
 
 def with_effects(
-    kinematics: RodKinematics,
+    kinematics: Kinematics,
     q: Floats,
     covariates: Mapping[str, Column],
     effects: Sequence[ActiveEffect],
@@ -106,7 +108,7 @@ def with_effects(
 
 
 def _displaced(
-    kinematics: RodKinematics,
+    kinematics: Kinematics,
     q: Floats,
     plain: Poses,
     covariates: Mapping[str, Column],
@@ -114,20 +116,34 @@ def _displaced(
 ) -> Poses:
     """Poses with effects of rows that the geometry alone reaches."""
     commands, twist = q.copy(), np.zeros((len(q), 6))
-    carrier_joints: Floats | float = 0.0
-    length: Floats | float = 0.0
+    found = []
     for active in effects:
         at = Situation(kinematics, q, plain, covariates, fixed=active.references)
         moved = _moved(active.basis(at), active.coefficients)
         if moved.command is not None:
             commands[:, moved.command[0]] += moved.command[1]
-        carrier_joints, length = carrier_joints + moved.carrier_joints, length + moved.length
         twist = twist + moved.twist
-    ends = kinematics.ends(commands)
-    displaced = RodEnds(ends.P, ends.C + carrier_joints, ends.L + length)
-    before = kinematics.ends(q)
-    poses = follow(lambda s, r: between(before, displaced, s, r), plain, kinematics.size)
+        found.append(moved)
+    if isinstance(kinematics, ChainKinematics):
+        poses = kinematics.displaced(commands, _summed(found))
+    else:
+        assert isinstance(kinematics, RodKinematics)
+        carrier_joints = sum(moved.carrier_joints for moved in found)
+        length = sum(moved.length for moved in found)
+        ends = kinematics.ends(commands)
+        displaced = RodEnds(ends.P, ends.C + carrier_joints, ends.L + length)
+        before = kinematics.ends(q)
+        poses = follow(lambda s, r: between(before, displaced, s, r), plain, kinematics.size)
     return Poses(poses.T + twist[:, :3], exp(twist[:, 3:]) @ poses.R)
+
+
+def _summed(found: Sequence[_Moved]) -> dict[int, Floats]:
+    """(N, 6) twists of placement frames by all effects together: small, so that their order matters to second order only."""
+    total: dict[int, Floats] = {}
+    for moved in found:
+        for index, twist in moved.placements:
+            total[index] = total.get(index, 0.0) + twist
+    return total
 
 
 @dataclass(frozen=True)
@@ -136,6 +152,7 @@ class _Moved:
     carrier_joints: Floats | float
     length: Floats | float
     twist: Floats | float
+    placements: tuple[tuple[int, Floats], ...]
 
 
 def _moved(basis: Basis, coefficients: Floats) -> _Moved:
@@ -144,4 +161,5 @@ def _moved(basis: Basis, coefficients: Floats) -> _Moved:
         0.0 if basis.carrier_joints is None else basis.carrier_joints @ coefficients,
         0.0 if basis.length is None else basis.length @ coefficients,
         0.0 if basis.twist is None else basis.twist @ coefficients,
+        tuple((index, twist @ coefficients) for index, twist in basis.placements),
     )

@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, along_track, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.drives import drive_load, drive_sizes
+from gtpin.effects.effect import Effect, Floats, Range
 from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import modulated
@@ -33,6 +34,7 @@ class Backlash(Effect):
     clause = "{site} has backlash"
     remedy = "Check the preload of pinion and gear; approach from one side, or set the drive's backlash compensation."
     coefficient = ("half_width", "m")
+    of_travel = True
     between_visits = True
     core = (0,)
     usual: ClassVar[Mapping[str, Range]] = {
@@ -50,10 +52,10 @@ class Backlash(Effect):
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The direction of approach, and its modulation by travel and load."""
         j = at.robot.sites.index(site)
-        load = at.load[:, rods_of(at, site)].mean(axis=1)
+        load = drive_load(at, site)
         approach = at.covariate(f"approach{number(at.robot, site)}")
         columns, size = modulated(approach, [at.travel[:, j], load / 2.0], 0.2)
-        return along_track(at, site, columns, unit(size, 1.5e-5))
+        return along_track(at, site, columns, drive_sizes(at, site, size, 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Half width, and the whole reversal."""

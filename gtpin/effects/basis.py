@@ -28,6 +28,9 @@ class Basis:
         (N, k, m) changes of the rods' lengths, m.
     twist
         (N, 6, m) motion of the pose itself, as seen: position, m, and rotation vector, rad, base frame.
+    placements
+        Of a robot without rods: indices as in :class:`~gtpin.kinematics.bodies.Bodies`, and (N, 6, m) twists, m and rad, of
+        each placement frame in its own axes.
     """
 
     sigma: Floats
@@ -35,6 +38,7 @@ class Basis:
     carrier_joints: Floats | None = None
     length: Floats | None = None
     twist: Floats | None = None
+    placements: tuple[tuple[int, Floats], ...] = ()
 
     def __len__(self) -> int:
         return len(self.sigma)
@@ -42,16 +46,15 @@ class Basis:
     def displacement(self, at: Situation) -> Floats:
         """(N, 6, m) first-order motion of the TCP for unit coefficients, base frame, m and rad."""
         total = np.zeros((len(at), 6, len(self)))
-        gap = np.zeros((len(at), at.length.shape[1], len(self)))
         if self.command is not None:
             actuator, travel = self.command
             total += at.command_jacobian[:, :, actuator, None] * travel[:, None, :]
         if self.carrier_joints is not None:
-            gap += np.einsum("nki,nkim->nkm", at.along, self.carrier_joints)
+            total += at.response @ np.einsum("nki,nkim->nkm", at.along, self.carrier_joints)
         if self.length is not None:
-            gap += self.length
-        if self.carrier_joints is not None or self.length is not None:
-            total += at.response @ gap
+            total += at.response @ self.length
+        for index, twist in self.placements:
+            total += at.bodies.by_twist(index, twist)
         if self.twist is not None:
             total += self.twist
         return total

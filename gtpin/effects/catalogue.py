@@ -5,7 +5,9 @@ from __future__ import annotations
 from functools import cache
 from importlib.metadata import entry_points
 
+from gtpin.effects.axis_motion import AxisMotion
 from gtpin.effects.backlash import Backlash
+from gtpin.effects.bearing_compliance import BearingCompliance
 from gtpin.effects.cart_compliance import CartCompliance
 from gtpin.effects.cart_rotation import CartRotation
 from gtpin.effects.cross_coupling import CrossCoupling
@@ -13,6 +15,7 @@ from gtpin.effects.effect import Effect
 from gtpin.effects.encoder_scale import EncoderScale
 from gtpin.effects.frame_shift import FrameShift
 from gtpin.effects.joint_clearance import JointClearance
+from gtpin.effects.joint_compliance import JointCompliance
 from gtpin.effects.joint_runout import JointRunout
 from gtpin.effects.linearity import Linearity
 from gtpin.effects.link_compliance import LinkCompliance
@@ -43,6 +46,9 @@ OWN: tuple[type[Effect], ...] = (
     LinkCompliance,
     JointClearance,
     JointRunout,
+    JointCompliance,
+    BearingCompliance,
+    AxisMotion,
     ThermalLinks,
     ThermalTrack,
     TrackerDrift,

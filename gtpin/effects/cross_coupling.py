@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.drives import drive_sizes
+from gtpin.effects.effect import Effect, Floats
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
@@ -40,6 +41,7 @@ class CrossCoupling(Effect):
     clause = "{site} shifts along its track with where the other carts are"
     remedy = "Look at what loads or twists the track when the carts move apart: mounting, rack, cart stiffness."
     coefficient = ("first_wave", "m")
+    of_travel = True
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator of a robot with two or more."""
@@ -61,7 +63,7 @@ class CrossCoupling(Effect):
         lower = sums < most
         size = np.concatenate([sums**-DECAY, OWN * sums[lower] ** -DECAY])
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
-        return along_track(at, site, whole, unit(1.5 * size / np.linalg.norm(size), 5e-5))
+        return along_track(at, site, whole, drive_sizes(at, site, 1.5 * size / np.linalg.norm(size), 5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How far each of the others takes the actuator from end to end of its range."""

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.basis import Basis
-from gtpin.effects.sites import number
+from gtpin.effects.sites import number, turns
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
@@ -107,6 +107,8 @@ class Effect(ABC):
     """By parameter, the expected range: a cause with a parameter outside is still named, with a warning to check it."""
     between_visits: ClassVar[bool] = False
     """Whether it differs between visits of one pose, and so looks like a lack of repeatability."""
+    of_travel: ClassVar[bool] = False
+    """Whether its parameters in metres are of an actuator's travel, and so in radians where that turns."""
     stretches_frame: ClassVar[bool] = False
     """Whether it scales all measured positions in proportion; then no smooth nonparametric term does so as well."""
     exported_as: ClassVar[Literal["", "link_spring", "cart_springs", "drive_scale"]] = ""
@@ -181,6 +183,19 @@ class Effect(ABC):
         """
         name, unit = self.coefficient
         return {name: (float(coefficients[0]), unit)}
+
+    def parameters_at(
+        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
+    ) -> dict[str, tuple[float, str]]:
+        """The same at a site, in its units."""
+        found = self.parameters(coefficients, nonlinear)
+        if not (self.of_travel and turns(robot, site)):
+            return found
+        return {name: (value, TURNING.get(unit, unit)) for name, (value, unit) in found.items()}
+
+
+TURNING = {"m": "rad", "m/m": "rad/rad"}
+"""Units of travel of an actuator that turns."""
 
 
 def unit(values: Sequence[float] | Floats, size: float) -> Floats:

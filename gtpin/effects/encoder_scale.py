@@ -28,6 +28,7 @@ class EncoderScale(Effect):
     clause = "travel per count of {site} is off by a constant factor"
     remedy = "Set the drive's scale factor to the value below, and check gear ratio or rack pitch."
     coefficient = ("scale", "m/m")
+    of_travel = True
     exported_as = "drive_scale"
     core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {

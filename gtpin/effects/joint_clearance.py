@@ -7,9 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, of_lengths, rods_of
+from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
+from gtpin.effects.drives import drive_sizes, own_load
 from gtpin.effects.effect import Effect, Floats, Range, unit
-from gtpin.effects.sites import links
+from gtpin.effects.joint_compliance import loaded
+from gtpin.effects.sites import joints, links
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
@@ -24,6 +26,9 @@ class JointClearance(Effect):
 
     Where the force is small the joint may float, and with the force its seat yields.
 
+    At a joint of a robot without rods dq = c sign(M), M what the joint carries about its own axis, positive towards larger
+    commands: without a covariate of approach, the load decides the side of the play.
+
     Parameters: ``half_play`` c, m, positive for real play; ``play`` = 2 c, m; ``yielding``, m for every spread of the force
     in the fit: what goes on with the force beyond the play itself.
 
@@ -36,16 +41,22 @@ class JointClearance(Effect):
     remedy = "Replace or preload the joint."
     coefficient = ("half_play", "m")
     core = (0,)
+    of_travel = True
     plausible: ClassVar[Mapping[str, Range]] = {
         "half_play": Range(0.0, np.inf, "play makes a link longer in tension, not shorter")
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Each link."""
-        return links(robot)
+        """Each rod; each counted joint of a robot without rods."""
+        return links(robot) or joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
         """Play shows only where the force changes its sign."""
+        if not at.robot.rods:
+            if not loaded(at, site):
+                return Untestable("no_load")
+            pushed = int((own_load(at, site)[0] > 0.0).sum())
+            return None if min(pushed, len(at) - pushed) >= FEWEST else Untestable("one_sign")
         pulled = int((at.force[:, rods_of(at, site)[0]] > 0.0).sum())
         return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
 
@@ -55,6 +66,12 @@ class JointClearance(Effect):
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The sign of the force, floating where it is small, and yielding."""
+        if not at.robot.rods:
+            load, (mean, wide) = own_load(at, site)
+            spread = max(abs(mean) + wide, 1e-9)
+            sign = np.sign(load)
+            columns = np.stack([sign, np.tanh(load / (0.2 * spread)) - sign, load / spread], axis=1)
+            return along_track(at, site, columns, drive_sizes(at, site, [1.0, 0.3, 0.15], 1.5e-5))
         i = rods_of(at, site)[0]
         sign = np.sign(at.force[:, i])
         spread = at.references.force[1][i]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.drives import drive_sizes
+from gtpin.effects.effect import Effect, Floats
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
@@ -29,6 +30,7 @@ class Linearity(Effect):
     clause = "{site} departs smoothly from where it should be along its track"
     remedy = "Load the curve below as an axis compensation table, or have the rack aligned."
     coefficient = ("first_wave", "m")
+    of_travel = True
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""
@@ -38,7 +40,7 @@ class Linearity(Effect):
         """Cosines along the track, the slower the larger; the first is nearly the slope that geometry leaves."""
         j = at.robot.sites.index(site)
         columns, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
-        return along_track(at, site, columns, unit(size, 5e-5))
+        return along_track(at, site, columns, drive_sizes(at, site, size, 5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """How large the deviation is, about its straight line, and from end to end."""

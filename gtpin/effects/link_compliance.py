@@ -8,10 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
+from gtpin.effects.chain_motions import bending, of_tips, reach, tip_loads, torsion
 from gtpin.effects.effect import Effect, Floats, Range, unit
 from gtpin.effects.hysteresis import FRICTION, approach
-from gtpin.effects.sites import arm_and_links
+from gtpin.effects.sites import arm_and_links, links_at
 from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 
 LINKS = 6
@@ -19,7 +21,7 @@ LINKS = 6
 
 
 class LinkCompliance(Effect):
-    """dL = c F, F the link's axial force, tension positive: a link in tension gets longer, by c for every newton.
+    """dL = c F, F a rod's axial force, tension positive: a rod in tension gets longer, by c for every newton.
 
     Forces come from the closures' Jacobian: gravity of plate, links and payload, the tool's force. A link stiffens with the
     load, may give way otherwise in compression than in tension, friction in its joints holds back a little of it, and at
@@ -34,6 +36,12 @@ class LinkCompliance(Effect):
     Typical size 4e-8 m/N, that is 25 N/um. Two metres of steel tube with 5 cm^2 of section give way by L / (E A) =
     2.04 / (210e9 * 5e-4) = 1.9e-8 m/N, and the two ball joints by about as much again. Where links are of another kind, the
     URDF's ``<compliance link>`` is their typical size.
+
+    A link of a robot without rods bends and twists as a beam from its joint to the next, fixed at its root, under what hangs on
+    its tip: shift = f F l^3 / 3 + ..., turn = f M l + ... across the beam, turn = g M l about it (Euler-Bernoulli, Saint-Venant:
+    see :mod:`gtpin.effects.chain_motions`). Parameters: ``bending`` f = 1 / (E I) and ``torsion`` g = 1 / (G J), 1/(N m^2),
+    positive; at ``arm`` the same for all links. Typical size 1e-5: an aluminium tube of 0.1 m diameter and 4 mm wall has
+    E I = 70e9 * 3.14 * 0.05^3 * 0.004 = 1.1e5 N m^2, and G J three quarters of it.
     """
 
     id = "link_compliance"
@@ -45,12 +53,17 @@ class LinkCompliance(Effect):
     exported_as = "link_spring"
     core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
-        "compliance": Range(0.0, np.inf, "no link gets shorter when it is pulled")
+        "compliance": Range(0.0, np.inf, "no link gets shorter when it is pulled"),
+        "bending": Range(0.0, np.inf, "no link bends against its load"),
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """All links together, and each."""
         return arm_and_links(robot)
+
+    def untestable(self, at: Situation, site: str) -> Untestable | str | None:
+        """Links that carry nothing do not bend."""
+        return Untestable("no_load") if not at.robot.rods and not at.joint_loads.any() else None
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """What it depends on."""
@@ -58,6 +71,8 @@ class LinkCompliance(Effect):
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """One compliance, stiffening with the load, what compression differs by, and what each link differs by."""
+        if not at.robot.rods:
+            return _of_beams(at, site)
         rods = rods_of(at, site)
         force = at.force[:, rods]
         mean, spread = at.references.force
@@ -89,3 +104,29 @@ class LinkCompliance(Effect):
         }
         found |= {"spread": (float(own.std()), "m/N")} if own.size else {}
         return found | ({"drawn_out": (float(drawn[0]), "m/N")} if drawn.size else {})
+
+    def parameters_at(
+        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
+    ) -> dict[str, tuple[float, str]]:
+        """The same; of a robot without rods flexibilities of a beam."""
+        if robot.rods:
+            return self.parameters(coefficients, nonlinear)
+        return {name: (float(c), "1/(N m^2)") for name, c in zip(BEAM, coefficients, strict=False)}
+
+
+FLEXIBILITY = 1e-5
+"""Size of a beam's flexibility in bending, 1/(N m^2)."""
+BEAM = ("bending", "torsion", "stiffening")
+
+
+def _of_beams(at: Situation, site: str) -> Basis:
+    """Bending, torsion, and bending that stiffens with the load."""
+    twists = []
+    for link in links_at(at.robot, site):
+        length, loads = reach(at, link), tip_loads(at, link)
+        mean, spread = (values[link.tip] for values in at.references.joints)
+        usual = max(float(np.linalg.norm(mean[:3]) + np.linalg.norm(spread[:3])), 1e-9)
+        bent = bending(length, loads)
+        harder = np.linalg.norm(loads[:, :3], axis=1, keepdims=True) / usual - 1.0
+        twists.append(np.stack([bent, torsion(length, loads), harder * bent], axis=2))
+    return of_tips(at, site, twists, unit([1.0, 1.3, 0.2], FLEXIBILITY))

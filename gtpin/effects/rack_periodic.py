@@ -7,13 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, unit
-from gtpin.effects.sites import carts
+from gtpin.effects.drives import drive_sizes
+from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.sites import carts, turns
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 SHORTEST, LONGEST = 0.008, 0.25
 """Periods that are tried, m or rad: from a fine tooth to a large pinion's turn."""
+
+TURN = 2.0 * np.pi
+"""One turn, rad: an eccentric encoder's period."""
+MOST_A_TURN = 202.0
+"""Periods a turn that are tried at most at a turning joint of a chain: a strain wave gear of ratio 101 makes two for each turn of
+its input."""
+LEAST_TURNS = 1.5
+"""Periods that a joint must have gone through: fewer are a linearity."""
 
 
 class RackPeriodic(Effect):
@@ -31,6 +40,7 @@ class RackPeriodic(Effect):
     clause = "{site} departs periodically along its track"
     remedy = "Look for what has this period: tooth pitch, pinion run-out, mounting; or compensate by the curve below."
     coefficient = ("cosine", "m")
+    of_travel = True
     core = (0, 1)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -41,7 +51,11 @@ class RackPeriodic(Effect):
         """Periods, so dense that the phase over the whole track is off by at most a twelfth of a turn."""
         q = at.q[:, at.robot.sites.index(site)]
         span = max(float(np.ptp(q)), 1e-9)
-        frequencies = np.arange(1.0 / min(LONGEST, span / 3.0), 1.0 / SHORTEST, 1.0 / (6.0 * span))
+        if turns(at.robot, site) and not at.robot.rods:
+            longest, shortest = min(TURN, span / LEAST_TURNS), TURN / MOST_A_TURN
+        else:
+            longest, shortest = min(LONGEST, span / 3.0), SHORTEST
+        frequencies = np.arange(1.0 / longest, 1.0 / shortest, 1.0 / (6.0 * span))
         return [float(1.0 / f) for f in frequencies]
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
@@ -51,7 +65,7 @@ class RackPeriodic(Effect):
         phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns = np.stack([c, s, x * c, x * s, np.cos(2.0 * phase), np.sin(2.0 * phase)], axis=1)
-        return along_track(at, site, columns, unit([1.0, 1.0, 0.25, 0.25, 0.25, 0.25], 2e-5))
+        return along_track(at, site, columns, drive_sizes(at, site, [1.0, 1.0, 0.25, 0.25, 0.25, 0.25], 2e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Period, amplitude, phase and harmonic."""

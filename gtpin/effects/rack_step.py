@@ -8,7 +8,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, unit
-from gtpin.effects.sites import carts
+from gtpin.effects.sites import tracks
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -31,11 +31,12 @@ class RackStep(Effect):
     clause = "{site} steps where two rack segments meet"
     remedy = "Check the joint of the rack's segments at the place below, and its gap gauge."
     coefficient = ("step", "m")
+    of_travel = True
     core = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Every actuator."""
-        return carts(robot)
+        """Every actuator of a robot with rods."""
+        return tracks(robot)
 
     def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
         """Places between neighbouring commands, away from the ends."""

@@ -32,6 +32,7 @@ class ServoLag(Effect):
     clause = "{site} lags behind in proportion to its speed"
     remedy = "Measure at rest or slower; check position gain and velocity feed-forward."
     coefficient = ("lag", "s")
+    of_travel = True
     between_visits = True
     core = (0,)
     usual: ClassVar[Mapping[str, Range]] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gtpin.robot.moving_links import MovingLink, moving_links
 from gtpin.robot.robot import Robot
 
 
@@ -16,14 +17,34 @@ def sliding_carts(robot: Robot) -> tuple[str, ...]:
     return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
 
 
+def tracks(robot: Robot) -> tuple[str, ...]:
+    """Sites of the actuators of a robot with rods."""
+    return robot.sites if robot.rods else ()
+
+
+def joints(robot: Robot) -> tuple[str, ...]:
+    """Sites of the counted joints of a robot without rods."""
+    return () if robot.rods else robot.sites
+
+
 def links(robot: Robot) -> tuple[str, ...]:
     """Sites of the rods."""
     return robot.rod_sites
 
 
 def arm_and_links(robot: Robot) -> tuple[str, ...]:
-    """All rods together, and each."""
-    return ("arm", *robot.rod_sites)
+    """All rods together, and each; of a robot without rods, its moving links."""
+    return ("arm", *(robot.rod_sites or (link.name for link in moving_links(robot))))
+
+
+def links_at(robot: Robot, site: str) -> list[MovingLink]:
+    """The moving links of a robot without rods that a site means: one, or all for ``arm``."""
+    return [link for link in moving_links(robot) if site in ("arm", link.name)]
+
+
+def turns(robot: Robot, site: str) -> bool:
+    """Whether a site is an actuator that turns instead of sliding."""
+    return site in robot.sites and robot.actuators[robot.sites.index(site)].revolute
 
 
 def number(robot: Robot, site: str) -> int:

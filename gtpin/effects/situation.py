@@ -10,7 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError
+from gtpin.kinematics.bodies import Bodies
+from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.closures import pose_jacobian, rod_vectors
+from gtpin.kinematics.joint_loads import joint_loads
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.statics import rod_forces
@@ -38,6 +42,11 @@ class References:
         (k, 3) mean unit vector of each rod, from carrier to platform, base frame, and (k,) its spread, rad.
     covariates
         Names of those that the fit knew: its coefficients count on them.
+    commands
+        Of a robot without rods: (n,) least and (n,) largest commands, m or rad.
+    joints
+        Of a robot without rods: (J + 1, 6) mean and (J + 1, 6) spread of what its joints carry, N and N m, as in
+        :func:`~gtpin.kinematics.joint_loads.joint_loads`.
     """
 
     temperature: float
@@ -46,11 +55,15 @@ class References:
     force: tuple[Floats, Floats]
     direction: tuple[Floats, Floats]
     covariates: tuple[str, ...]
+    commands: tuple[Floats, Floats] = (np.zeros(0), np.zeros(0))
+    joints: tuple[Floats, Floats] = (np.zeros((0, 6)), np.zeros((0, 6)))
 
 
 @dataclass(frozen=True)
 class Situation:
-    """N poses of a robot with rods, and the measurement conditions of each.
+    """N poses of a robot, and the measurement conditions of each.
+
+    Members that speak of rods are for robots with rods; ``bodies`` and ``joint_loads`` are for all others.
 
     Parameters
     ----------
@@ -70,7 +83,7 @@ class Situation:
         Covariates that were recorded and can't be right: ``covariates`` has none of them.
     """
 
-    kinematics: RodKinematics
+    kinematics: Kinematics
     q: Floats
     poses: Poses
     covariates: Mapping[str, Column]
@@ -112,7 +125,7 @@ class Situation:
     @cached_property
     def vectors(self) -> tuple[Floats, Floats]:
         """d = T + R P - C and R P, both (N, k, 3), base frame, m."""
-        return rod_vectors(self.poses, self.kinematics.ends(self.q))
+        return rod_vectors(self.poses, self._rods.ends(self.q))
 
     @cached_property
     def length(self) -> Floats:
@@ -132,16 +145,35 @@ class Situation:
     @cached_property
     def command_jacobian(self) -> Floats:
         """(N, 6, n) motion of the TCP, base frame, by the commands."""
+        if isinstance(self.kinematics, ChainKinematics):
+            return self.kinematics.by_commands(self.bodies)
         return self.kinematics.command_jacobian(self.q, self.poses)
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """How the TCP answers to displaced joints and tool."""
+        assert isinstance(self.kinematics, ChainKinematics)
+        return self.kinematics.bodies(self.q)
+
+    @cached_property
+    def joint_loads(self) -> Floats:
+        """(N, J + 1, 6) what every joint and the TCP carry: see :func:`~gtpin.kinematics.joint_loads.joint_loads`."""
+        assert isinstance(self.kinematics, ChainKinematics)
+        return joint_loads(self.kinematics.robot, self.q, *self._tool)
 
     @cached_property
     def carrier_joints(self) -> Floats:
         """(N, k, 3) the rods' joints on their carriers, base frame, m."""
-        return self.kinematics.ends(self.q).C
+        return self._rods.ends(self.q).C
 
     @cached_property
     def force(self) -> Floats:
         """(N, k) axial force of each rod, N, tension positive: gravity of plate, rods and payload, and the tool's force."""
+        return rod_forces(self._rods, self.q, self.poses, *self._tool)
+
+    @cached_property
+    def _tool(self) -> tuple[Floats | None, Floats | None]:
+        """(N, 3) force on the tool and (N,) payload, where they are given."""
         # Loads that the fit knew must be given; one that it did not know counts where it is given.
         given = {
             name: self.covariate(name)
@@ -151,7 +183,12 @@ class Situation:
         payload = given.pop("payload", None)
         none = np.zeros(len(self))
         tool = np.stack([given.get(name, none) for name in ("fx", "fy", "fz")], axis=1) if given else None
-        return rod_forces(self.kinematics, self.q, self.poses, tool, payload)
+        return tool, payload
+
+    @property
+    def _rods(self) -> RodKinematics:
+        assert isinstance(self.kinematics, RodKinematics)
+        return self.kinematics
 
     @cached_property
     def references(self) -> References:
@@ -160,16 +197,31 @@ class Situation:
             return self.fixed
         time = self.covariate("time") if self.has("time") else np.zeros(1)
         sessions = tuple(sorted({str(s) for s in self.covariates["session"]})) if self.has("session") else ()
+        start, span = float(time.min()), max(float(np.ptp(time)), 1e-9)
+        known = tuple(sorted(self.covariates))
+        if not self.robot.rods:
+            nothing = np.zeros(0), np.zeros(0)
+            loads = self.joint_loads
+            return References(
+                self.temperature,
+                (start, span),
+                sessions,
+                nothing,
+                (np.zeros((0, 3)), np.zeros(0)),
+                known,
+                (self.q.min(axis=0), np.maximum(self.q.max(axis=0), self.q.min(axis=0) + 1e-9)),
+                (loads.mean(axis=0), np.maximum(loads.std(axis=0), 1e-9)),
+            )
         mean = self.along.mean(axis=0)
         mean /= np.linalg.norm(mean, axis=1)[:, None]
         spread = np.sqrt(((self.along - mean) ** 2).sum(axis=2).mean(axis=0))
         return References(
             temperature=self.temperature,
-            time=(float(time.min()), max(float(np.ptp(time)), 1e-9)),
+            time=(start, span),
             sessions=sessions,
             force=(self.force.mean(axis=0), np.maximum(self.force.std(axis=0), 1e-9)),
             direction=(mean, np.maximum(spread, 1e-9)),
-            covariates=tuple(sorted(self.covariates)),
+            covariates=known,
         )
 
     @cached_property
@@ -180,8 +232,13 @@ class Situation:
 
     @cached_property
     def travel(self) -> Floats:
-        """(N, n) commands from -1 to 1 over the actuators' ranges; over one turn where there is no end to them."""
+        """(N, n) commands from -1 to 1 over the actuators' ranges; over one turn where there is no end to them.
+
+        Joints of a robot without rods often work in a small part of their range: over the commands of the fit.
+        """
         lower, upper = self.robot.lower, self.robot.upper
+        if not self.robot.rods:
+            lower, upper = self.references.commands
         lower = np.where(np.isfinite(lower), lower, -np.pi)
         upper = np.where(np.isfinite(upper), upper, np.pi)
         return np.asarray(2.0 * (self.q - lower) / (upper - lower) - 1.0)

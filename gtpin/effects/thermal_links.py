@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
+from gtpin.effects.chain_motions import of_tips, reach
 from gtpin.effects.effect import Effect, Floats, Range, unit
-from gtpin.effects.sites import arm_and_links
+from gtpin.effects.sites import arm_and_links, links_at
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -53,10 +54,17 @@ class ThermalLinks(Effect):
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """One expansion, how it depends on the warming, what each link differs by, and a lag that grows with time."""
-        rods = rods_of(at, site)
         warm = at.covariate("temp_link") - at.references.temperature
-        growth = warm[:, None] * at.length[:, rods]
         late = at.time if at.has("time") else np.zeros(len(at))
+        if not at.robot.rods:
+            factors = np.stack([warm, warm * np.abs(warm) / 5.0, warm * late], axis=1)
+            twists = []
+            for link in links_at(at.robot, site):
+                along = np.concatenate([reach(at, link), np.zeros(3)])
+                twists.append(along[None, :, None] * factors[:, None, :])
+            return of_tips(at, site, twists, unit([1.0, 0.1, 0.15], 1.5e-5))
+        rods = rods_of(at, site)
+        growth = warm[:, None] * at.length[:, rods]
         columns, sizes = [growth, growth * np.abs(warm)[:, None] / 5.0, growth * late[:, None]], [1.0, 0.1, 0.15]
         if len(rods) > 1:
             columns += [growth * (np.arange(len(rods)) == i) for i in range(len(rods))]

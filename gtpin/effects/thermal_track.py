@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, Range, unit
-from gtpin.effects.sites import carts
+from gtpin.effects.sites import tracks
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
@@ -40,8 +40,8 @@ class ThermalTrack(Effect):
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Every actuator."""
-        return carts(robot)
+        """Every actuator of a robot with rods."""
+        return tracks(robot)
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """The frame's temperature."""

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 Kind = Literal[
-    "missing", "constant", "too_few_commands", "one_sign", "single_joint", "absorbed", "unrecorded_payload", "other"
+    "missing",
+    "constant",
+    "too_few_commands",
+    "one_sign",
+    "no_load",
+    "single_joint",
+    "absorbed",
+    "unrecorded_payload",
+    "other",
 ]
 
 
@@ -20,6 +28,7 @@ class Untestable:
         ``missing``, ``constant``: a covariate that the effect depends on has no column, or does not vary.
         ``too_few_commands``: the commands are too few, or too close together, for its nonlinear parameter.
         ``one_sign``: the link's force does not change its sign.
+        ``no_load``: the joint carries nothing along or about its own axis.
         ``single_joint``: the cart carries one joint, about which it turns without an effect on the TCP.
         ``absorbed``: geometric calibration absorbs it, even at ten times its typical size.
         ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested under the

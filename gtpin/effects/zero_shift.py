@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.drives import drive_sizes
+from gtpin.effects.effect import Effect, Floats
 from gtpin.effects.sessions import session_columns
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
@@ -29,6 +30,7 @@ class ZeroShift(Effect):
     clause = "the zero of {site} moved between sessions"
     remedy = "Check homing and reference switch; home again before each session."
     coefficient = ("shift", "m")
+    of_travel = True
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""
@@ -41,7 +43,7 @@ class ZeroShift(Effect):
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """One shift for each session."""
         columns = session_columns(at)
-        return along_track(at, site, columns, unit(np.ones(columns.shape[1]), 4e-5))
+        return along_track(at, site, columns, drive_sizes(at, site, np.ones(columns.shape[1]), 4e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Shift of each session, and the largest difference between two."""

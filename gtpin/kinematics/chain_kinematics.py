@@ -1,15 +1,17 @@
-"""Forward kinematics and derivatives of any robot, one closed posture after the other."""
+"""Forward kinematics and derivatives of any robot that Pinocchio loads."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from gtpin.errors import ClosureError
-from gtpin.kinematics.geometry_jacobian import geometry_jacobian
+from gtpin.kinematics.bodies import Bodies, bodies, configurations, driven_twists
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.geometry import Geometry
@@ -25,45 +27,121 @@ class ChainKinematics:
     Parameters
     ----------
     geometry
-        Geometry whose parameters are deviations of joint placements.
+        Geometry whose parameters are deviations of joint placements and of the TCP on its body.
     """
 
     geometry: Geometry
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its joints where the geometry puts them."""
+        """The robot with its joints and TCP where the geometry puts them."""
         robot = self.geometry.robot
-        return robot.with_placements(self.geometry.deviations("placement", "joint", (robot.model.njoints, 6)))
+        placements = self.geometry.deviations("placement", "joint", (robot.model.njoints, 6))
+        return robot.with_placements(placements, self.geometry.deviations("platform", "joint", (1, 6))[0])
+
+    @cached_property
+    def home(self) -> Poses:
+        """(1) pose at the home commands, base frame."""
+        return self.forward(self.robot.home_q[None])
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n), base frame; NaN where the loops can't be closed. ``start`` is not needed."""
+        return self.displaced(q, {})
+
+    def displaced(self, q: Floats, twists: Mapping[int, Floats]) -> Poses:
+        """Poses (N) at commands q (N, n) with placement frames displaced, base frame; exact.
+
+        Parameters
+        ----------
+        twists
+            By index as in :class:`~gtpin.kinematics.bodies.Bodies`: (N, 6) twists in the frame's own axes, m and rad.
+
+        Returns
+        -------
+        poses
+            NaN where the loops can't be closed.
+        """
         self.robot.check_commands(q)
         poses = Poses(np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan))
-        try:
-            home_posture = self._home
-        except ClosureError:
-            if not np.any(self.geometry.deviation):
-                raise  # not these commands are at fault but the URDF
-            return poses
-        for i, row in enumerate(q):
-            try:
-                posture = home_posture.moved_to(row)
-            except ClosureError:
-                continue
-            poses.T[i], poses.R[i] = posture.T, posture.R
+        if self.robot.constraints:
+            self._with_loops(q, twists, poses)
+        else:
+            self._open(q, twists, poses)
         return poses
+
+    def bodies(self, q: Floats) -> Bodies:
+        """How the TCP answers to displaced joints and tool at commands q (N, n)."""
+        return bodies(self.robot, q)
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the TCP's pose by the commands; see ``RodKinematics``."""
-        jacobians = [self._home.moved_to(row).jacobian for row in q]
-        return np.array(jacobians).reshape(len(q), 6, self.robot.n_actuators)
+        return self.by_commands(self.bodies(q))
+
+    def by_commands(self, at: Bodies) -> Floats:
+        """(N, 6, n) derivative of the TCP's pose by the commands, of postures that are known."""
+        return _contracted(at, driven_twists(self.robot))
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the TCP's pose by the geometry's parameters; see ``RodKinematics``."""
-        jacobians = [geometry_jacobian(self._home.moved_to(row), self.geometry) for row in q]
-        return np.array(jacobians).reshape(len(q), 6, len(self.geometry.parameters))
+        return _contracted(self.bodies(q), self._parameter_twists)
+
+    @cached_property
+    def _parameter_twists(self) -> Floats:
+        """(J + 1, 6, p) twist of each placement frame by each parameter."""
+        count = self.geometry.robot.model.njoints - 1
+        placements = self.geometry.deviations("placement", "joint", (count + 1, 6))
+        platform = self.geometry.deviations("platform", "joint", (1, 6))[0]
+        twists = np.zeros((count + 1, 6, len(self.geometry.parameters)))
+        for column, p in enumerate(self.geometry.parameters):
+            index, deviation = (count, platform) if p.kind == "platform" else (p.owner - 1, placements[p.owner])
+            twists[index, :, column] = np.asarray(pin.Jexp6(deviation))[:, p.component]
+        return twists
+
+    def _open(self, q: Floats, twists: Mapping[int, Floats], poses: Poses) -> None:
+        robot = self.robot
+        model, data, tcp = robot.model, robot.data, robot.tcp_placement
+        moved = {index + 1: twist for index, twist in twists.items() if index + 1 < model.njoints}
+        plain = {j: model.jointPlacements[j].copy() for j in moved}
+        tool = twists.get(model.njoints - 1)
+        try:
+            for i, configuration in enumerate(configurations(robot, q)):
+                for j, twist in moved.items():
+                    model.jointPlacements[j] = plain[j] * pin.exp6(twist[i])
+                pin.forwardKinematics(model, data, configuration)
+                pose = data.oMi[robot.tcp_joint] * (tcp if tool is None else tcp * pin.exp6(tool[i]))
+                poses.T[i], poses.R[i] = pose.translation, pose.rotation
+        finally:
+            for j, placement in plain.items():
+                model.jointPlacements[j] = placement
+
+    def _with_loops(self, q: Floats, twists: Mapping[int, Floats], poses: Poses) -> None:
+        try:
+            start = self._home
+        except ClosureError:
+            if not np.any(self.geometry.deviation):
+                raise  # not these commands are at fault but the URDF
+            return
+        count = self.robot.model.njoints - 1
+        for i, row in enumerate(q):
+            try:
+                if twists:
+                    by_joint = np.zeros((count + 1, 6))
+                    for index, twist in twists.items():
+                        if index < count:
+                            by_joint[index + 1] = twist[i]
+                    start = home(self.robot.with_placements(by_joint, twists.get(count, np.zeros((len(q), 6)))[i]))
+                posture = start.moved_to(row)
+            except ClosureError:
+                continue
+            poses.T[i], poses.R[i] = posture.T, posture.R
 
     @cached_property
     def _home(self) -> ClosedPosture:
         return home(self.robot)
+
+
+def _contracted(at: Bodies, twists: Floats) -> Floats:
+    """(N, 6, m) motion of the TCP by twists (J + 1, 6, m) that are the same at all postures."""
+    n, _, count, _ = at.response.shape
+    flat = at.response.reshape(n * 6, count * 6) @ twists.reshape(count * 6, -1)
+    return np.asarray(flat).reshape(n, 6, -1)

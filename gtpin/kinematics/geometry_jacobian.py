@@ -51,14 +51,14 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
             "shared rods and measured tracks are not in the URDF", hint="use RodKinematics.geometry_jacobian"
         )
     posture.refresh()
-    regressors = _Regressors(posture)
+    regressors = Regressors(posture)
     columns = [_KINDS[p.kind](posture, regressors, geometry, p) for p in geometry.parameters]
     jacobian = np.array(columns).reshape(-1, 6).T
     jacobian.flags.writeable = False
     return jacobian
 
 
-class _Regressors:
+class Regressors:
     """Motion of the TCP, and of each loop's gap, by twists of joint placements."""
 
     def __init__(self, posture: ClosedPosture) -> None:
@@ -100,7 +100,7 @@ def _seat(posture: ClosedPosture, rod_index: int, motion: Floats) -> Floats:
     return posture.passive_response[:, rows] @ (sign * to_gap(posture, rod.loop, motion))
 
 
-def _length(posture: ClosedPosture, _: _Regressors, __: Geometry, p: Parameter) -> Floats:
+def _length(posture: ClosedPosture, _: Regressors, __: Geometry, p: Parameter) -> Floats:
     robot = posture.robot
     rod = robot.rods[p.owner]
     constraint = robot.constraints[rod.loop]
@@ -114,7 +114,7 @@ def _length(posture: ClosedPosture, _: _Regressors, __: Geometry, p: Parameter) 
     return -_seat(posture, p.owner, along / np.linalg.norm(along))
 
 
-def _platform_joint(posture: ClosedPosture, regressors: _Regressors, _: Geometry, p: Parameter) -> Floats:
+def _platform_joint(posture: ClosedPosture, regressors: Regressors, _: Geometry, p: Parameter) -> Floats:
     robot = posture.robot
     rod = robot.rods[p.owner]
     placement = robot.model.jointPlacements[rod.joint_id]
@@ -131,11 +131,11 @@ def _at_zero(posture: ClosedPosture, rod_index: int) -> Floats:
     return np.asarray(pin.exp3(robot.actuators[carrier].axis * posture.q[carrier]))
 
 
-def _carrier_joint(posture: ClosedPosture, _: _Regressors, __: Geometry, p: Parameter) -> Floats:
+def _carrier_joint(posture: ClosedPosture, _: Regressors, __: Geometry, p: Parameter) -> Floats:
     return _seat(posture, p.owner, _at_zero(posture, p.owner)[:, p.component])
 
 
-def _direction(posture: ClosedPosture, regressors: _Regressors, geometry: Geometry, p: Parameter) -> Floats:
+def _direction(posture: ClosedPosture, regressors: Regressors, geometry: Geometry, p: Parameter) -> Floats:
     robot = posture.robot
     if p.per == "rod":
         moved = [p.owner]
@@ -168,7 +168,7 @@ def _seat_position(posture: ClosedPosture, constraint: object, rod_end: int) -> 
     return np.asarray((data.oMi[constraint.joint1_id] * constraint.joint1_placement).translation)  # type: ignore[attr-defined]
 
 
-def _scale(posture: ClosedPosture, _: _Regressors, __: Geometry, p: Parameter) -> Floats:
+def _scale(posture: ClosedPosture, _: Regressors, __: Geometry, p: Parameter) -> Floats:
     robot = posture.robot
     if p.per == "actuator":
         return np.asarray(posture.jacobian[:, p.owner] * posture.q[p.owner])
@@ -181,16 +181,22 @@ def _scale(posture: ClosedPosture, _: _Regressors, __: Geometry, p: Parameter) -
     return np.asarray(posture.passive_response[:, rows] @ gap)
 
 
-def _placement(posture: ClosedPosture, regressors: _Regressors, geometry: Geometry, p: Parameter) -> Floats:
+def _platform(posture: ClosedPosture, _: Regressors, geometry: Geometry, p: Parameter) -> Floats:
+    twist = np.asarray(pin.Jexp6(geometry.deviations("platform", "joint", (1, 6))[0]))[:, p.component]
+    return np.concatenate([posture.R @ twist[:3], posture.R @ twist[3:]])
+
+
+def _placement(posture: ClosedPosture, regressors: Regressors, geometry: Geometry, p: Parameter) -> Floats:
     twist = geometry.deviations("placement", "joint", (posture.robot.model.njoints, 6))[p.owner]
     return regressors.twist(p.owner, np.asarray(pin.Jexp6(twist))[:, p.component])
 
 
-_KINDS: dict[str, Callable[[ClosedPosture, _Regressors, Geometry, Parameter], Floats]] = {
+_KINDS: dict[str, Callable[[ClosedPosture, Regressors, Geometry, Parameter], Floats]] = {
     "length": _length,
     "platform_joint": _platform_joint,
     "carrier_joint": _carrier_joint,
     "direction": _direction,
     "scale": _scale,
     "placement": _placement,
+    "platform": _platform,
 }

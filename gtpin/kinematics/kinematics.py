@@ -25,6 +25,10 @@ class Kinematics(Protocol):
     def geometry(self) -> Geometry:
         """The geometry that it is of."""
 
+    @property
+    def home(self) -> Poses:
+        """(1) pose at the home commands, base frame."""
+
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n); NaN where the loops can't be closed."""
 

@@ -51,6 +51,11 @@ class PinocchioRods:
                 hint='use kinematics="arrays"',
             )
 
+    @cached_property
+    def home(self) -> Poses:
+        """(1) pose at the home commands, base frame."""
+        return RodKinematics(self.geometry).home
+
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n), base frame; NaN where the loops can't be closed. ``start`` is not needed."""
         self.geometry.robot.check_commands(q)

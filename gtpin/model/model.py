@@ -15,7 +15,6 @@ from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics, Solver, kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -115,8 +114,6 @@ class Model:
         kinematics = self.kinematics
         if not self.effects:
             return self.seen(kinematics.forward(commands))
-        if not isinstance(kinematics, RodKinematics):
-            raise ModelError(f"{self.robot.name} has no rods", hint="effects are for robots with rods")
         known = {name: _column(name, values, len(commands)) for name, values in (covariates or {}).items()}
         return self.seen(with_effects(kinematics, commands, known, self.effects))
 

@@ -159,6 +159,12 @@ class Chain:
         return np.array([actuator.revolute for actuator in self.actuators])
 
     @property
+    def moving_joints(self) -> tuple[int, ...]:
+        """Pinocchio's joints that can move the TCP: those that carry it, and those of the loops."""
+        ends = [self.tcp_joint, *(j for c in self.constraints for j in (c.joint1_id, c.joint2_id))]
+        return tuple(sorted({int(j) for end in ends for j in self.model.supports[end]} - {0}))
+
+    @property
     def home_q(self) -> Floats:
         """(n,) commands of the home posture; zero where the URDF names none."""
         home = self.description.home
@@ -277,6 +283,14 @@ def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
     """(6, nv) derivative of a joint's frame by Pinocchio velocities, base frame, of data whose Jacobians are computed."""
     # Pinocchio gives the matrix of a model with a single coordinate as a vector.
     return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
+
+
+def joint_axis(model: Any, joint_id: int) -> Floats:
+    """(6,) twist of a joint of one degree of freedom by a unit of its velocity, in its placement frame."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    column = pin.getJointJacobian(model, data, joint_id, pin.LOCAL).reshape(6, -1)[:, model.idx_vs[joint_id]]
+    return np.asarray(column, dtype=float)
 
 
 def _as_slice(indices: npt.NDArray[np.int_]) -> slice | npt.NDArray[np.int_]:

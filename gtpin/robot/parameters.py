@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.errors import ModelError, RobotError
+from gtpin.errors import ModelError
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 
 Floats = npt.NDArray[np.float64]
-Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement"]
+Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement", "platform"]
 Per = Literal["actuator", "rod"]
 
 TOLERANCE: Mapping[str, float] = {
@@ -27,8 +27,8 @@ TOLERANCE: Mapping[str, float] = {
     "arm_axis": 1e-3,
     "track_roll": 0.2,
     "scale": 5e-4,
-    "placement_position": 1e-3,
-    "placement_rotation": 1e-3,
+    "placement_position": 5e-4,
+    "placement_rotation": 5e-4,
 }
 """1-sigma tolerances (m, rad, m/m) by kind, where neither the URDF nor the dataset gives one."""
 JOINTS = ("platform_joint", "cart_joint", "arm_joint", "base_joint")
@@ -189,13 +189,16 @@ def _owners(robot: Robot, per: Per, driven: list[tuple[int, int]]) -> list[tuple
 
 
 def placement_parameters(robot: Robot, tolerances: Mapping[str, float]) -> list[Parameter]:
-    """Parameters of a robot without rods: the placements of its joints."""
+    """Parameters of a robot without rods: the placements of the joints that move its TCP, and of the TCP on its body.
+
+    All six of each: what the data can't tell apart, the tolerances share out.
+    """
+    owners = [(j, f"placement[{robot.model.names[j]}]") for j in robot.moving_joints]
     found = []
-    for joint_id in range(1, robot.model.njoints):
-        if robot.model.nvs[joint_id] != 1:
-            raise RobotError(f"{robot.name} has loops that are no rods", hint="name its rods in the <gtpin> element")
+    for kind, joint_id, word in [*(("placement", *owner) for owner in owners), ("platform", 0, "platform")]:
         for c, axis in enumerate(("x", "y", "z", "rx", "ry", "rz")):
-            name = f"placement[{robot.model.names[joint_id]}].{axis}"
-            unit, word = ("m", "placement_position") if c < 3 else ("rad", "placement_rotation")
-            found.append(Parameter(name, "placement", joint_id, c, "joint", unit, 0.0, tolerances[word]))
+            unit, size = ("m", "placement_position") if c < 3 else ("rad", "placement_rotation")
+            found.append(
+                Parameter(f"{word}.{axis}", cast(Kind, kind), joint_id, c, "joint", unit, 0.0, tolerances[size])
+            )
     return found

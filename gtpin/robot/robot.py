@@ -15,6 +15,7 @@ from gtpin.robot.rods import Rod, rods
 
 Floats = npt.NDArray[np.float64]
 Placements = tuple[tuple[Floats, Floats], ...]
+"""Rotation and translation of every joint's placement, then of the TCP's on its body."""
 
 
 class Robot(Chain):
@@ -57,10 +58,15 @@ class Robot(Chain):
         """Names of the rods' sites."""
         return tuple(rod.site for rod in self.rods)
 
-    def with_placements(self, twists: Floats) -> Robot:
-        """A copy with joints moved: each placement times the exponential of its twist (njoints, 6), m and rad."""
+    def with_placements(self, twists: Floats, platform: Floats | None = None) -> Robot:
+        """A copy with joints moved: each placement times the exponential of its twist (njoints, 6), m and rad.
+
+        ``platform`` (6,) is the twist of the TCP on the body that carries it.
+        """
         other = copy.copy(self)
         other.model = self.model.copy()
+        if platform is not None:
+            other.tcp_placement = self.tcp_placement * pin.exp6(platform)
         for joint_id in range(1, self.model.njoints):
             other.model.jointPlacements[joint_id] = self.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         other.data = other.model.createData()
@@ -68,13 +74,15 @@ class Robot(Chain):
         return other
 
     def __reduce__(self) -> tuple[type[Robot], tuple[Description, str], Placements]:
-        placements = tuple((M.rotation.copy(), M.translation.copy()) for M in self.model.jointPlacements)
+        moved = (*self.model.jointPlacements, self.tcp_placement)
+        placements = tuple((M.rotation.copy(), M.translation.copy()) for M in moved)
         return Robot, (self.description, self.tcp_frame), placements
 
     def __setstate__(self, placements: Placements) -> None:
         # The URDF knows nothing of joints that were moved.
-        for joint_id, (R, T) in enumerate(placements):
+        for joint_id, (R, T) in enumerate(placements[:-1]):
             self.model.jointPlacements[joint_id] = pin.SE3(R, T)
+        self.tcp_placement = pin.SE3(*placements[-1])
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n_actuators} actuators, {len(self.constraints)} loops)"

@@ -10,6 +10,7 @@ from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.effects.active import ActiveEffect
 from gtpin.estimate import Estimate
 from gtpin.model.model import Model as FittedModel
+from gtpin.robot.robot import Robot
 
 DRAWS = 150
 """Draws from a posterior behind a parameter's sigma, and as many opposite ones."""
@@ -19,12 +20,12 @@ def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, 
     """One cause, with the coefficients that the fitted model has for it; its share of the gap is not known yet."""
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in members if m.hypothesis.place == hypothesis.place)
-    parameters = _parameters(active, hypothesis.sigma)
+    parameters = _parameters(model.robot, active, hypothesis.sigma)
     reported = tuple(Member(*m.hypothesis.place, m.probability, m.recorded) for m in members)
     return Cause(*hypothesis.place, own.probability, reported, parameters, 0.0)
 
 
-def _parameters(active: ActiveEffect, nonlinear_sigma: float) -> dict[str, Estimate]:
+def _parameters(robot: Robot, active: ActiveEffect, nonlinear_sigma: float) -> dict[str, Estimate]:
     """Named parameters with sigmas: middle and half width of the central 68 % over draws from the coefficients' posterior.
 
     A size, such as a curve's root mean square, is no linear function of coefficients: noise alone makes it larger than zero.
@@ -35,9 +36,9 @@ def _parameters(active: ActiveEffect, nonlinear_sigma: float) -> dict[str, Estim
     for z in np.vstack([unit, -unit]):
         c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[:-1])
         nonlinear = None if active.nonlinear is None else active.nonlinear + nonlinear_sigma * float(z[-1])
-        drawn.append([value for value, _ in active.effect.parameters(c, nonlinear).values()])
+        drawn.append([value for value, _ in active.effect.parameters_at(robot, active.site, c, nonlinear).values()])
     low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
-    said = active.effect.parameters(active.coefficients, active.nonlinear)
+    said = active.effect.parameters_at(robot, active.site, active.coefficients, active.nonlinear)
     return {
         name: Estimate(float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
         for i, (name, (_, unit)) in enumerate(said.items())

@@ -14,7 +14,6 @@ from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.situation import References
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Frame, Model
 
@@ -84,7 +83,6 @@ def _linear(
 ) -> _Linear:
     """Sum up chunks of poses: all their derivatives at once would take kilobytes a pose."""
     kinematics, q = model.kinematics, observed.measured.q
-    assert isinstance(kinematics, RodKinematics)
     poses = kinematics.forward(q)
     pivot = model.seen(poses).T.mean(axis=0)
     information: Floats | float = 0.0

@@ -14,7 +14,6 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.sight import line_of_sight
@@ -81,7 +80,6 @@ class Observed:
     def situation(self, model: Model, fixed: References | None = None, poses: Poses | None = None) -> Situation:
         """The poses as a geometry has them: ``poses``, base frame, where they are known."""
         kinematics = model.kinematics
-        assert isinstance(kinematics, RodKinematics)
         poses = kinematics.forward(self.measured.q) if poses is None else poses
         q = self.measured.q
         return Situation(kinematics, q, poses, self.covariates, fixed, self.temperature, self.unusable)

@@ -15,8 +15,6 @@ from gtpin.diagnosis.preparation.contradictions import without_contradictions
 from gtpin.diagnosis.preparation.filled_in import without_filled_in
 from gtpin.diagnosis.preparation.frozen import without_frozen
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.errors import ModelError
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -52,14 +50,12 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
     Raises
     ------
     GtpinError
-        If the dataset can't be read as one of this robot, or the robot has no rods.
+        If the dataset can't be read as one of this robot.
     """
     recorded = prepared(dataset, Model(Geometry.nominal(nominal)))
     usable = without_frozen(
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )
     baseline = calibrate(usable, nominal, progress=progress)
-    if not isinstance(baseline.model.kinematics, RodKinematics):
-        raise ModelError(f"{baseline.model.robot.name} has no rods", hint="effects are for robots with rods")
     # What is drawn from rows must not depend on the order that they came in.
     return Prepared(recorded, replace(usable, instrument=baseline.instrument).in_order(), baseline)

@@ -1,0 +1,85 @@
+"""The axis of a joint moves and tilts as the joint turns or slides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.effects.basis import Basis
+from gtpin.effects.chain_motions import joint_frame, of_joint
+from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.sites import joints, turns
+from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import cosines
+from gtpin.robot.robot import Robot
+
+HARMONICS, DECAY = 4, 1.0
+"""Harmonics of a turning joint's angle, and the power of their order by which they are smaller."""
+ORDERS = 6
+"""Waves along a sliding joint."""
+SHIFT, TILT = 2e-5, 8e-5
+"""Sizes of shifts, m, and tilts, rad."""
+
+
+class AxisMotion(Effect):
+    """Error motions of a joint's axis (ISO 230-7): radial along a and b, axial, and tilts about a and b, each a sum of
+    harmonics of the joint's angle, c_k cos(k q) + s_k sin(k q), k = 1 to 4.
+
+    a and b are the two directions across the axis, fixed to the part that carries the joint. Of a sliding joint:
+    straightness in both directions across, and roll, pitch and yaw, smooth along its travel (ISO 230-1).
+
+    Parameters: ``radial``, ``axial`` (``straightness`` of a sliding joint), m, and ``tilt``, rad (``rotation`` of a sliding
+    joint): root mean squares over a turn, of both directions together. Once a turn, what an eccentric part does is partly
+    geometry.
+
+    Typical sizes 20 um and 0.08 mrad: a guess for the crossed roller bearings and flanges of robots' joints, whose run-out is
+    given as 10 to 20 um on radii of 0.1 m.
+    """
+
+    id = "axis_motion"
+    title = "the axis of a joint moves as the joint moves"
+    clause = "the axis of {site} moves as the joint moves"
+    remedy = "Check the bearing and its seat for run-out; or use the corrected model."
+    coefficient = ("radial", "m")
+
+    def sites(self, robot: Robot) -> tuple[str, ...]:
+        """Every counted joint of a robot without rods."""
+        return joints(robot)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Five motions in harmonics of the angle; five along a sliding joint's travel."""
+        j = at.robot.sites.index(site)
+        frame = joint_frame(at, site)
+        ways = np.zeros((6, 5))
+        ways[:3, :2] = ways[3:, 3:] = frame.across.T
+        if turns(at.robot, site):
+            ways[:3, 2] = frame.axis
+            k = np.arange(1, HARMONICS + 1)
+            waves = np.hstack([np.cos(k * at.q[:, [j]]), np.sin(k * at.q[:, [j]])])
+            relative = np.tile(k**-DECAY / np.sqrt((k ** (-2.0 * DECAY)).sum()), 2)
+        else:
+            ways[3:, 2] = frame.axis
+            waves, relative = cosines(at.travel[:, j], 1, ORDERS, DECAY)
+        sizes = [SHIFT, SHIFT, SHIFT if turns(at.robot, site) else TILT, TILT, TILT]
+        columns = np.broadcast_to(waves[:, None, :], (len(at), 5, waves.shape[1]))
+        return of_joint(at, site, ways, columns, unit(np.outer(sizes, relative).ravel(), 1.0))
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """How large the motions are, root mean square over a turn."""
+        a, b, c, tilt_a, tilt_b = (float(v) for v in np.sqrt((coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0))
+        return {
+            "radial": (float(np.hypot(a, b)), "m"),
+            "axial": (c, "m"),
+            "tilt": (float(np.hypot(tilt_a, tilt_b)), "rad"),
+        }
+
+    def parameters_at(
+        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
+    ) -> dict[str, tuple[float, str]]:
+        """The same; of a sliding joint straightness and rotations."""
+        if turns(robot, site):
+            return self.parameters(coefficients, nonlinear)
+        squares = (coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0
+        return {
+            "straightness": (float(np.sqrt(squares[:2].sum())), "m"),
+            "rotation": (float(np.sqrt(squares[2:].sum())), "rad"),
+        }

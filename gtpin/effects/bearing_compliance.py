@@ -1,0 +1,71 @@
+"""A joint's bearing tilts about the two axes across the joint's own, under the moments that it carries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gtpin.effects.basis import Basis
+from gtpin.effects.chain_motions import joint_frame, of_joint
+from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.sites import joints
+from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
+from gtpin.robot.robot import Robot
+
+
+class BearingCompliance(Effect):
+    """dtheta = k_a (M . a) a + k_b (M . b) b, M the moment that the joint carries and a, b the two axes across its own.
+
+    M comes from statics: gravity of the links beyond the joint and of the payload, and the force on the tool. The bearing
+    stiffens with the load. The joint's placement frame tilts about its origin.
+
+    Parameters: ``tilt``, the mean of k_a and k_b, rad/(N m), positive where the bearing gives way to the moment;
+    ``difference``, k_a less k_b; ``stiffening``: by how much it rises as the moment becomes twice the usual.
+
+    Typical size 5e-6 rad/(N m): crossed roller bearings of gear units of medium size have moment stiffnesses of some
+    2e5 N m/rad.
+    """
+
+    id = "bearing_compliance"
+    title = "the bearing of a joint tilts under the moments that it carries"
+    clause = "the bearing of {site} tilts under load"
+    remedy = "Use the corrected model with the payload given; check the bearing's preload and the bolts of its flange."
+    coefficient = ("tilt", "rad/(N m)")
+    core = (0, 2)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "tilt": Range(0.0, np.inf, "no bearing tilts against the moment that it carries")
+    }
+
+    def sites(self, robot: Robot) -> tuple[str, ...]:
+        """Every counted joint of a robot without rods."""
+        return joints(robot)
+
+    def untestable(self, at: Situation, site: str) -> Untestable | None:
+        """A bearing that carries nothing does not tilt."""
+        return None if np.abs(at.joint_loads[:, joint_frame(at, site).index]).max() > 1e-9 else Untestable("no_load")
+
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """What it depends on."""
+        return ("load", "payload")
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Tilts about both axes, and their stiffening."""
+        frame = joint_frame(at, site)
+        moment = at.joint_loads[:, frame.index, 3:] @ frame.across.T
+        mean, spread = (values[frame.index, 3:] for values in at.references.joints)
+        usual = max(float(np.linalg.norm(mean) + np.linalg.norm(spread)), 1e-9)
+        harder = np.linalg.norm(moment, axis=1, keepdims=True) / usual - 1.0
+        ways = np.zeros((6, 2))
+        ways[3:] = frame.across.T
+        return of_joint(
+            at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, 0.2, 1.0, 0.2], 5e-6)
+        )
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Compliance in tilt, how the two axes differ, and how it depends on the load."""
+        a, harder_a, b, harder_b = (float(c) for c in coefficients)
+        found = {"tilt": (a + b) / 2.0, "difference": a - b, "stiffening": (harder_a + harder_b) / 2.0}
+        return {name: (value, "rad/(N m)") for name, value in found.items()}

@@ -1,0 +1,117 @@
+"""How the TCP answers to displaced joints and tool, pose by pose, from Pinocchio's regressors and constraint Jacobians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import ClosureError
+from gtpin.kinematics.geometry_jacobian import Regressors
+from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.robot.chain import joint_axis
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """N postures of a robot, J Pinocchio joints (the universe not counted), to first order.
+
+    A joint's *placement frame* is where it sits in its parent, before its own motion. Joint j stands at index j - 1; the TCP,
+    on the body that carries it, at index J.
+
+    Parameters
+    ----------
+    response
+        (N, 6, J + 1, 6) motion of the TCP (position, m, rotation vector, rad; base frame) by a twist (m, rad) of each
+        placement frame, and of the TCP on its body, in that frame's own axes, the actuators held.
+    R, T
+        (N, J + 1, 3, 3) and (N, J + 1, 3), m: placement frames, and the TCP, in the base frame.
+    """
+
+    response: Floats
+    R: Floats
+    T: Floats
+
+    def by_twist(self, index: int, twist: Floats) -> Floats:
+        """(N, 6, m) motion of the TCP by twists (N, 6, m) of one placement frame."""
+        return np.asarray(self.response[:, :, index] @ twist)
+
+
+def bodies(robot: Robot, q: Floats) -> Bodies:
+    """Postures at commands q (N, n); NaN where the loops can't be closed."""
+    count = robot.model.njoints - 1
+    response = np.full((len(q), 6, count + 1, 6), np.nan)
+    R, T = np.full((len(q), count + 1, 3, 3), np.nan), np.full((len(q), count + 1, 3), np.nan)
+    fill = _loops if robot.constraints else _tree
+    fill(robot, q, response, R, T)
+    response[:, :, count] = 0.0
+    response[:, :3, count, :3] = response[:, 3:, count, 3:] = R[:, count]
+    return Bodies(response, R, T)
+
+
+def index_of(joint_id: int) -> int:
+    """Index of a Pinocchio joint in the arrays of :class:`Bodies`."""
+    return joint_id - 1
+
+
+def configurations(robot: Robot, q: Floats) -> Floats:
+    """(N, nq) Pinocchio configurations of a robot without loops."""
+    found = np.tile(robot.neutral, (len(q), 1))
+    for i, actuator in enumerate(robot.actuators):
+        if robot.model.nqs[actuator.joint_id] == 2:
+            found[:, actuator.index_q], found[:, actuator.index_q + 1] = np.cos(q[:, i]), np.sin(q[:, i])
+        else:
+            found[:, actuator.index_q] = q[:, i]
+    return found
+
+
+def driven_twists(robot: Robot) -> Floats:
+    """(J + 1, 6, n) twist of each placement frame that is as good as a unit of each command."""
+    twists = np.zeros((robot.model.njoints, 6, robot.n_actuators))
+    for i, actuator in enumerate(robot.actuators):
+        twists[actuator.joint_id - 1, :, i] = joint_axis(robot.model, actuator.joint_id)
+    return twists
+
+
+def _tree(robot: Robot, q: Floats, response: Floats, R: Floats, T: Floats) -> None:
+    model, data, tcp = robot.model, robot.data, robot.tcp_placement
+    count = model.njoints - 1
+    for i, configuration in enumerate(configurations(robot, q)):
+        pin.forwardKinematics(model, data, configuration)
+        regressor = pin.computeJointKinematicRegressor(model, data, robot.tcp_joint, pin.LOCAL_WORLD_ALIGNED, tcp)
+        response[i, :, :count] = regressor.reshape(6, count, 6)
+        _frames(robot, R[i], T[i])
+
+
+def _loops(robot: Robot, q: Floats, response: Floats, R: Floats, T: Floats) -> None:
+    count = robot.model.njoints - 1
+    start = home(robot)
+    for i, row in enumerate(q):
+        posture = _moved(start, row)
+        if posture is None:
+            continue
+        posture.refresh()
+        response[i, :, :count] = Regressors(posture).closed.reshape(6, count, 6)
+        _frames(robot, R[i], T[i])
+
+
+def _moved(start: ClosedPosture, q: Floats) -> ClosedPosture | None:
+    try:
+        return start.moved_to(q)
+    except ClosureError:
+        return None
+
+
+def _frames(robot: Robot, R: Floats, T: Floats) -> None:
+    """Placement frames of the posture that Pinocchio's data hold."""
+    model, data = robot.model, robot.data
+    for j in range(1, model.njoints):
+        frame = data.oMi[model.parents[j]] * model.jointPlacements[j]
+        R[j - 1], T[j - 1] = frame.rotation, frame.translation
+    tcp = data.oMi[robot.tcp_joint] * robot.tcp_placement
+    R[-1], T[-1] = tcp.rotation, tcp.translation

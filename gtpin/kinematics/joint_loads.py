@@ -1,0 +1,87 @@
+"""What every joint of a chain carries: gravity of links and payload, and the force on the tool."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import ClosureError
+from gtpin.kinematics.bodies import configurations
+from gtpin.kinematics.posture import home
+from gtpin.kinematics.statics import static_forces
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+
+def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: Floats | None = None) -> Floats:
+    """Wrenches that the bodies beyond each joint exert on it, at rest: Pinocchio's ``rnea`` with external forces.
+
+    Parameters
+    ----------
+    q
+        (N, n) commands.
+    force
+        (N, 3) force on the tool at the URDF's TCP, base frame, N.
+    payload
+        (N,) mass held at the URDF's TCP, kg.
+
+    Returns
+    -------
+    loads
+        (N, J + 1, 6) force, N, and moment, N m, about the origin of each placement frame, in its own axes; then what the TCP
+        carries, in its axes. See :class:`~gtpin.kinematics.bodies.Bodies`. NaN where the loops can't be closed.
+    """
+    model, data = robot.model, robot.data
+    loads = np.full((len(q), model.njoints, 6), np.nan)
+    tool = np.zeros((len(q), 3)) if force is None else force.copy()
+    if payload is not None:
+        tool += payload[:, None] * model.gravity.linear
+    still = np.zeros(model.nv)
+    external = pin.StdVec_Force()
+    external.extend([pin.Force.Zero() for _ in range(model.njoints)])
+    for i, (configuration, loops) in enumerate(_postures(robot, q, tool)):
+        if configuration is None:
+            continue
+        pin.forwardKinematics(model, data, configuration)
+        for j in range(model.njoints):
+            external[j] = pin.Force.Zero()
+        carrier = data.oMi[robot.tcp_joint]
+        at_tcp = robot.tcp_placement.act(pin.Force(_in(carrier * robot.tcp_placement, tool[i]), np.zeros(3)))
+        external[robot.tcp_joint] = at_tcp
+        for constraint, pulled in zip(robot.constraints, loops, strict=True):
+            for joint, placement, sign in (
+                (constraint.joint1_id, constraint.joint1_placement, -1.0),
+                (constraint.joint2_id, constraint.joint2_placement, 1.0),
+            ):
+                frame = data.oMi[joint] * placement
+                local = placement.act(pin.Force(_in(frame, sign * pulled), np.zeros(3)))
+                external[joint] = external[joint] + local
+        pin.rnea(model, data, configuration, still, still, external)
+        for j in range(1, model.njoints):
+            motion = model.jointPlacements[j].actInv(data.liMi[j])
+            loads[i, j - 1] = -motion.act(data.f[j]).vector
+        loads[i, -1] = np.concatenate([_in(carrier * robot.tcp_placement, tool[i]), np.zeros(3)])
+    return loads
+
+
+def _in(frame: pin.SE3, vector: Floats) -> Floats:
+    """A vector (3,) of the base frame in another frame's axes."""
+    return np.asarray(frame.rotation.T @ vector)
+
+
+def _postures(robot: Robot, q: Floats, tool: Floats) -> list[tuple[Floats | None, Floats]]:
+    """Configurations, and (loops, 3) the force of each loop on its second anchor's body, base frame, N."""
+    if not robot.constraints:
+        return [(configuration, np.zeros((0, 3))) for configuration in configurations(robot, q)]
+    start = home(robot)
+    found: list[tuple[Floats | None, Floats]] = []
+    for row, force in zip(q, tool, strict=True):
+        try:
+            posture = start.moved_to(row)
+            # ``static_forces`` gives what the second body exerts on the first.
+            found.append((posture.configuration, -static_forces(posture, force).loops))
+        except ClosureError:
+            found.append((None, np.zeros((len(robot.constraints), 3))))
+    return found

@@ -1,0 +1,56 @@
+"""The links that the counted joints of a robot without rods move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pinocchio as pin
+
+from gtpin.robot.chain import Chain
+
+
+@dataclass(frozen=True)
+class MovingLink:
+    """The child of a counted joint, with what is fixed to it; from that joint's frame to its tip.
+
+    Parameters
+    ----------
+    name
+        Its name in the URDF.
+    joint_id
+        The Pinocchio joint that moves it.
+    tip
+        Index, as in :class:`~gtpin.kinematics.bodies.Bodies`, of the placement frame of the next joint; of the TCP for the
+        last link.
+    """
+
+    name: str
+    joint_id: int
+    tip: int
+
+
+def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
+    """The links of the counted joints, in the joints' order; those without a joint or TCP beyond them are left out."""
+    found = []
+    for actuator in robot.actuators:
+        tip = _tip(robot, actuator.joint_id)
+        names = [
+            frame.name
+            for frame in robot.model.frames
+            if frame.type == pin.FrameType.BODY and frame.parentJoint == actuator.joint_id
+        ]
+        if tip is not None and names:
+            found.append(MovingLink(str(names[0]), actuator.joint_id, tip))
+    return tuple(found)
+
+
+def _tip(robot: Chain, joint_id: int) -> int | None:
+    """Where a link ends: at the next joint towards the TCP, else at the next joint at all."""
+    model = robot.model
+    if joint_id == robot.tcp_joint:
+        return int(model.njoints - 1)
+    path = list(model.supports[robot.tcp_joint])
+    if joint_id in path:
+        return int(path[path.index(joint_id) + 1]) - 1
+    children = [j for j in range(1, model.njoints) if model.parents[j] == joint_id]
+    return children[0] - 1 if children else None
