@@ -12,8 +12,8 @@ from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ModelError
-from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.closures import RodEnds, between, follow
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses

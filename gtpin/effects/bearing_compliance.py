@@ -60,9 +60,7 @@ class BearingCompliance(Effect):
         harder = np.linalg.norm(moment, axis=1, keepdims=True) / usual - 1.0
         ways = np.zeros((6, 2))
         ways[3:] = frame.across.T
-        return of_joint(
-            at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, 0.2, 1.0, 0.2], 5e-6)
-        )
+        return of_joint(at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, 0.2, 1.0, 0.2], 5e-6))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Compliance in tilt, how the two axes differ, and how it depends on the load."""

@@ -15,7 +15,8 @@ from gtpin.effects.catalogue import GROUP, effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.errors import ModelError
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
+from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -53,6 +54,20 @@ class DirectionRecord(Record):
     spread: list[Positive]
 
 
+class CommandsRecord(Record):
+    """Least and largest commands in a fit, m or rad."""
+
+    lower: list[Finite]
+    upper: list[Finite]
+
+
+class JointsRecord(Record):
+    """Mean and spread of what each joint and the TCP carry in a fit, N and N m."""
+
+    mean: list[Annotated[list[Finite], Field(min_length=6, max_length=6)]]
+    spread: list[Annotated[list[Positive], Field(min_length=6, max_length=6)]]
+
+
 class ReferencesRecord(Record):
     """Reference values of the covariates; see :class:`~gtpin.effects.situation.References`."""
 
@@ -62,6 +77,8 @@ class ReferencesRecord(Record):
     force: ForceRecord
     direction: DirectionRecord
     covariates: list[str]
+    commands: CommandsRecord | None = None
+    joints: JointsRecord | None = None
 
 
 class EffectRecord(Record):
@@ -100,11 +117,23 @@ def record(active: ActiveEffect) -> EffectRecord:
             force=ForceRecord(mean=known.force[0].tolist(), spread=known.force[1].tolist()),
             direction=DirectionRecord(mean=known.direction[0].tolist(), spread=known.direction[1].tolist()),
             covariates=list(known.covariates),
+            commands=_commands(known),
+            joints=_joints(known),
         ),
     )
 
 
-def active_effect(stored: EffectRecord, kinematics: RodKinematics, known: Mapping[str, Effect]) -> ActiveEffect:
+def _commands(known: References) -> CommandsRecord | None:
+    lower, upper = known.commands
+    return CommandsRecord(lower=lower.tolist(), upper=upper.tolist()) if lower.size else None
+
+
+def _joints(known: References) -> JointsRecord | None:
+    mean, spread = known.joints
+    return JointsRecord(mean=mean.tolist(), spread=spread.tolist()) if mean.size else None
+
+
+def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[str, Effect]) -> ActiveEffect:
     """An active effect from a file.
 
     Parameters
@@ -137,7 +166,7 @@ def active_effect(stored: EffectRecord, kinematics: RodKinematics, known: Mappin
         stored.setting,
         np.array(stored.coefficients, dtype=float),
         np.zeros((0, 0)),
-        _references(stored.references, len(robot.rods), effect.covariates(robot, stored.site)),
+        _references(stored.references, robot, effect.covariates(robot, stored.site)),
     )
     _try(active, kinematics)
     return replace(active, covariance=_covariance(stored))
@@ -153,7 +182,8 @@ def _covariance(stored: EffectRecord) -> Floats:
     return covariance
 
 
-def _references(stored: ReferencesRecord, n_rods: int, needed: tuple[str, ...]) -> References:
+def _references(stored: ReferencesRecord, robot: Robot, needed: tuple[str, ...]) -> References:
+    n_rods = len(robot.rods)
     counts = {
         "force.mean": len(stored.force.mean),
         "force.spread": len(stored.force.spread),
@@ -163,7 +193,7 @@ def _references(stored: ReferencesRecord, n_rods: int, needed: tuple[str, ...]) 
     for name, count in counts.items():
         if count != n_rods:
             raise ModelError(f"{count} values for {n_rods} rods", column=f"references.{name}")
-    towards = np.array(stored.direction.mean)
+    towards = np.array(stored.direction.mean).reshape(n_rods, 3)
     if (np.abs(np.linalg.norm(towards, axis=1) - 1.0) > UNIT).any():
         raise ModelError("not unit vectors", column="references.direction.mean")
     missing = [name for name in needed if name not in stored.covariates]
@@ -180,10 +210,32 @@ def _references(stored: ReferencesRecord, n_rods: int, needed: tuple[str, ...]) 
         force=(np.array(stored.force.mean), np.array(stored.force.spread)),
         direction=(towards, np.array(stored.direction.spread)),
         covariates=tuple(stored.covariates),
+        **_of_chain(stored, robot),
     )
 
 
-def _try(active: ActiveEffect, kinematics: RodKinematics) -> None:
+def _of_chain(stored: ReferencesRecord, robot: Robot) -> dict[str, tuple[Floats, Floats]]:
+    """Commands and joints' loads of a fit of a robot without rods.
+
+    Raises
+    ------
+    ModelError
+        If they are missing, or are another robot's.
+    """
+    if robot.rods:
+        return {}
+    found = {}
+    for name, values, count in (
+        ("commands", stored.commands and (stored.commands.lower, stored.commands.upper), robot.n_actuators),
+        ("joints", stored.joints and (stored.joints.mean, stored.joints.spread), robot.model.njoints),
+    ):
+        if values is None or any(len(part) != count for part in values):
+            raise ModelError(f"not {count} values", column=f"references.{name}")
+        found[name] = (np.array(values[0], dtype=float), np.array(values[1], dtype=float))
+    return found
+
+
+def _try(active: ActiveEffect, kinematics: Kinematics) -> None:
     """Apply an effect once at home, to raise the error of an effect whose parts do not fit together."""
     home, known = kinematics.home, active.references
     if not home.reached.all():

@@ -9,6 +9,7 @@ WORDS = {
     "constant": "the covariate {covariate} does not vary",
     "too_few_commands": "the commands of {site} are too few, or too close together",
     "one_sign": "the link's force does not change its sign",
+    "no_load": "the joint carries nothing about its own axis, or the URDF tells no masses",
     "single_joint": "the cart carries a single joint, about which it turns unseen",
     "absorbed": "geometric calibration absorbs it",
     "unrecorded_payload": "the payload may have varied without being recorded",

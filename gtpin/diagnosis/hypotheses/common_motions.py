@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.drives import drive_sizes
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
 
@@ -52,9 +53,10 @@ def _field(at: Situation) -> tuple[Floats, Floats]:
 def _of_all(at: Situation, priors: Priors, columns: Floats, size: Floats) -> Basis:
     """The same functions along every track, and each in proportion to its own command and a little uneven."""
     total: list[Floats] = []
+    sizes: list[Floats] = []
     for j, site in enumerate(at.robot.sites):
         own = at.travel[:, [j]]
         along = along_track(at, site, np.hstack([columns, own, own**2]), np.ones(columns.shape[1] + 2))
         total.append(along.displacement(at))
-    sizes = priors.smooth_shift * np.concatenate([size, [1.0, 0.2]])
-    return Basis(np.tile(sizes, len(total)), twist=np.concatenate(total, axis=2))
+        sizes.append(drive_sizes(at, site, np.concatenate([size, [1.0, 0.2]]), priors.smooth_shift))
+    return Basis(np.concatenate(sizes), twist=np.concatenate(total, axis=2))

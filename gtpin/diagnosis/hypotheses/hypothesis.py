@@ -72,7 +72,7 @@ class SmoothTerm:
     Parameters
     ----------
     motion
-        Its direction: ``along``, ``aside``, ``length``, ``twist``, ``shift``.
+        Its direction: ``along``, ``aside``, ``length``, ``tip``, ``twist``, ``shift``.
     """
 
     site: str
@@ -123,8 +123,9 @@ def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool
     basis = hypothesis.basis(at)
     ways = {
         "along": basis.command,
-        "aside": basis.carrier_joints,
+        "aside": basis.carrier_joints if at.robot.rods else basis.placements or None,
         "length": basis.length,
+        "tip": basis.placements or None,
         "twist": basis.twist,
         "shift": basis.twist,
     }

@@ -71,8 +71,10 @@ def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list
 
 
 def _rods(design: Design, whitened: Floats) -> dict[str, float]:
-    """Residual and noise mapped to the rods by the closures' Jacobian."""
+    """Residual and noise mapped to the rods by the closures' Jacobian; nothing of a robot without rods."""
     at = design.situation
+    if not at.robot.rods:
+        return {}
     seen = np.linalg.inv(design.whitening)
     to_rods = np.linalg.inv(at.response)[:, :, : design.components] @ seen
     power = (np.einsum("nkc,nc->nk", to_rods, whitened) ** 2).mean(axis=0) - (to_rods**2).sum(axis=2).mean(axis=0)

@@ -149,7 +149,9 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
 
 
 def _against(known: Known, q: Floats, poses: Poses) -> Floats:
-    """(M, k, 3) unit vectors along which a push on the tool takes most off the force of each rod."""
+    """(M, k, 3) unit vectors along which a push on the tool takes most off the force of each rod; k = 0 where there is none."""
+    if not known.robot.rods:
+        return np.zeros((len(q), 0, 3))
     at = Situation(known.situation.kinematics, q, poses, {})
     ways = -np.sign(at.force)[:, :, None] * np.swapaxes(at.response[:, :3], 1, 2)
     return np.asarray(ways / np.linalg.norm(ways, axis=2, keepdims=True))
