@@ -19,8 +19,8 @@ SHORTEST, LONGEST = 0.008, 0.25
 TURN = 2.0 * np.pi
 """One turn, rad: an eccentric encoder's period."""
 MOST_A_TURN = 202.0
-"""Periods a turn that are tried at most at a turning joint of a chain: a strain wave gear of ratio 101 makes two for each turn of
-its input."""
+"""Periods a turn that are tried at most at a turning joint of a chain: a strain wave gear of ratio 101 makes two for each turn
+of its input."""
 LEAST_TURNS = 1.5
 """Periods that a joint must have gone through: fewer are a linearity."""
 

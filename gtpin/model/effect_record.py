@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
@@ -79,6 +79,11 @@ class ReferencesRecord(Record):
     covariates: list[str]
     commands: CommandsRecord | None = None
     joints: JointsRecord | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The keys of robots without rods are written for these alone."""
+        return {key: value for key, value in write(self).items() if value is not None}
 
 
 class EffectRecord(Record):
@@ -224,15 +229,15 @@ def _of_chain(stored: ReferencesRecord, robot: Robot) -> dict[str, tuple[Floats,
     """
     if robot.rods:
         return {}
-    found = {}
-    for name, values, count in (
-        ("commands", stored.commands and (stored.commands.lower, stored.commands.upper), robot.n_actuators),
-        ("joints", stored.joints and (stored.joints.mean, stored.joints.spread), robot.model.njoints),
-    ):
-        if values is None or any(len(part) != count for part in values):
-            raise ModelError(f"not {count} values", column=f"references.{name}")
-        found[name] = (np.array(values[0], dtype=float), np.array(values[1], dtype=float))
-    return found
+    commands, joints = stored.commands, stored.joints
+    if commands is None or {len(commands.lower), len(commands.upper)} != {robot.n_actuators}:
+        raise ModelError(f"not {robot.n_actuators} values", column="references.commands")
+    if joints is None or {len(joints.mean), len(joints.spread)} != {robot.model.njoints}:
+        raise ModelError(f"not {robot.model.njoints} values", column="references.joints")
+    return {
+        "commands": (np.array(commands.lower), np.array(commands.upper)),
+        "joints": (np.array(joints.mean), np.array(joints.spread)),
+    }
 
 
 def _try(active: ActiveEffect, kinematics: Kinematics) -> None:

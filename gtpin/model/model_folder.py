@@ -14,6 +14,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.errors import GtpinError, ModelError
+from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
 from gtpin.model.model import Frame, Model
@@ -153,14 +154,10 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
     if not content.effects:
         return ()
-    if not geometry.robot.rods:
-        raise ModelError(
-            f"{geometry.robot.name} has no rods", file=file, column="effects", hint="effects are for robots with rods"
-        )
-    kinematics, known, found = RodKinematics(geometry), {**effects_by_id(), **own}, []
+    solver, known, found = kinematics(geometry), {**effects_by_id(), **own}, []
     for number, one in enumerate(content.effects):
         try:
-            found.append(active_effect(one, kinematics, known))
+            found.append(active_effect(one, solver, known))
         except GtpinError as error:
             key = f"effects.{number}.{error.column}" if error.column else f"effects.{number}"
             raise ModelError(error.what, file=file, column=key, hint=error.hint or AGAIN) from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from xml.etree.ElementTree import Element, indent, tostring
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 import numpy.typing as npt
@@ -59,19 +59,44 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
 
 
 def placements_to_urdf(geometry: Geometry) -> str:
-    """URDF of a robot without rods, with its joints' placements moved."""
+    """URDF of a robot without rods, with its joints' placements and its TCP moved.
+
+    The TCP moves with the fixed joint of its link; where it has none, it gets a link of its own, which ``<platform>`` names.
+    """
     robot = geometry.robot
     root = parse_xml(robot.description.xml, robot.description.source)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     twists = geometry.deviations("placement", "joint", (robot.model.njoints, 6))
-    for joint_id in range(1, robot.model.njoints):
+    for joint_id in robot.moving_joints:
         element = joints[robot.model.names[joint_id]]
         # The URDF's origin starts at its parent link, Pinocchio's placement at its parent joint: fixed links lie between.
         parent = _parent_placement(robot, element)
         moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         _set_origin(element, moved)
+    platform = geometry.deviations("platform", "joint", (1, 6))[0]
+    if platform.any():
+        _move_tcp(robot, root, pin.exp6(platform))
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _move_tcp(robot: Robot, root: Element, moved: pin.SE3) -> None:
+    for joint in root.findall("joint"):
+        if joint.get("type") == "fixed" and _child(joint, "child").get("link") == robot.tcp_frame:
+            _set_origin(joint, _parent_placement(robot, joint).inverse() * robot.tcp_placement * moved)
+            return
+    name = f"{robot.tcp_frame}_tcp"
+    SubElement(root, "link", {"name": name})
+    joint = SubElement(root, "joint", {"name": f"{name}_fixed", "type": "fixed"})
+    SubElement(joint, "parent", {"link": robot.tcp_frame})
+    SubElement(joint, "child", {"link": name})
+    _set_origin(joint, moved)
+    own = root.find("gtpin")
+    own = SubElement(root, "gtpin") if own is None else own
+    platform = own.find("platform")
+    platform = SubElement(own, "platform") if platform is None else platform
+    platform.set("link", name)
+    platform.attrib.pop("tcp", None)
 
 
 def _own_direction(robot: Robot, link: str, xyz: tuple[float, ...], root: int) -> Floats:
