@@ -39,7 +39,7 @@ class LinkCompliance(Effect):
 
     A link of a robot without rods bends and twists as a beam from its joint to the next, fixed at its root, under what hangs on
     its tip: shift = f F l^3 / 3 + ..., turn = f M l + ... across the beam, turn = g M l about it (Euler-Bernoulli and
-    Saint-Venant: see :mod:`gtpin.effects.chain_motions`). Parameters: ``bending`` f = 1 / (E I) and ``torsion`` g = 1 / (G J), 1/(N m^2),
+    Saint-Venant: see :mod:`gtpin.effects.chain_motions`). Parameters: ``bending`` f = 1 / (E I) and ``torsion`` g = 1 / (G J)
     positive; at ``arm`` the same for all links. Typical size 1e-5: an aluminium tube of 0.1 m diameter and 4 mm wall has
     E I = 70e9 * 3.14 * 0.05^3 * 0.004 = 1.1e5 N m^2, and G J three quarters of it.
     """

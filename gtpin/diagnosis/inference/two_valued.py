@@ -67,8 +67,9 @@ class DriveErrors:
 
     @property
     def excess(self) -> Floats:
-        """(n,) mean square of the errors beyond the instrument's noise."""
-        return np.asarray((self.errors**2 - self.variance).mean(axis=0))
+        """(n,) mean square of the errors beyond the instrument's noise; poses count by how well they show a drive."""
+        weight = self.variance**-2.0
+        return np.asarray((weight * (self.errors**2 - self.variance)).sum(axis=0) / weight.sum(axis=0))
 
 
 def drive_errors(hypotheses: HypothesisSet, model: Model, noise: Noise) -> DriveErrors | None:
@@ -94,8 +95,9 @@ def drive_errors(hypotheses: HypothesisSet, model: Model, noise: Noise) -> Drive
 
 def two_values(errors: Floats, variance: Floats) -> float:
     """Gain in log likelihood by two values over one, for errors (N,) of known variances (N,) and further scatter."""
-    spread = max(float(errors.std()), 1e-300)
-    e, v = (errors - errors.mean()) / spread, variance / spread**2
+    mean = np.average(errors, weights=1.0 / variance)
+    spread = max(float(np.sqrt(np.average((errors - mean) ** 2, weights=1.0 / variance))), 1e-300)
+    e, v = (errors - mean) / spread, variance / spread**2
 
     def one(rest: float) -> float:
         total = v + rest**2

@@ -149,9 +149,11 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
 
 
 def _against(known: Known, q: Floats, poses: Poses) -> Floats:
-    """(M, k, 3) unit vectors along which a push on the tool takes most off the force of each rod; k = 0 where there is none."""
+    """(M, k, 3) unit vectors along which a push on the tool takes most off the force of each rod; the base frame's axes
+    where there is no rod.
+    """
     if not known.robot.rods:
-        return np.zeros((len(q), 0, 3))
+        return np.tile(np.eye(3), (len(q), 1, 1))
     at = Situation(known.situation.kinematics, q, poses, {})
     ways = -np.sign(at.force)[:, :, None] * np.swapaxes(at.response[:, :3], 1, 2)
     return np.asarray(ways / np.linalg.norm(ways, axis=2, keepdims=True))
