@@ -14,6 +14,7 @@ from gtpin.calibration.checks.failed_fit import explained
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
 from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, reach_of
+from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.problem import measured_poses, rough_frame
 from gtpin.calibration.result import Calibration
@@ -152,8 +153,9 @@ def _calibrated(
     require(f"calibrating {len(dataset):,} poses", needed)
     if progress is not None and len(dataset) >= MANY:
         progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
+    _check_actuators(geometry.robot, dataset)
+    geometry = with_free_target(geometry, dataset)
     nominal = Model(geometry, solver=kinematics)
-    _check_actuators(nominal.robot, dataset)
     dataset = with_rounding(prepared(dataset, nominal))
     reached = sane_rows(dataset)
     poses = nominal.kinematics.forward(dataset.q[reached])

@@ -29,12 +29,14 @@ class _Section(BaseModel):
 class Instrument(_Section):
     """What measured the poses, and in which frame.
 
-    Sigmas are per axis, m and rad, None where they are to be estimated; `station` is where it stands, m.
+    Sigmas are per axis, m and rad, None where they are to be estimated; `target` is `free` where it is not known where
+    the target sits on the platform; `station` is where the instrument stands, m.
     """
 
     position_sigma: _Positive | None = None
     orientation_sigma: _Positive | None = None
     frame: Literal["robot", "free"] = "robot"
+    target: Literal["tcp", "free"] = "tcp"
     station: Annotated[tuple[_Finite, _Finite, _Finite], Field(strict=False)] | None = None
 
 

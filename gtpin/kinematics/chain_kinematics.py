@@ -37,7 +37,7 @@ class ChainKinematics:
         """The robot with its joints and TCP where the geometry puts them."""
         robot = self.geometry.robot
         placements = self.geometry.deviations("placement", "joint", (robot.model.njoints, 6))
-        return robot.with_placements(placements, self.geometry.deviations("platform", "joint", (1, 6))[0])
+        return robot.with_placements(placements, self.geometry.platform)
 
     @cached_property
     def home(self) -> Poses:
@@ -90,7 +90,7 @@ class ChainKinematics:
         """(J + 1, 6, p) twist of each placement frame by each parameter."""
         count = self.geometry.robot.model.njoints - 1
         placements = self.geometry.deviations("placement", "joint", (count + 1, 6))
-        platform = self.geometry.deviations("platform", "joint", (1, 6))[0]
+        platform = self.geometry.platform
         twists = np.zeros((count + 1, 6, len(self.geometry.parameters)))
         for column, p in enumerate(self.geometry.parameters):
             index, deviation = (count, platform) if p.kind == "platform" else (p.owner - 1, placements[p.owner])

@@ -182,7 +182,7 @@ def _scale(posture: ClosedPosture, _: Regressors, __: Geometry, p: Parameter) ->
 
 
 def _platform(posture: ClosedPosture, _: Regressors, geometry: Geometry, p: Parameter) -> Floats:
-    twist = np.asarray(pin.Jexp6(geometry.deviations("platform", "joint", (1, 6))[0]))[:, p.component]
+    twist = np.asarray(pin.Jexp6(geometry.platform))[:, p.component]
     return np.concatenate([posture.R @ twist[:3], posture.R @ twist[3:]])
 
 

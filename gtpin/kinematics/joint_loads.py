@@ -48,7 +48,7 @@ def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: F
         for j in range(model.njoints):
             external[j] = pin.Force.Zero()
         carrier = data.oMi[robot.tcp_joint]
-        at_tcp = robot.tcp_placement.act(pin.Force(_in(carrier * robot.tcp_placement, tool[i]), np.zeros(3)))
+        at_tcp = robot.load_placement.act(pin.Force(_in(carrier * robot.load_placement, tool[i]), np.zeros(3)))
         external[robot.tcp_joint] = at_tcp
         for constraint, pulled in zip(robot.constraints, loops, strict=True):
             for joint, placement, sign in (
@@ -62,7 +62,8 @@ def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: F
         for j in range(1, model.njoints):
             motion = model.jointPlacements[j].actInv(data.liMi[j])
             loads[i, j - 1] = -motion.act(data.f[j]).vector
-        loads[i, -1] = np.concatenate([_in(carrier * robot.tcp_placement, tool[i]), np.zeros(3)])
+        hung = pin.Force(_in(carrier * robot.load_placement, tool[i]), np.zeros(3))
+        loads[i, -1] = (robot.tcp_placement.inverse() * robot.load_placement).act(hung).vector
     return loads
 
 

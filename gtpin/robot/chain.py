@@ -80,6 +80,8 @@ class Chain:
         Velocity indices of the coordinates that no actuator drives, ``n_passive`` of them.
     tcp_joint, tcp_placement
         The joint that carries the TCP frame, and the frame's placement on it.
+    load_placement
+        Placement, on that joint, of the URDF's TCP, at which payloads and tool forces act wherever the target sits.
     home_placement
         Placement, on that joint, of the TCP that the URDF names and whose pose its ``<home>`` tells.
 
@@ -112,6 +114,7 @@ class Chain:
         self.n_passive = self.model.nv - len(driven)
         self.tcp_frame = tcp or description.tcp or description.platform or self._tip()
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
+        self.load_placement = self.tcp_placement
         named = description.tcp or description.platform or self.tcp_frame
         self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))[1]
         self.constraints = tuple(

@@ -73,7 +73,7 @@ def placements_to_urdf(geometry: Geometry) -> str:
         parent = _parent_placement(robot, element)
         moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         _set_origin(element, moved)
-    platform = geometry.deviations("platform", "joint", (1, 6))[0]
+    platform = geometry.platform
     if platform.any():
         _move_tcp(robot, root, pin.exp6(platform))
     indent(root)

@@ -166,6 +166,15 @@ class Geometry:
                 table[parameter.owner, parameter.component] = deviation
         return table
 
+    @property
+    def platform(self) -> Floats:
+        """(6,) twist, m and rad, of the TCP on the body that carries it: values, since a free target has no nominal one."""
+        twist = np.zeros(6)
+        for parameter, value in zip(self.parameters, self.values, strict=True):
+            if parameter.kind == "platform":
+                twist[parameter.component] = value
+        return twist
+
     def __getitem__(self, name: str) -> float:
         if name not in self.names:
             raise ModelError(f"no parameter is called {name!r}", hint=f"names look like {self.names[0]}")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.rounds import Progress
 from gtpin.data import Dataset
@@ -52,7 +53,7 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
     GtpinError
         If the dataset can't be read as one of this robot.
     """
-    recorded = prepared(dataset, Model(Geometry.nominal(nominal)))
+    recorded = prepared(dataset, Model(with_free_target(Geometry.nominal(nominal), dataset)))
     usable = without_frozen(
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )
