@@ -136,7 +136,9 @@ def _turned(R: Floats, seen: Floats, free_frame: bool) -> tuple[Floats, Floats]:
 def _bilinear(predicted: Poses, T: Floats) -> Floats:
     """(3,) the target from positions: F and F t e' as if they were independent, then the nearest t."""
     rows = np.hstack([predicted.T, predicted.R.reshape(-1, 9), np.ones((len(T), 1))])
-    found = np.asarray(np.linalg.lstsq(rows, T, rcond=None)[0].T, dtype=np.float64)  # (3, 13): for each row a of F, F_a, F_a t', shift
+    found = np.asarray(
+        np.linalg.lstsq(rows, T, rcond=None)[0].T, dtype=np.float64
+    )  # (3, 13): for each row a of F, F_a, F_a t', shift
     F = _nearest(found[:, :3])
     products = found[:, 3:12].reshape(3, 3, 3)
     return np.asarray(np.einsum("ab,abc->c", F, products) / 3.0)

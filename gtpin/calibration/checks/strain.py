@@ -136,7 +136,14 @@ class _Linear:
     def _evidence(self, variance: Floats) -> float:
         s = np.sqrt(variance)
         inner = np.eye(len(s)) + s[:, None] * self.A * s
-        lower = np.linalg.cholesky(inner)
+        try:
+            lower = np.linalg.cholesky(inner)
+        except (
+            np.linalg.LinAlgError
+        ):  # rounding of a direction without a prior; mathematically no eigenvalue is below 1
+            values, vectors = np.linalg.eigh(inner)
+            values = np.maximum(values, 1.0)
+            return float(0.5 * ((vectors.T @ (s * self.b)) ** 2 / values).sum() - 0.5 * np.log(values).sum())
         half = np.linalg.solve(lower, s * self.b)
         return float(0.5 * half @ half - np.log(np.diag(lower)).sum())
 
