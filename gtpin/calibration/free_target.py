@@ -18,8 +18,10 @@ from gtpin.robot.geometry import Geometry
 
 Floats = npt.NDArray[np.float64]
 
-POSITION, ROTATION = 0.5, 2.0
-"""Tolerances, m and rad, of a free target about its first guess: they say nothing beside any measurement."""
+POSITION, ROTATION = 0.05, 0.1
+"""Tolerances, m and rad, of a free target about its first guess, whose own error is that of the robot: millimetres."""
+ANY_ROTATION = 2.0
+"""The same, rad, where orientations were not measured: any rotation is as good."""
 ROUNDS = 30
 """Alternating fits of the frame and the target, each with new weights."""
 
@@ -50,7 +52,8 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     for i, p in enumerate(geometry.parameters):
         if p.kind == "platform":
             values[i] = guess.vector[p.component]
-            tolerance = POSITION if p.component < 3 else ROTATION
+            turn = ANY_ROTATION if measured.R is None else ROTATION
+            tolerance = POSITION if p.component < 3 else turn
             parameters.append(replace(p, nominal=float(values[i]), tolerance=tolerance))
         else:
             parameters.append(p)
@@ -136,9 +139,8 @@ def _turned(R: Floats, seen: Floats, free_frame: bool) -> tuple[Floats, Floats]:
 def _bilinear(predicted: Poses, T: Floats) -> Floats:
     """(3,) the target from positions: F and F t e' as if they were independent, then the nearest t."""
     rows = np.hstack([predicted.T, predicted.R.reshape(-1, 9), np.ones((len(T), 1))])
-    found = np.asarray(
-        np.linalg.lstsq(rows, T, rcond=None)[0].T, dtype=np.float64
-    )  # (3, 13): for each row a of F, F_a, F_a t', shift
+    found = np.asarray(np.linalg.lstsq(rows, T, rcond=None)[0].T, dtype=np.float64)
+    # (3, 13): for each row a of F its own three numbers, nine products with t, and the shift.
     F = _nearest(found[:, :3])
     products = found[:, 3:12].reshape(3, 3, 3)
     return np.asarray(np.einsum("ab,abc->c", F, products) / 3.0)

@@ -210,7 +210,7 @@ class Situation:
                 (np.zeros((0, 3)), np.zeros(0)),
                 known,
                 (self.q.min(axis=0), np.maximum(self.q.max(axis=0), self.q.min(axis=0) + 1e-9)),
-                (loads.mean(axis=0), np.maximum(loads.std(axis=0), 1e-9)),
+                (loads.mean(axis=0), np.maximum(loads.std(axis=0), _least_spread(loads))),
             )
         mean = self.along.mean(axis=0)
         mean /= np.linalg.norm(mean, axis=1)[:, None]
@@ -259,3 +259,15 @@ class Situation:
             first /= np.linalg.norm(first)
             tilts[:, i] = self.along[:, i] @ np.stack([first, np.cross(axis, first)], axis=1) / spread[i]
         return tilts
+
+
+LEAST_SPREAD = 0.02
+"""Least spread of a load, over the largest of its kind that the robot carries anywhere: less is divided by as if it were so much,
+for loads of another kind may follow on a joint that carried nothing."""
+
+
+def _least_spread(loads: Floats) -> Floats:
+    """(6,) least spreads of forces, N, and moments, N m."""
+    largest = np.abs(loads).max(axis=(0, 1))
+    kinds = np.repeat([largest[:3].max(), largest[3:].max()], 3)
+    return np.asarray(np.maximum(LEAST_SPREAD * kinds, 1e-9))

@@ -59,11 +59,11 @@ def _of_all(at: Situation) -> Functions:
 def _loads(at: Situation, index: int) -> Functions:
     """Functions of the six components of what hangs on a link's tip, as far as they vary."""
     mean, spread = (values[index] for values in at.references.joints)
-    least = 1e-6 * max(float(spread.max()), 1e-3)
+    varying = at.joint_loads[:, index].std(axis=0) > 1e-6 * spread
     parts = [
         cosines(np.clip((at.joint_loads[:, index, c] - mean[c]) / spread[c] / 2.0, -1.5, 1.5), 1, 3, 1.0)
         for c in range(6)
-        if spread[c] > least
+        if varying[c]
     ]
     if parts:
         yield ("load",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

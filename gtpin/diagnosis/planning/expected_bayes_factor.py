@@ -62,13 +62,15 @@ def expected_gain(predictions: Sequence[Prediction], pairs: Sequence[HypothesisP
     factors = []
     for p in predictions:
         L = p.spread[rows].reshape(-1, p.spread.shape[2])
-        factors.append(cho_factor(np.eye(len(L)) + L @ L.T, lower=True))
+        # By QR, since the square of a spread that data hardly bound rounds the noise away.
+        upper = np.linalg.qr(np.vstack([L.T, np.eye(len(L))]), mode="r")
+        factors.append((upper * np.sign(np.diag(upper))[:, None]).T)
     total = 0.0
     for r in pairs:
-        lower = np.tril(factors[r.true][0])
+        lower = factors[r.true]
         shift = (predictions[r.true].mean - predictions[r.rival].mean)[rows].ravel()
-        solved = solve_triangular(factors[r.rival][0], np.column_stack([lower, shift]), lower=True)
-        logs = np.log(np.diag(factors[r.rival][0])).sum() - np.log(np.diag(lower)).sum()
+        solved = solve_triangular(factors[r.rival], np.column_stack([lower, shift]), lower=True)
+        logs = np.log(np.diag(factors[r.rival])).sum() - np.log(np.diag(lower)).sum()
         total += r.weight * float(0.5 * ((solved**2).sum() - len(shift)) + logs)
     return total / sum(r.weight for r in pairs)
 
