@@ -262,8 +262,8 @@ class Situation:
 
 
 LEAST_SPREAD = 0.02
-"""Least spread of a load, over the largest of its kind that the robot carries anywhere: less is divided by as if it were so much,
-for loads of another kind may follow on a joint that carried nothing."""
+"""Least spread of a load, over the largest of its kind that the robot carries anywhere: loads of another kind may follow on a
+joint that carried nothing in the fit."""
 
 
 def _least_spread(loads: Floats) -> Floats:
