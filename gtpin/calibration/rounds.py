@@ -78,7 +78,7 @@ class Settled:
         Number of steps of all fits.
     """
 
-    fit: Fit
+    fit: Fit[Problem]
     used: Mask
     noise: Noise
     tails: weights.Tails
@@ -108,7 +108,7 @@ class Settled:
             return 1.0
         return float(np.sqrt(self.chi2 / self.dof))
 
-    def refit(self, factor: float) -> Fit:
+    def refit(self, factor: float) -> Fit[Problem]:
         """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""
         return fit(self.fit.problem.noisier(factor), self.tails.weigh, self.fit.point.x)
 
@@ -250,7 +250,7 @@ class Reweighting:
         what: str,
         rough: bool = False,
         near: Poses | None = None,
-    ) -> Fit:
+    ) -> Fit[Problem]:
         def report(iteration: int, rms: float) -> None:
             if self.progress is not None:
                 self.progress(what, iteration, rms)
@@ -265,7 +265,7 @@ class Reweighting:
             return fit(problem, weigh, x, report, near=near, decrease=ROUGHLY, enough=ROUGH_STEPS)
         return fit(problem, weigh, x, report, near=near)
 
-    def _left(self, outcome: Fit, used: Mask) -> tuple[Floats, Poses]:
+    def _left(self, outcome: Fit[Problem], used: Mask) -> tuple[Floats, Poses]:
         """(N, c) residuals of a fit at all poses, including rejected ones, and the model's poses in the base frame."""
         model, poses = outcome.point.model, outcome.point.poses
         if len(poses) != np.count_nonzero(used):  # a part's
@@ -278,7 +278,9 @@ class Reweighting:
             poses = Poses(T, R)
         return self.measured.minus(model.seen(poses)), poses
 
-    def _estimated(self, noise: Noise, outcome: Fit, used: Mask, still: Mask, left: Floats, J: Floats) -> Noise:
+    def _estimated(
+        self, noise: Noise, outcome: Fit[Problem], used: Mask, still: Mask, left: Floats, J: Floats
+    ) -> Noise:
         """The undeclared part of the noise, from repeated visits or otherwise from the residuals.
 
         Parameters
@@ -308,7 +310,7 @@ class Reweighting:
             return fitted
         return self._with_repeatability(fitted, outcome, used, left[used], J[used])
 
-    def _with_repeatability(self, noise: Noise, outcome: Fit, used: Mask, left: Floats, J: Floats) -> Noise:
+    def _with_repeatability(self, noise: Noise, outcome: Fit[Problem], used: Mask, left: Floats, J: Floats) -> Noise:
         """The same sigmas, or others with the machine's repeatability, if few poses were visited twice and residuals show it.
 
         An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
@@ -336,7 +338,7 @@ class Reweighting:
         ]
         return float(np.concatenate(logs).mean())
 
-    def _from_residuals(self, noise: Noise, outcome: Fit, still: Mask) -> Noise:
+    def _from_residuals(self, noise: Noise, outcome: Fit[Problem], still: Mask) -> Noise:
         """Undeclared sigmas from the residuals' squares and the degrees of freedom in each kind of component.
 
         Only poses that are ``still`` used: a gross error in the fit would make the noise so large that it is accepted in the
