@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track, rods_of
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import modulated
@@ -52,7 +53,7 @@ class Backlash(Effect):
         j = at.robot.sites.index(site)
         load = at.load[:, rods_of(at, site)].mean(axis=1)
         approach = at.covariate(f"approach{number(at.robot, site)}")
-        columns, size = modulated(approach, [at.travel[:, j], load / 2.0], 0.2)
+        columns, size = modulated(approach, [at.travel[:, j], load / 2.0], MODULATION.play)
         return along_track(at, site, columns, unit(size, 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
@@ -17,8 +18,8 @@ ORDERS = {1: 8, 2: 5}
 """Sum of the orders of waves that are multiplied, by the number of other actuators."""
 MANY = 2
 """The same where there are more: products of three and more would be too many."""
-DECAY, OWN = 1.5, 0.3
-"""How fast sizes decay with that sum; share of the deviation that changes along the actuator's own track."""
+DECAY = 1.5
+"""How fast sizes decay with that sum."""
 
 
 class CrossCoupling(Effect):
@@ -59,7 +60,7 @@ class CrossCoupling(Effect):
             [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen], axis=1
         )
         lower = sums < most
-        size = np.concatenate([sums**-DECAY, OWN * sums[lower] ** -DECAY])
+        size = np.concatenate([sums**-DECAY, MODULATION.own_track * sums[lower] ** -DECAY])
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
         return along_track(at, site, whole, unit(1.5 * size / np.linalg.norm(size), 5e-5))
 

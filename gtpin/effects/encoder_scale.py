@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import modulated
@@ -41,7 +42,7 @@ class EncoderScale(Effect):
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Travel in proportion to the command, modulated a little along the track."""
         j = at.robot.sites.index(site)
-        columns, size = modulated(at.q[:, j], [at.travel[:, j]], 0.1)
+        columns, size = modulated(at.q[:, j], [at.travel[:, j]], MODULATION.scale)
         return along_track(at, site, columns, unit(size, 1e-4))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

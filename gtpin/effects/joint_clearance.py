@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import links
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
@@ -60,7 +61,8 @@ class JointClearance(Effect):
         spread = at.references.force[1][i]
         soft = np.tanh(at.force[:, i] / (0.2 * spread))
         columns = np.stack([sign, soft - sign, at.force[:, i] / spread], axis=1)
-        return of_lengths(at, [i], columns[:, None, :], unit([1.0, 0.3, 0.15], 1.5e-5))
+        sizes = [1.0, MODULATION.soft_clearance, MODULATION.yielding]
+        return of_lengths(at, [i], columns[:, None, :], unit(sizes, 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Half the play, the whole, and what goes on with the force."""

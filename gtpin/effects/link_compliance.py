@@ -9,7 +9,8 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.effect import Effect, Floats, Range, unit
-from gtpin.effects.hysteresis import FRICTION, approach
+from gtpin.effects.hysteresis import approach
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
@@ -65,14 +66,14 @@ class LinkCompliance(Effect):
         drivers = [rod.carrier if rod.extension is None else rod.extension for rod in at.robot.rods]
         came = np.stack([approach(at, drivers[i]) for i in rods], axis=1)
         columns = [force, force * (np.abs(force) / usual - 1.0), np.abs(force) / 2.0, force * came]
-        sizes = [1.0, 0.2, 0.2, FRICTION]
+        sizes = [1.0, MODULATION.stiffening, MODULATION.compression, MODULATION.friction]
         if len(rods) > 1:
             columns += [force * (np.arange(len(rods)) == i) for i in range(len(rods))]
-            sizes += [0.2] * len(rods)
+            sizes += [MODULATION.links] * len(rods)
         legs = np.array([at.robot.rods[i].extension for i in rods])
         if None not in legs:
             columns.append(force * at.travel[:, legs.astype(int)])
-            sizes.append(0.5)
+            sizes.append(MODULATION.extension)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
@@ -51,7 +52,7 @@ class RackPeriodic(Effect):
         phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns = np.stack([c, s, x * c, x * s, np.cos(2.0 * phase), np.sin(2.0 * phase)], axis=1)
-        return along_track(at, site, columns, unit([1.0, 1.0, 0.25, 0.25, 0.25, 0.25], 2e-5))
+        return along_track(at, site, columns, unit([1.0, 1.0, *[MODULATION.period] * 4], 2e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Period, amplitude, phase and harmonic."""

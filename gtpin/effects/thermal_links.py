@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
@@ -57,10 +58,11 @@ class ThermalLinks(Effect):
         warm = at.covariate("temp_link") - at.references.temperature
         growth = warm[:, None] * at.length[:, rods]
         late = at.time if at.has("time") else np.zeros(len(at))
-        columns, sizes = [growth, growth * np.abs(warm)[:, None] / 5.0, growth * late[:, None]], [1.0, 0.1, 0.15]
+        columns = [growth, growth * np.abs(warm)[:, None] / 5.0, growth * late[:, None]]
+        sizes = [1.0, MODULATION.warming, MODULATION.late]
         if len(rods) > 1:
             columns += [growth * (np.arange(len(rods)) == i) for i in range(len(rods))]
-            sizes += [0.2] * len(rods)
+            sizes += [MODULATION.links] * len(rods)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, 8e-6))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

@@ -6,11 +6,12 @@ import numpy as np
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
-SCALE, WANDER = 3e-5, 1.5e-6
-"""Size of the scale, m/m, and of the seen shift where it wanders, m: some per cent of it at some metres' distance."""
+SCALE = 3e-5
+"""Size of the scale, m/m."""
 
 
 class TrackerScale(Effect):
@@ -53,4 +54,4 @@ class TrackerScale(Effect):
         twist[:, :3, 0] = at.poses.T - at.kinematics.home.T[0]
         for k, wave in enumerate(waves):
             twist[:, :3, 1 + 3 * k : 4 + 3 * k] = np.eye(3) * wave[:, None, None]
-        return Basis(np.concatenate([[SCALE], np.full(3 * len(waves), WANDER)]), twist=twist)
+        return Basis(np.concatenate([[SCALE], np.full(3 * len(waves), SCALE * MODULATION.wander)]), twist=twist)
