@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, in_frame
-from gtpin.calibration.rounds import Settled
+from gtpin.calibration.settled import Settled
 from gtpin.kinematics.rotations import skew
 from gtpin.robot.geometry import Geometry
 
