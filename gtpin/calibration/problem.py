@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.data import Dataset
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, skew
+from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
 from gtpin.model.model import Frame, Model
 
 Floats = npt.NDArray[np.float64]
@@ -128,9 +128,7 @@ class Problem:
         J = in_frame(J, model.frame)
         if self.free_frame:
             shift, vector = self._frame_change(point.x)
-            motion = np.zeros((len(poses), 6, 6))
-            motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
-            motion[:, :3, 3:] = -skew(model.seen(poses).T - self._pivot - shift)
+            motion = frame_motions(model.seen(poses).T - self._pivot - shift)
             motion[:, :, 3:] = motion[:, :, 3:] @ left_jacobian(vector)
             J = np.concatenate([J, FRAME_UNIT * motion], axis=2)
         return self.whitened_columns(J, rows, weight)

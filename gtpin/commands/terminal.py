@@ -43,6 +43,9 @@ Force = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Seed = Annotated[int, typer.Option("--seed", help="Makes every random step repeatable.", min=0)]
+CartOrientation = Annotated[
+    bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
+]
 DatasetFolder = Annotated[
     Path, typer.Argument(help="Folder that holds dataset.toml and poses.csv.", show_default=False)
 ]
