@@ -105,7 +105,10 @@ class ClosedPosture:
         return self.robot.data.oMi[joint_id].copy()
 
     def refresh(self) -> Any:
-        """Pinocchio's data with joint placements and Jacobians of this posture."""
+        """The robot's ``pinocchio.Data``, with the joint placements and joint Jacobians of this posture.
+
+        All postures of a robot share it: a call for another posture overwrites it.
+        """
         pin.computeJointJacobians(self.robot.model, self.robot.data, self._configuration)
         return self.robot.data
 

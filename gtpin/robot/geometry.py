@@ -33,13 +33,13 @@ class Geometry:
     Parameters
     ----------
     robot
-        Whose geometry it is; its URDF gives the nominal values.
+        The robot that has this geometry. Its URDF gives the nominal values.
     parameters
-        What can be identified; everything else stays nominal.
+        The parameters that a calibration can identify. All others keep their nominal values.
     values
         (p,) their values, m, rad or m/m, in the order of ``parameters``.
     tracks
-        By rod, the measured track of its cart, or None where the track is straight; empty where all are.
+        One entry per rod: the measured track of its cart, or None where the track is straight. Empty where all are straight.
 
     Examples
     --------
