@@ -159,7 +159,10 @@ class Geometry:
         return replace(self, values=values)
 
     def deviations(self, kind: Kind, per: Literal["actuator", "rod", "joint"], shape: tuple[int, int]) -> Floats:
-        """Deviations of one kind, by owner and component; zero where there is no such parameter."""
+        """A table of the deviations from nominal of one kind of parameter, m, rad or m/m.
+
+        Row: index of the actuator, rod or joint; column: component of the vector. Zero where there is no such parameter.
+        """
         table = np.zeros(shape)
         for parameter, deviation in zip(self.parameters, self.deviation, strict=True):
             if parameter.kind == kind and parameter.per == per:
