@@ -82,7 +82,7 @@ class ClosedPosture:
 
     @property
     def tcp(self) -> Any:
-        """The TCP frame in the base frame, a ``pinocchio.SE3`` of the caller's own."""
+        """The TCP frame in the base frame, a ``pinocchio.SE3`` (m). A copy: changing it does not change the posture."""
         return self._tcp.copy()
 
     @cached_property

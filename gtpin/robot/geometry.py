@@ -81,16 +81,17 @@ class Geometry:
         Parameters
         ----------
         directions
-            One direction per actuator, or one per rod as in models 3 to 5 of Dressler et al. 2010.
+            Parameters of the track direction: one set per ``actuator``, or one per ``rod`` as in models 3 to 5 of Dressler et al. 2010.
         scale
-            Whether drive scales are parameters: one per actuator, one per rod, or (None) only those that the URDF calls
-            unknown.
+            Whether drive scales are parameters: one per ``actuator``, one per ``rod``, or (None) only those of actuators
+            with ``scale="unknown"`` in the URDF.
         arm
             ``reduced``: the rods of a cart share one length and move together, for robots whose rods are parallel.
         tracks
-            By rod, the measured track of its cart, or None where the track is straight.
+            One entry per rod: the measured track of its cart, or None where the track is straight.
         tolerance
-            1-sigma tolerances by kind that override the robot's.
+            1-sigma tolerances, m, rad or m/m, by kind of parameter (as in the URDF's ``<tolerance>``). They override the
+            robot's.
         without
             Names, or beginnings of names (``track_direction``, ``length[2a]``), of parameters to leave at nominal.
 
