@@ -153,7 +153,11 @@ def markdown(draws: Draws) -> str:
             cells.append(f"{printed[i]:.0f}")
             cells += [f"{e[:, i, j].mean():.0f} ± {e[:, i, j].std():.0f}" for e in kinds.values()]
         lines.append(f"| {i + 1} | " + " | ".join(cells) + " |")
-    lines += ["", f"Held-out error, micrometres: mean over {len(draws)} draws ± the standard deviation between draws.", ""]
+    lines += [
+        "",
+        f"Held-out error, micrometres: mean over {len(draws)} draws ± the standard deviation between draws.",
+        "",
+    ]
     lines += ["| worse | better | " + " | ".join(kinds) + " |", "|---" * 5 + "|"]
     for (a, b), counts in zip(PAIRS, zip(*map(order, kinds.values()), strict=True), strict=True):
         lines.append(f"| {a + 1} | {b + 1} | " + " | ".join(map(str, counts)) + " |")

@@ -155,7 +155,7 @@ class ClosedPosture:
     def moved_to(self, q: npt.ArrayLike) -> ClosedPosture:
         """Move the actuators to ``q`` along the straight line of commands, and close the loops there.
 
-        The way is walked in steps from each of which Newton's method contracts, so that the assembly mode is kept.
+        The line is divided into steps, so short that Newton's method converges from each to the next in the same assembly mode.
 
         Parameters
         ----------
@@ -165,9 +165,9 @@ class ClosedPosture:
         Raises
         ------
         UnreachableError
-            If the loops can't be closed on the way; the message says how far it got.
+            If the loops can't be closed at some point of the line; the message says up to which commands they can.
         SingularityError
-            If the way comes too near a singularity.
+            If the line comes too near a singularity.
         AssemblyModeError
             If the posture that was reached belongs to another assembly mode.
         """

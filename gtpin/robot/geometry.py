@@ -81,7 +81,8 @@ class Geometry:
         Parameters
         ----------
         directions
-            Parameters of the track direction: one set per ``actuator``, or one per ``rod`` as in models 3 to 5 of Dressler et al. 2010.
+            Parameters of the track direction: one set per ``actuator``, or one per ``rod`` as in models 3 to 5 of
+            Dressler et al. 2010.
         scale
             Whether drive scales are parameters: one per ``actuator``, one per ``rod``, or (None) only those of actuators
             with ``scale="unknown"`` in the URDF.
