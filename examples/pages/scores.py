@@ -82,7 +82,7 @@ def machine_scores() -> str:
 def jugglebot() -> str:
     """What is found on Jugglebot's measurements, as docs/machines.md has it."""
     found = _record("jugglebot.json")
-    lines = ["| RMS, mm | calibrated geometry | with what is named |", "|---|---|---|"]
+    lines = ["| RMS, mm | calibrated geometry | with the named cause |", "|---|---|---|"]
     for key, words in (
         ("legs_sample", "leg residual, in the sample"),
         ("legs_left_out", f"leg residual, poses that were not fitted ({found['folds']} folds)"),

@@ -100,7 +100,7 @@ class ClosedPosture:
         return _frozen(np.array(self._tcp.rotation))
 
     def placement(self, joint_id: int) -> Any:
-        """Placement of a Pinocchio joint in the base frame at this posture."""
+        """Placement (``pinocchio.SE3``, m) of a Pinocchio joint in the base frame at this posture."""
         pin.forwardKinematics(self.robot.model, self.robot.data, self._configuration)
         return self.robot.data.oMi[joint_id].copy()
 
