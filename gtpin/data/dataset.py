@@ -218,7 +218,7 @@ class Dataset(Shown):
 
         A dataset that gtpin wrote there is replaced. A relative path to a URDF is rewritten to start at `folder`.
         Raises `DatasetError` where the folder holds anything that gtpin has not written, or that was changed since, or can't
-        be written. With `force`, tables and a dataset.toml that gtpin has not written are renamed (NAME.old-1); other files stay.
+        be written. With `force`, tables and a dataset.toml of others are renamed (NAME.old-1), and other files stay.
         """
         folder = Path(folder)
         poses: dict[str, Column] = {"pose": self.pose}
