@@ -25,8 +25,8 @@ class Straightness(Effect):
     Parameters: ``rms_a``, ``rms_b``, ``peak_to_valley_a``, ``peak_to_valley_b``, m, each after the best straight
     line is subtracted, because a slope belongs to the direction of the track, which is geometry.
 
-    Typical size 40 um. The running parallelism of a precision rail to its base is about 30 um over 2 m (Picard,
-    Understanding Accuracy Classes in Linear Guides). The base itself is probably not straighter.
+    Typical size 40 um. The running parallelism of a rail of a good accuracy class to its base is up to about 30 um over
+    2 m (Picard, Understanding Accuracy Classes in Linear Guides). The base itself is probably not straighter.
     """
 
     id = "straightness"
