@@ -17,16 +17,17 @@ from gtpin.robot.robot import Robot
 
 
 class Backlash(Effect):
-    """dq = b approach, approach = +1 where the actuator came to rest moving upwards, -1 downwards.
+    """dq = b approach, approach = +1 where the actuator came to rest moving towards larger commands, else -1.
 
-    b < 0 where it stays behind (lost motion), b > 0 where it overshoots. A little more or less along the track and with the
-    load on it.
+    b < 0 where it stays behind (lost motion), b > 0 where it overshoots. The modulation: b varies a little along the track
+    and with the load on the actuator.
 
-    Parameters: ``half_width`` b, m (rad of an arm); ``reversal`` = 2 b, m: what ISO 230-2 calls the reversal error, approach
-    upwards less approach downwards.
+    Parameters: ``half_width`` b, m (rad of an arm); ``reversal`` = 2 b, m: the reversal error of ISO 230-2, the
+    deviation at approach +1 less that at -1.
 
-    Typical size 15 um to either side. The whole Gantry-Tau repeated to 13 um in the mean and 50 um at most in all directions
-    of approach (Dressler et al. 2010, section I, after Crothers et al. 2009), to which backlash of single drives adds up.
+    Typical size 15 um to either side. The repeatability of the whole Gantry-Tau was 13 um in the mean and 50 um at most, over
+    all directions of approach (Dressler et al. 2010, section I, after Crothers et al. 2009). It includes the backlash of all
+    drives.
     """
 
     id = "backlash"

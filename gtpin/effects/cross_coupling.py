@@ -28,12 +28,12 @@ class CrossCoupling(Effect):
     f is a sum of products of cosines over the ranges of travel, of an order of five in all (less where there are many
     actuators), whose sizes decay with their order.
 
-    Parameters: ``end_to_end[k]``, m, of the k-th of the other actuators in their order: how much farther along its track the
-    actuator is, in the mean, where that one is at the upper end of its range and not at the lower.
+    Parameters: ``end_to_end[k]``, m: difference of the mean of f between the upper and the lower end of the range of the k-th
+    other actuator (in their order).
 
-    Typical size 50 um from one end of the others' tracks to the other: that of the errors along the track of cart 2 in
-    Dressler et al. 2010, which at one command varied significantly where the other two carts stood elsewhere (section V; they
-    suppose a lack of stiffness).
+    Typical size 50 um between the ends of the other actuators' ranges. The errors along the track of cart 2 in Dressler et
+    al. 2010 are of this size; at one command they varied significantly with the positions of the other two carts (section V;
+    the authors suppose a lack of stiffness).
     """
 
     id = "cross_coupling"

@@ -15,13 +15,14 @@ from gtpin.robot.robot import Robot
 
 
 class EncoderScale(Effect):
-    """dq = s q: the actuator travels by the factor 1 + s of what is commanded; s > 0 where it goes too far.
+    """dq = s q: the travel is 1 + s times the command; s > 0 where the actuator goes too far.
 
-    Parameters: ``scale`` s, m/m (rad/rad of an arm); ``uneven``, by how much s is larger at the end of the range than at
-    its beginning, m/m.
+    Parameters: ``scale`` s, m/m (rad/rad of an arm); ``uneven``: s at the upper end of the range less s at the lower end,
+    m/m.
 
-    Typical size 1e-4. A precision rack is within 12 um per 500 mm, 24e-6 (Machine Design, Comparing Rack-and-Pinion Sets
-    to Other Options); the norms of Table II in Dressler et al. 2010 are off by 0.5e-4 to 3.7e-4, the drive's scale among it.
+    Typical size 1e-4. The pitch error of a precision rack is at most 12 um per 500 mm, 24e-6 (Machine Design, Comparing
+    Rack-and-Pinion Sets to Other Options). The norms of the track directions in Table II of Dressler et al. 2010 differ from
+    1 by 0.5e-4 to 3.7e-4, which includes the drive's scale.
     """
 
     id = "encoder_scale"

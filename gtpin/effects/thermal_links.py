@@ -16,16 +16,17 @@ from gtpin.robot.robot import Robot
 
 
 class ThermalLinks(Effect):
-    """dL = alpha L (temp_link - reference): a warm link is longer where alpha > 0. The reference is the dataset's.
+    """dL = alpha L (temp_link - reference): a warm link is longer where alpha > 0.
 
-    At ``arm`` each link differs a little from the others; the growth may go on or fade with the time, as the thermometer is
-    not the link, and with the warming itself.
+    The reference is the dataset's ``reference_temperature``, degC. The modulation: alpha changes with time, because the
+    sensor does not measure the link itself, and with the temperature difference. At ``arm`` each link differs a little from
+    the others.
 
-    Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread`` of alpha from link to link
-    (rms), 1/K.
+    Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread``: the standard deviation of
+    alpha between the links, 1/K.
 
-    Typical size 8e-6 / K: between steel with 12e-6, aluminium with 23e-6 and carbon fibre along the tube with -1e-6 to
-    1e-6 / K (handbook values).
+    Typical size 8e-6 / K: larger than carbon fibre along the tube (-1e-6 to 1e-6 / K), smaller than steel (12e-6 / K) and
+    aluminium (23e-6 / K; handbook values).
     """
 
     id = "thermal_links"

@@ -15,15 +15,16 @@ SCALE = 3e-5
 
 
 class TrackerScale(Effect):
-    """dT = s (T - T_home): lengths are read too long where s > 0. About what point they grow is a shift, which geometry takes.
+    """dT = s (T - T_home): measured lengths are too long where s > 0. T is the TCP position, T_home that at home, m.
 
-    Where the scale varies with the time or the air's temperature, all measured positions shift along the line of sight. The
-    place of the instrument need not be known, so the shift may have any direction.
+    Another centre of the scaling only adds a constant shift, which geometry absorbs. Where the scale varies with time or with
+    the temperature of the air, all measured positions also shift along the line of sight. The instrument's position is not
+    used, so the shift can have any direction.
 
     Parameters: ``scale`` s, m/m.
 
-    Typical size 3e-5. Air that is 1 K warmer than assumed makes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
-    1996); a wrong scale bar, unit, or temperature of the part more.
+    Typical size 3e-5. Air that is 1 K warmer than assumed causes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
+    1996). A wrong scale bar, unit or part temperature causes more.
     """
 
     id = "tracker_scale"
