@@ -58,16 +58,16 @@ def page(folder: Path | None) -> str:
         _markdown(figure_table(result)),
         "### By effect\n",
         _markdown(effect_table(result)),
-        "### What single effects were called\n",
+        "### What single effects were named as\n",
         _confusion(result["confusion"]),
         "### Probabilities\n",
         _markdown(reliability_table(result)),
         "### Power\n",
-        "Share detected by energy and number of poses, beside a matched filter that knows form and sign.\n",
+        "Fraction detected, by energy E and number of poses, compared with a matched filter that knows the effect's form and sign.\n",
         _power(result["power"]),
-        "### Rivals\n",
+        "### Methods for comparison\n",
         _markdown(baseline_table(result)),
-        "### Failures, one by one\n",
+        "### Every failure\n",
         _markdown(failure_table(cases)),
     ]
     return "\n".join(parts)
@@ -121,7 +121,7 @@ def _confusion(told: dict[str, dict[str, int]]) -> str:
     for true, said in told.items():
         words = [f"{word} {count}" for word, count in sorted(said.items(), key=lambda item: -item[1]) if word != true]
         rows.append((true, str(sum(said.values())), str(said.get(true, 0)), ", ".join(words)))
-    return _rows(("effect", "cases", "named", "called instead"), rows)
+    return _rows(("effect", "cases", "named", "named instead"), rows)
 
 
 def _power(told: list[dict[str, Any]]) -> str:

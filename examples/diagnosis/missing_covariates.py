@@ -30,6 +30,8 @@ SEEDS = 8_000_000
 """From here on nothing else draws its machines."""
 SURE = 0.95
 ANSWERS = ("another cause, sure of it", "a class that holds it", "a class without it", "unknown", "none")
+HEADS = ("wrong cause with confidence", "class holds the truth", "class without the truth", "unknown", "none")
+"""The answers as the head of the table has them."""
 
 
 def jobs(machines: int) -> list[dict[str, object]]:
@@ -65,7 +67,7 @@ def answer(found: gtpin.Diagnosis, truth: tuple[str, str]) -> str:
 def table(records: pd.DataFrame) -> str:
     """Answers by effect and columns missing."""
     lines = [
-        "| effect | columns missing |" + "".join(f" {words} |" for words in ANSWERS),
+        "| effect | columns missing |" + "".join(f" {words} |" for words in HEADS),
         "|---|---|" + "---|" * len(ANSWERS),
     ]
     for (effect, without), rows in records.groupby(["effect", "without"], sort=False):

@@ -141,7 +141,7 @@ def markdown(draws: Draws) -> str:
         lines.append(f"| {n} | " + " | ".join(cells if n > 2 else [cells[0], cells[1], "", cells[2], "", ""]) + " |")
     lines += [
         "",
-        "What the final cost of each link stands for in rod length, rms, micrometres: the paper / the twin.",
+        "The final cost of each link as an rms error of rod length, micrometres: the paper / the twin.",
         "",
     ]
     kinds = {"pose cost": draws.pose, "the paper's cost": draws.closure, "grid of Table III": draws.recovered}
@@ -153,11 +153,16 @@ def markdown(draws: Draws) -> str:
             cells.append(f"{printed[i]:.0f}")
             cells += [f"{e[:, i, j].mean():.0f} ± {e[:, i, j].std():.0f}" for e in kinds.values()]
         lines.append(f"| {i + 1} | " + " | ".join(cells) + " |")
-    lines += ["", f"Held-out error, micrometres: mean over {len(draws)} draws, and its spread from draw to draw.", ""]
+    lines += [
+        "",
+        f"Held-out error, micrometres: mean over {len(draws)} draws ± the standard deviation between draws.",
+        "",
+    ]
     lines += ["| worse | better | " + " | ".join(kinds) + " |", "|---" * 5 + "|"]
     for (a, b), counts in zip(PAIRS, zip(*map(order, kinds.values()), strict=True), strict=True):
         lines.append(f"| {a + 1} | {b + 1} | " + " | ".join(map(str, counts)) + " |")
-    lines += ["", f"In how many of {len(draws)} draws the means come in the paper's order.", ""]
+    counted = "in which the mean error of *worse* is larger than that of *better*, as in the paper."
+    lines += ["", f"Number of draws, of {len(draws)}, {counted}", ""]
     lines += ["| seed | 1 | 2 | 3 | 4 | 5 |", "|---" * 6 + "|"]
     for seed, errors in enumerate(draws.pose):
         lines.append(f"| {seed} | " + " | ".join(f"{mean:.1f} / {largest:.0f}" for mean, largest in errors) + " |")

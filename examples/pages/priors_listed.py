@@ -1,4 +1,4 @@
-"""The table of all numbers that move a verdict, made from ``gtpin/diagnosis/priors.py``."""
+"""The tables of all numbers that move a verdict, made from the two files in which they are defined."""
 
 from __future__ import annotations
 
@@ -6,11 +6,21 @@ import ast
 from pathlib import Path
 
 from gtpin.diagnosis import priors
+from gtpin.effects import modulation
 
 
 def priors_listed() -> str:
-    """Name, value and source of each, as Markdown."""
-    tree = ast.parse(Path(priors.__file__).read_text(encoding="utf-8"))
+    """Name, value and source of each prior, as Markdown."""
+    return _listed(Path(priors.__file__), priors.PRIORS)
+
+
+def modulation_listed() -> str:
+    """The same of the sizes of modulations."""
+    return _listed(Path(modulation.__file__), modulation.MODULATION)
+
+
+def _listed(file: Path, values: object) -> str:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
     (numbers,) = [node for node in tree.body if isinstance(node, ast.ClassDef)]
     lines = ["| number | value | what it is, and its source |", "|---|---|---|"]
     for field, text in zip(numbers.body, numbers.body[1:], strict=False):
@@ -18,5 +28,5 @@ def priors_listed() -> str:
             assert isinstance(text, ast.Expr)
             assert isinstance(text.value, ast.Constant)
             words = " ".join(str(text.value.value).split()).replace("|", "\\|")
-            lines.append(f"| `{field.target.id}` | {getattr(priors.PRIORS, field.target.id):g} | {words} |")
+            lines.append(f"| `{field.target.id}` | {getattr(values, field.target.id):g} | {words} |")
     return "\n".join(lines)

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from figures import FIGURES, ROOT
-from priors_listed import priors_listed
+from priors_listed import modulation_listed, priors_listed
 from scores import jugglebot, machine_scores, sealed_score, sealed_sentence
 from speed import command_table
 from speed import table as speed_table
@@ -26,6 +26,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "sealed_sentence": sealed_sentence,
     "machine_scores": machine_scores,
     "jugglebot": jugglebot,
+    "modulation_listed": modulation_listed,
     "priors_listed": priors_listed,
     "speed": speed_table,
     "speed_of_commands": command_table,

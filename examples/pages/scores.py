@@ -14,30 +14,30 @@ UNKNOWN, SURE = f"unknown{STRONG}", f"a cause named with confidence{STRONG}"
 SEALED = {
     "detected, E > 63": "detected, E > 63",
     "class holds the truth, E > 63": "class holds the truth, E > 63",
-    "members of the class, E > 63": "members of that class, mean",
+    "members of the class, E > 63": "members of this class, mean",
     "cause and site right, nothing else named, D > 63": "cause and site right, nothing else named, D > 63",
-    "no false name with confidence, D <= 63": "no false name with confidence, D <= 63",
-    "no effect: silent": "no effect: silent",
+    "no false name with confidence, D <= 63": "no false cause named with confidence, D <= 63",
+    "no effect: silent": "no effect: nothing detected",
     OUT + UNKNOWN: f"in no catalogue: `unknown`{STRONG}",
-    OUT + SURE: "the same: a cause named with confidence",
+    OUT + SURE: "the same cases: a cause named with confidence",
     TAKEN + UNKNOWN: f"{TAKEN}`unknown`{STRONG}",
-    TAKEN + SURE: "the same: a cause named with confidence",
+    TAKEN + SURE: "the same cases: a cause named with confidence",
     "two effects, E > 63 of each: F1 of the set": "two effects at once, E > 63 of each: F1 of the set",
-    "rough data: class holds the truth, E > 63, covariate there": "rough data: class right, E > 63",
-    "95 % interval of shrinkage covers": "95 % interval of the shrinkage covers",
-    "shrinkage said less realised": "shrinkage: said less realised, mean",
-    "95 % intervals of parameters cover": "95 % intervals of parameters cover",
+    "rough data: class holds the truth, E > 63, covariate there": "rough data: class holds the truth, E > 63",
+    "95 % interval of shrinkage covers": "95 % interval of the explained fraction covers the realised one",
+    "shrinkage said less realised": "explained fraction: predicted less realised, mean",
+    "95 % intervals of parameters cover": "95 % intervals of parameters cover the true values",
 }
 """Figures of ``score.json``, and how docs/diagnosis.md calls them."""
 MACHINE = {
     "detected, E > 63": "detected, E > 63",
     "class holds the truth, E > 63": "class right, E > 63",
     "cause and site right, nothing else named, D > 63": "cause right, D > 63",
-    "no effect: silent": "silent on nothing",
-    "no false name with confidence, D <= 63": "no false name, D <= 63",
+    "no effect: silent": "no effect: nothing detected",
+    "no false name with confidence, D <= 63": "no false cause, D <= 63",
     "two effects: F1 of the set": "F1 of two",
     TAKEN + UNKNOWN: "taken out: unknown",
-    "95 % interval of shrinkage covers": "shrinkage covered",
+    "95 % interval of shrinkage covers": "explained fraction covered",
 }
 """The same for docs/machines.md."""
 
@@ -82,7 +82,7 @@ def machine_scores() -> str:
 def jugglebot() -> str:
     """What is found on Jugglebot's measurements, as docs/machines.md has it."""
     found = _record("jugglebot.json")
-    lines = ["| RMS, mm | calibrated geometry | with what is named |", "|---|---|---|"]
+    lines = ["| RMS, mm | calibrated geometry | with the named cause |", "|---|---|---|"]
     for key, words in (
         ("legs_sample", "leg residual, in the sample"),
         ("legs_left_out", f"leg residual, poses that were not fitted ({found['folds']} folds)"),

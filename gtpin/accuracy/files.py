@@ -13,9 +13,8 @@ from gtpin.accuracy import figures
 from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.accuracy.expected import Uncertainty, mean_length, response
 from gtpin.accuracy.workspace import Workspace
-from gtpin.errors import GtpinError, warn
 from gtpin.model.model import Model
-from gtpin.output.figure import new_figure
+from gtpin.output.figure import write_figures
 from gtpin.output.json_text import json_text
 from gtpin.output.results import results_folder
 
@@ -71,15 +70,8 @@ def write_sensitivity(
 def write_accuracy(found: Accuracy, new: Path) -> None:
     """Write an analysis into a new folder; see :func:`write_sensitivity`."""
     found.sensitivity.to_table().to_csv(new / "sensitivity.csv", index=False, lineterminator="\n")
-    text = json_text(found.to_json())
-    (new / "accuracy.json").write_text(text, encoding="utf-8")
-    try:
-        new_figure(1.0, 1.0)
-    except GtpinError as error:
-        warn(f"no figures: {error}")
-        return
-    for name, figure in all_figures(found).items():
-        figure.savefig(new / f"{name}.png", metadata={"Software": None})
+    (new / "accuracy.json").write_text(json_text(found.to_json()), encoding="utf-8")
+    write_figures(lambda: all_figures(found), new)
 
 
 def all_figures(found: Accuracy) -> dict[str, Figure]:

@@ -18,7 +18,8 @@ from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.problem import measured_poses, rough_frame
 from gtpin.calibration.result import Calibration
-from gtpin.calibration.rounds import Progress, Reweighting, Settled
+from gtpin.calibration.reweighting import Progress, Reweighting
+from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.rounding import with_rounding
 from gtpin.data.sane import sane_rows
@@ -140,7 +141,7 @@ def calibrate_geometry(
     Parameters
     ----------
     lacking
-        Whether the geometry is incomplete by design: see :class:`~gtpin.calibration.rounds.Reweighting`.
+        Whether the geometry is incomplete by design: see :class:`~gtpin.calibration.reweighting.Reweighting`.
     """
     return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking, kinematics=kinematics)
 

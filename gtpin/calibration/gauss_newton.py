@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from gtpin.calibration.problem import Point, Problem
+from gtpin.calibration.problem import Point
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
 
@@ -25,8 +26,35 @@ ROUNDING = 1e-6
 """The same if no step lowers the cost because of rounding errors."""
 
 
+class LeastSquares(Protocol):
+    """What a fit needs of its problem: unknowns x with a Gaussian prior about zero, and the residuals that they leave."""
+
+    @property
+    def size(self) -> int:
+        """Length of x."""
+
+    @property
+    def prior(self) -> Floats:
+        """(size,) weight of each x squared."""
+
+    def point(self, x: Floats, near: Poses | None = None) -> Point:
+        """The model at x and its poses, searched near others (base frame); NaN where a pose can't be reached."""
+
+    def residual(self, point: Point) -> Floats:
+        """(N, c) whitened measured less predicted."""
+
+    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+        """(M, c, size) derivative of the whitened prediction by x, for some rows, times the roots of their weights (M,)."""
+
+    def chunks(self) -> list[slice]:
+        """Slices of rows that fit in memory with their derivatives."""
+
+
+P = TypeVar("P", bound=LeastSquares)
+
+
 @dataclass(frozen=True)
-class Fit:
+class Fit(Generic[P]):
     """A converged fit.
 
     Parameters
@@ -45,7 +73,7 @@ class Fit:
         Number of steps.
     """
 
-    problem: Problem
+    problem: P
     point: Point
     residual: Floats
     weight: Floats
@@ -74,7 +102,7 @@ class Fit:
 
 
 def fit(
-    problem: Problem,
+    problem: P,
     weigh: Callable[[Floats], Floats],
     x: Floats | None = None,
     progress: Callable[[int, float], None] | None = None,
@@ -82,7 +110,7 @@ def fit(
     near: Poses | None = None,
     decrease: float = DECREASE,
     enough: int = MAX_ITERATIONS,
-) -> Fit:
+) -> Fit[P]:
     """Minimise the weighted squares of the whitened residuals plus the prior's.
 
     Parameters
@@ -117,7 +145,7 @@ def fit(
     damping = 0.0
     for iteration in range(MAX_ITERATIONS):
         weight = weigh(residual)
-        information, gradient = problem.normal_equations(point, residual, weight)
+        information, gradient = _normal_equations(problem, point, residual, weight)
         gradient = gradient - problem.prior * point.x
         cost = _cost(problem, point.x, residual, weight)
         if progress is not None:
@@ -151,7 +179,17 @@ _HINT = (
 )
 
 
-def _cost(problem: Problem, x: Floats, residual: Floats, weight: Floats) -> float:
+def _normal_equations(problem: LeastSquares, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
+    """J'WJ (size, size) and J'Wr (size,) of the data alone, J the derivative of the whitened prediction by x."""
+    information, gradient = np.zeros((problem.size, problem.size)), np.zeros(problem.size)
+    for rows in problem.chunks():
+        flat = problem.jacobian(point, rows, weight[rows]).reshape(-1, problem.size)
+        information += flat.T @ flat
+        gradient += flat.T @ (residual[rows] * np.sqrt(weight[rows])[:, None]).ravel()
+    return information, gradient
+
+
+def _cost(problem: LeastSquares, x: Floats, residual: Floats, weight: Floats) -> float:
     return float((weight[:, None] * residual**2).sum() + (problem.prior * x**2).sum()) / 2.0
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.data import Dataset
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, skew
+from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
 from gtpin.model.model import Frame, Model
 
 Floats = npt.NDArray[np.float64]
@@ -116,15 +116,6 @@ class Problem:
             return replace(self, whitening=np.broadcast_to(self.whitening[0] / factor, self.whitening.shape))
         return replace(self, whitening=self.whitening / factor)
 
-    def normal_equations(self, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
-        """J'WJ (size, size) and J'Wr (size,) of the data alone, J the derivative of the whitened prediction by x."""
-        information, gradient = np.zeros((self.size, self.size)), np.zeros(self.size)
-        for rows in self.chunks():
-            flat = self.jacobian(point, rows, weight[rows]).reshape(-1, self.size)
-            information += flat.T @ flat
-            gradient += flat.T @ (residual[rows] * np.sqrt(weight[rows])[:, None]).ravel()
-        return information, gradient
-
     def chunks(self) -> list[slice]:
         """Slices of rows that fit in memory with their derivatives."""
         return chunks(len(self.measured.T))
@@ -137,17 +128,20 @@ class Problem:
         J = in_frame(J, model.frame)
         if self.free_frame:
             shift, vector = self._frame_change(point.x)
-            motion = np.zeros((len(poses), 6, 6))
-            motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
-            motion[:, :3, 3:] = -skew(model.seen(poses).T - self._pivot - shift)
+            motion = frame_motions(model.seen(poses).T - self._pivot - shift)
             motion[:, :, 3:] = motion[:, :, 3:] @ left_jacobian(vector)
             J = np.concatenate([J, FRAME_UNIT * motion], axis=2)
+        return self.whitened_columns(J, rows, weight)
+
+    def whitened_columns(self, J: Floats, rows: slice, weight: Floats | None = None) -> Floats:
+        """(M, c, m) derivatives J (M, 6, m) of some rows' poses in units of the noise, times the roots of weights (M,)."""
         whitening = self.whitening[rows] if weight is None else self.whitening[rows] * np.sqrt(weight)[:, None, None]
         return np.asarray(whitening @ J[:, : self.measured.components])
 
     def _frame_change(self, x: Floats) -> tuple[Floats, Floats]:
         """Shift (3,), m, and rotation vector (3,), rad, of the instrument's view of the robot since the start."""
-        return FRAME_UNIT * x[self.n_geometry : self.n_geometry + 3], FRAME_UNIT * x[self.n_geometry + 3 :]
+        n = self.n_geometry  # what follows the instrument's pose belongs to a larger problem
+        return FRAME_UNIT * x[n : n + 3], FRAME_UNIT * x[n + 3 : n + 6]
 
     @cached_property
     def _pivot(self) -> Floats:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.result_json import calibration_json
-from gtpin.calibration.rounds import Settled
+from gtpin.calibration.settled import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
 from gtpin.estimate import Estimate

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from gtpin.calibration.calibrate import calibrate as run_calibration
-from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, progress_of, tell
+from gtpin.commands.terminal import AsJson, CartOrientation, DatasetFolder, Force, Output, progress_of, tell
 from gtpin.data import Dataset
 from gtpin.output.results import results_folder
 from gtpin.report.calibration_text import calibration_summary
@@ -23,9 +23,7 @@ def calibrate(
             "--model", help="One of the paper's models 1 to 5 instead of the default parameters.", min=1, max=5
         ),
     ] = None,
-    orientations: Annotated[
-        bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
-    ] = False,
+    orientations: CartOrientation = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, tell
+from gtpin.commands.terminal import AsJson, CartOrientation, DatasetFolder, Force, Output, Seed, progress_of, tell
 from gtpin.comparison.compare import compare as run_comparison
 from gtpin.comparison.figures import FILES, write_comparison
 from gtpin.data import Dataset
@@ -27,9 +27,7 @@ def compare(
         typer.Option("--choose", help="Model 5: choose each link's track by cross-validation, not as the paper did."),
     ] = False,
     seed: Seed = 0,
-    orientations: Annotated[
-        bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
-    ] = False,
+    orientations: CartOrientation = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:

@@ -14,7 +14,7 @@ from rich.progress import Progress as RichProgress
 from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from gtpin.calibration.rounds import Progress
+from gtpin.calibration.reweighting import Progress
 from gtpin.errors import GtpinError
 from gtpin.output.json_text import json_text
 
@@ -43,6 +43,9 @@ Force = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Seed = Annotated[int, typer.Option("--seed", help="Makes every random step repeatable.", min=0)]
+CartOrientation = Annotated[
+    bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
+]
 DatasetFolder = Annotated[
     Path, typer.Argument(help="Folder that holds dataset.toml and poses.csv.", show_default=False)
 ]

@@ -10,8 +10,8 @@ import numpy as np
 from gtpin.calibration.cart_tracks import Linearity
 from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
-from gtpin.errors import DatasetError, GtpinError, warn
-from gtpin.output.figure import new_figure
+from gtpin.errors import DatasetError
+from gtpin.output.figure import new_figure, write_figures
 from gtpin.output.json_text import json_text
 from gtpin.output.results import results_folder
 
@@ -173,15 +173,8 @@ def write_comparison(
     """
     with results_folder(folder, FILES, force=force) as new:
         comparison.table().to_csv(new / "compare.csv", index=False, lineterminator="\n")
-        text = json_text(comparison.to_json())
-        (new / "compare.json").write_text(text, encoding="utf-8")
-        try:
-            figures = all_figures(comparison, carts, roaming)
-        except GtpinError as error:
-            warn(f"no figures: {error}")
-            return
-        for name, figure in figures.items():
-            figure.savefig(new / f"{name}.png", metadata={"Software": None})
+        (new / "compare.json").write_text(json_text(comparison.to_json()), encoding="utf-8")
+        write_figures(lambda: all_figures(comparison, carts, roaming), new)
 
 
 def all_figures(

@@ -83,7 +83,7 @@ class Commands:
         """Read a CSV or Parquet file of commands; FILE.parquet is read if FILE.csv does not exist.
 
         Measured columns (`x y z qw qx qy qz`) are ignored, so that a dataset's poses.csv can be used.
-        Raises `DatasetError` for a file that can't be read or, where `n_actuators` is given, has another number.
+        Raises `DatasetError` for a file that can't be read or does not have `n_actuators` commands, where that is given.
         """
         file = Path(file)
         twin = file.with_suffix(".parquet") if file.name else file

@@ -181,7 +181,7 @@ class Dataset(Shown):
         """Read a dataset folder.
 
         Raises `DatasetError`, with file, line, column and what to do, for anything that the format does not allow.
-        Warns of columns of words and of covariates that do not vary.
+        Warns of columns that have text in place of numbers, and of covariates that do not vary.
         """
         path = Path(path)
         check_folder(path, "a dataset is the folder that holds dataset.toml")
@@ -214,11 +214,11 @@ class Dataset(Shown):
         return dataset
 
     def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv", *, force: bool = False) -> None:
-        """Write a dataset folder from which `read` gives the same again, bit by bit; whole or not at all.
+        """Write a dataset folder. `read` gives exactly the same values; after an error no part of it is there.
 
         A dataset that gtpin wrote there is replaced. A relative path to a URDF is rewritten to start at `folder`.
         Raises `DatasetError` where the folder holds anything that gtpin has not written, or that was changed since, or can't
-        be written. With `force`, tables and a dataset.toml of others are moved aside (NAME.old-1), and other files stay.
+        be written. With `force`, tables and a dataset.toml of others are renamed (NAME.old-1), and other files stay.
         """
         folder = Path(folder)
         poses: dict[str, Column] = {"pose": self.pose}
@@ -241,7 +241,7 @@ class Dataset(Shown):
         self.write(folder, force=force)
 
     def plot_workspace(self, view: str = "xy", color: str | None = None) -> Figure:
-        """The measured positions, seen along two axes: ``xy``, ``xz`` or ``yz``.
+        """A plot of the measured positions in the plane of two axes, m: ``xy``, ``xz`` or ``yz``.
 
         ``color``: a column of numbers that colours them.
         """

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE
-from gtpin.calibration.rounds import Progress
+from gtpin.calibration.reweighting import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.candidates import considered
@@ -56,32 +56,34 @@ def diagnose(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find what a calibrated geometry leaves out of measurements.
+    """Find the causes of the error that remains after geometric calibration.
 
-    Five steps, each from one value to the next: prepare the data and calibrate; propose hypotheses, with the noise and the
-    outliers re-estimated; infer which are the causes; fit them together with the geometry; plan what to measure next.
+    Five steps: prepare the data and calibrate; propose hypotheses, and re-estimate noise and outliers; infer which hypotheses
+    are causes; fit them together with the geometry; plan what to measure next.
 
     Parameters
     ----------
     dataset
-        Measured poses, with whatever is known of the measurement conditions.
+        Measured poses, with all covariates that were recorded.
     robot
         The nominal robot, or a model of it; the one that the dataset names by default.
     effects
-        What may be the cause; the whole catalogue by default. Effects of one's own: ``[*gtpin.catalogue(), MyEffect()]``.
+        The effects to try; by default the whole catalogue. To add your own effects: ``[*gtpin.catalogue(), MyEffect()]``.
     exclude
-        ``effect`` or ``effect@site``: what is left out of them.
+        ``effect`` or ``effect@site``: effects, or sites of an effect, that are not tried.
     false_alarm
         Chance of naming a cause where there is none.
     priors
         The numbers that move verdicts, each with its source: docs/priors.md.
     seed
-        Of the resampling behind intervals.
+        Seed of the random numbers: subsets of large datasets, and the draws from which intervals are computed.
+    progress
+        Called with a message, a count and a misfit at each stage; None: no calls.
 
     Raises
     ------
     GtpinError
-        If the dataset can't be read as one of this robot, or an excluded effect is not known.
+        If the dataset does not match this robot, or an excluded effect is not known.
 
     Examples
     --------

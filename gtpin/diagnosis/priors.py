@@ -2,7 +2,8 @@
 
 A source is one of three. *Derived*: from a formula that is given. *Measured*: a script of ``examples/`` measures it again.
 *Assumed*: a stated assumption. ``examples/diagnosis/priors.py`` measures how scores of sealed cases move when those that matter
-are halved and doubled; docs/priors.md has the table.
+are halved and doubled; docs/priors.md has the table. How far effects depart from their cores is a property of the effects:
+``gtpin/effects/modulation.py``.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_load, drive_sizes
 from gtpin.effects.effect import Effect, Floats, Range
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import modulated
@@ -17,16 +18,17 @@ from gtpin.robot.robot import Robot
 
 
 class Backlash(Effect):
-    """dq = b approach, approach = +1 where the actuator came to rest moving upwards, -1 downwards.
+    """dq = b approach, approach = +1 where the actuator came to rest moving towards larger commands, else -1.
 
-    b < 0 where it stays behind (lost motion), b > 0 where it overshoots. A little more or less along the track and with the
-    load on it.
+    b < 0 where it stays behind (lost motion), b > 0 where it overshoots. The modulation: b varies a little along the track
+    and with the load on the actuator.
 
-    Parameters: ``half_width`` b, m (rad of an arm); ``reversal`` = 2 b, m: what ISO 230-2 calls the reversal error, approach
-    upwards less approach downwards.
+    Parameters: ``half_width`` b, m (rad of an arm); ``reversal`` = 2 b, m: the reversal error of ISO 230-2, the
+    deviation at approach +1 less that at -1.
 
-    Typical size 15 um to either side. The whole Gantry-Tau repeated to 13 um in the mean and 50 um at most in all directions
-    of approach (Dressler et al. 2010, section I, after Crothers et al. 2009), to which backlash of single drives adds up.
+    Typical size 15 um to either side. The repeatability of the whole Gantry-Tau was 13 um in the mean and 50 um at most, over
+    all directions of approach (Dressler et al. 2010, section I, after Crothers et al. 2009). It includes the backlash of all
+    drives.
     """
 
     id = "backlash"
@@ -54,7 +56,7 @@ class Backlash(Effect):
         j = at.robot.sites.index(site)
         load = drive_load(at, site)
         approach = at.covariate(f"approach{number(at.robot, site)}")
-        columns, size = modulated(approach, [at.travel[:, j], load / 2.0], 0.2)
+        columns, size = modulated(approach, [at.travel[:, j], load / 2.0], MODULATION.play)
         return along_track(at, site, columns, drive_sizes(at, site, size, 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

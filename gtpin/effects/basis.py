@@ -14,7 +14,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Basis:
-    """Displacements for unit coefficients, m columns of one or more kinds.
+    """Displacements that unit coefficients cause: m columns, one per coefficient, for N poses and k rods.
 
     Parameters
     ----------
@@ -27,7 +27,8 @@ class Basis:
     length
         (N, k, m) changes of the rods' lengths, m.
     twist
-        (N, 6, m) motion of the pose itself, as seen: position, m, and rotation vector, rad, base frame.
+        (N, 6, m) motion of the measured pose, where the robot itself does not move (an error of the instrument or the
+        target): position, m, and rotation vector, rad, base frame.
     placements
         Of a robot without rods: indices as in :class:`~gtpin.kinematics.bodies.Bodies`, and (N, 6, m) twists, m and rad, of
         each placement frame in its own axes.

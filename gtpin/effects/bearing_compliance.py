@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.effects.basis import Basis
 from gtpin.effects.chain_motions import joint_frame, of_joint
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
@@ -60,7 +61,9 @@ class BearingCompliance(Effect):
         harder = np.linalg.norm(moment, axis=1, keepdims=True) / usual - 1.0
         ways = np.zeros((6, 2))
         ways[3:] = frame.across.T
-        return of_joint(at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, 0.2, 1.0, 0.2], 5e-6))
+        return of_joint(
+            at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, MODULATION.stiffening] * 2, 5e-6)
+        )
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Compliance in tilt, how the two axes differ, and how it depends on the load."""

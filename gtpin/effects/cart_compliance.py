@@ -9,9 +9,11 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
 from gtpin.effects.effect import Effect, Floats, Range, unit
-from gtpin.effects.hysteresis import FRICTION, approach
+from gtpin.effects.hysteresis import approach
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import wave
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
@@ -21,8 +23,8 @@ TIP = 5e-7
 """Size of the compliances in turning, rad/(N m)."""
 LEVER = 0.1
 """Usual distance of the pull from the mean of the cart's joints, m."""
-SOFTER, PLACES = 0.1, 4
-"""Share by which places of a track differ, and half waves along it that tell them apart."""
+PLACES = 4
+"""Half waves along a track that tell its softer places apart."""
 TIPS = 3 * (3 + PLACES)
 """Coefficients of the compliances along and across, before those in turning."""
 
@@ -72,12 +74,13 @@ class CartCompliance(Effect):
         mean, spread = at.references.force
         usual = max(float(np.sqrt((mean[rods] ** 2 + spread[rods] ** 2).sum())), 1e-9)
         harder = np.linalg.norm(force, axis=1) / usual - 1.0
-        softer = [(np.cos(np.pi / 2.0 * k * (at.travel[:, j] + 1.0)), SOFTER / k) for k in range(1, PLACES + 1)]
+        softer = [(wave(at.travel[:, j], k), MODULATION.places / k) for k in range(1, PLACES + 1)]
         # Less, and over longer stretches: tipping that changes along the track at will would pass for a track's own twist.
-        tips_softer = [(wave, 0.5 * share) for wave, share in softer[:2]]
+        tips_softer = [(place, MODULATION.tipping * share) for place, share in softer[:2]]
         came = approach(at, j)
         columns, sizes = [], []
-        for factor, share in [(np.ones(len(at)), 1.0), (harder, 0.2), (came, FRICTION), *softer]:
+        always, stiffening = (np.ones(len(at)), 1.0), MODULATION.stiffening
+        for factor, share in [always, (harder, stiffening), (came, MODULATION.friction), *softer]:
             for axis, size in zip(axes, GIVE, strict=True):
                 # Friction depends on the magnitude of the pull.
                 along = np.abs(force @ axis) if factor is came else force @ axis
@@ -86,7 +89,7 @@ class CartCompliance(Effect):
                 sizes.append(share * size)
         if len(rods) > 1:
             strength = np.linalg.norm(moment, axis=1)
-            for factor, share in [(np.ones(len(at)), 1.0), (strength / (LEVER * usual) - 1.0, 0.2), *tips_softer]:
+            for factor, share in [always, (strength / (LEVER * usual) - 1.0, stiffening), *tips_softer]:
                 for axis in axes:
                     columns.append(np.cross(axis, lever) * (factor * (moment @ axis))[:, None, None])
                     sizes.append(share * TIP)

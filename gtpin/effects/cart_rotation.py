@@ -20,13 +20,15 @@ ORDERS, DECAY = 14, 1.2
 class CartRotation(Effect):
     """dC = w(q) x (C - M), M the mean of the cart's joints. ISO 230-1: EAX, EBX and ECX of a track X.
 
-    w is a small rotation vector in the base frame, by the right hand, about the track (roll) and the two axes a and b across
-    it (see :class:`~gtpin.effects.straightness.Straightness`; pitch and yaw). A cart with one joint turns unseen.
+    C are the positions of the cart's joints, base frame, m. w is a small right-handed rotation vector, rad, base frame: about
+    the track (roll) and about the axes a and b across it (pitch and yaw; :class:`~gtpin.effects.straightness.Straightness`
+    defines a and b). The rotation of a cart with a single joint has no effect on the TCP.
 
-    Parameters: ``rms_roll``, ``rms_a``, ``rms_b`` and ``peak_to_valley_roll``, ``_a``, ``_b``, rad, each about its straight
-    line along the track.
+    Parameters: ``rms_roll``, ``rms_a``, ``rms_b`` and ``peak_to_valley_roll``, ``_a``, ``_b``, rad, each after the best
+    straight line along the track is subtracted.
 
-    Typical size 0.1 mrad: 40 um of straightness (see there) between blocks 0.4 m apart.
+    Typical size 0.1 mrad: a straightness deviation of 40 um (typical size of ``straightness``) over the 0.4 m between two
+    runner blocks.
     """
 
     id = "cart_rotation"

@@ -74,7 +74,7 @@ def catalogue() -> tuple[Effect, ...]:
     Raises
     ------
     ModelError
-        If a registered effect can't be loaded, is none, or takes another's id.
+        If a registered effect can't be loaded, is not an ``Effect``, or has the id of another effect.
     """
     return tuple(effects_by_id().values())
 
@@ -86,7 +86,7 @@ def effects_by_id() -> dict[str, Effect]:
     Raises
     ------
     ModelError
-        If a registered effect can't be loaded, is none, or takes another's id.
+        If a registered effect can't be loaded, is not an ``Effect``, or has the id of another effect.
     """
     known = {kind.id: kind() for kind in OWN}
     for point in entry_points(group=GROUP):

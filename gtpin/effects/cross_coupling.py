@@ -9,6 +9,7 @@ import numpy as np
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
 from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
@@ -18,8 +19,8 @@ ORDERS = {1: 8, 2: 5}
 """Sum of the orders of waves that are multiplied, by the number of other actuators."""
 MANY = 2
 """The same where there are more: products of three and more would be too many."""
-DECAY, OWN = 1.5, 0.3
-"""How fast sizes decay with that sum; share of the deviation that changes along the actuator's own track."""
+DECAY = 1.5
+"""How fast sizes decay with that sum."""
 
 
 class CrossCoupling(Effect):
@@ -28,12 +29,12 @@ class CrossCoupling(Effect):
     f is a sum of products of cosines over the ranges of travel, of an order of five in all (less where there are many
     actuators), whose sizes decay with their order.
 
-    Parameters: ``end_to_end[k]``, m, of the k-th of the other actuators in their order: how much farther along its track the
-    actuator is, in the mean, where that one is at the upper end of its range and not at the lower.
+    Parameters: ``end_to_end[k]``, m: difference of the mean of f between the upper and the lower end of the range of the k-th
+    other actuator (in their order).
 
-    Typical size 50 um from one end of the others' tracks to the other: that of the errors along the track of cart 2 in
-    Dressler et al. 2010, which at one command varied significantly where the other two carts stood elsewhere (section V; they
-    suppose a lack of stiffness).
+    Typical size 50 um between the ends of the other actuators' ranges. The errors along the track of cart 2 in Dressler et
+    al. 2010 are of this size; at one command they varied significantly with the positions of the other two carts (section V;
+    the authors suppose a lack of stiffness).
     """
 
     id = "cross_coupling"
@@ -61,7 +62,7 @@ class CrossCoupling(Effect):
             [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen], axis=1
         )
         lower = sums < most
-        size = np.concatenate([sums**-DECAY, OWN * sums[lower] ** -DECAY])
+        size = np.concatenate([sums**-DECAY, MODULATION.own_track * sums[lower] ** -DECAY])
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
         return along_track(at, site, whole, drive_sizes(at, site, 1.5 * size / np.linalg.norm(size), 5e-5))
 

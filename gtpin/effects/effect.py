@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class Range(NamedTuple):
-    """What a parameter is expected to be: lowest and highest value, and why, as the rest of a sentence."""
+    """The expected range of a parameter: lowest and highest value in its unit, and the reason, a clause that reports quote."""
 
     low: float
     high: float
@@ -47,7 +47,7 @@ class Effect(ABC):
     (``gtpin.effects.active.with_effects``), for predictions.
 
     A subclass sets ``id``, ``title`` and ``coefficient``, and defines :meth:`sites` and :meth:`basis`. Everything else has a
-    default. Its docstring should give the equation, the signs and the parameters: reports show it.
+    default. The docstring of the subclass should give the equation, the signs and the parameters: reports show it.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class Effect(ABC):
     title: ClassVar[str]
     """What it is, in a few words."""
     coefficient: ClassVar[tuple[str, str]]
-    """Name and unit of what the first coefficient means: its only parameter, unless :meth:`parameters` gives others."""
+    """Name and unit of the first coefficient as a parameter: the only one, unless :meth:`parameters` gives others."""
     clause: ClassVar[str] = ""
     """What it does, as a clause, with ``{site}`` for where: ``{site} has backlash``. Left out, it is made from ``title``."""
     plural_clause: ClassVar[str] = ""
@@ -99,8 +99,8 @@ class Effect(ABC):
     """What an engineer can do about it, as a sentence."""
     core: ClassVar[tuple[int, ...]] = ()
     """Indices of the columns of B that are its core; the others modulate it (a backlash that varies along
-    the track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation without
-    a core is something else. Left out, all columns are the core."""
+    the track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation alone
+    is not this effect. Left out, all columns are the core."""
     plausible: ClassVar[Mapping[str, Range]] = {}
     """By parameter, what physics allows: a cause with a parameter outside by more than three standard deviations is dropped."""
     usual: ClassVar[Mapping[str, Range]] = {}
@@ -137,7 +137,7 @@ class Effect(ABC):
 
     @property
     def has_nonlinear(self) -> bool:
-        """Whether it has a parameter that it is not linear in: a period, a place."""
+        """Whether the displacement has a nonlinear parameter, such as a period or the place of a step."""
         return type(self).nonlinear_values is not Effect.nonlinear_values
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
@@ -155,7 +155,7 @@ class Effect(ABC):
     def untestable(self, at: Situation, site: str) -> Untestable | str | None:
         """Why these data can't show it, as far as that is clear before it is fitted; None where they may.
 
-        Left out: a covariate of :meth:`covariates` is missing or constant, or :meth:`settings` has no values. An effect
+        Left out: a covariate of :meth:`covariates` is missing or constant, or :meth:`nonlinear_values` has no values. An effect
         of your own may give its reason as a string, which reports show as it is.
         """
         for name in self.covariates(at.robot, site):

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import modulated
@@ -14,13 +15,14 @@ from gtpin.robot.robot import Robot
 
 
 class EncoderScale(Effect):
-    """dq = s q: the actuator travels by the factor 1 + s of what is commanded; s > 0 where it goes too far.
+    """dq = s q: the travel is 1 + s times the command; s > 0 where the actuator goes too far.
 
-    Parameters: ``scale`` s, m/m (rad/rad of an arm); ``uneven``, by how much s is larger at the end of the range than at
-    its beginning, m/m.
+    Parameters: ``scale`` s, m/m (rad/rad of an arm); ``uneven``: s at the upper end of the range less s at the lower end,
+    m/m.
 
-    Typical size 1e-4. A precision rack is within 12 um per 500 mm, 24e-6 (Machine Design, Comparing Rack-and-Pinion Sets
-    to Other Options); the norms of Table II in Dressler et al. 2010 are off by 0.5e-4 to 3.7e-4, the drive's scale among it.
+    Typical size 1e-4. The pitch error of a precision rack is at most 12 um per 500 mm, 24e-6 (Machine Design, Comparing
+    Rack-and-Pinion Sets to Other Options). The norms of the track directions in Table II of Dressler et al. 2010 differ from
+    1 by 0.5e-4 to 3.7e-4, which includes the drive's scale.
     """
 
     id = "encoder_scale"
@@ -42,7 +44,7 @@ class EncoderScale(Effect):
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Travel in proportion to the command, modulated a little along the track."""
         j = at.robot.sites.index(site)
-        columns, size = modulated(at.q[:, j], [at.travel[:, j]], 0.1)
+        columns, size = modulated(at.q[:, j], [at.travel[:, j]], MODULATION.scale)
         return along_track(at, site, columns, unit(size, 1e-4))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from gtpin.effects.effect import Floats
 from gtpin.effects.situation import Situation
-from gtpin.kinematics.rotations import skew
+from gtpin.kinematics.rotations import frame_motions
 
 SHIFT, TURN = 4e-5, 1.5e-5
 """Sizes of a frame's motion, m and rad."""
@@ -16,7 +16,4 @@ FREEDOMS = tuple((f"{kind}_{axis}", unit) for kind, unit in (("shift", "m"), ("t
 
 def frame_twist(at: Situation) -> tuple[Floats, Floats]:
     """(N, 6, 6) motion of the seen pose by three shifts and three turns of the frame about home, and (6,) their sizes."""
-    twist = np.zeros((len(at), 6, 6))
-    twist[:, :3, :3] = twist[:, 3:, 3:] = np.eye(3)
-    twist[:, :3, 3:] = -skew(at.poses.T - at.kinematics.home.T[0])
-    return twist, np.array([SHIFT] * 3 + [TURN] * 3)
+    return frame_motions(at.poses.T - at.kinematics.home.T[0]), np.array([SHIFT] * 3 + [TURN] * 3)

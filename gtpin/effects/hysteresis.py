@@ -8,9 +8,6 @@ from gtpin.effects.effect import Floats
 from gtpin.effects.sites import number
 from gtpin.effects.situation import Situation
 
-FRICTION = 0.05
-"""Share of a deflection that friction holds back, to either side."""
-
 
 def approach(at: Situation, actuator: int | None) -> Floats:
     """(N,) -1 to 1: the direction in which an actuator came to rest; zero where the data of the fit did not tell it.

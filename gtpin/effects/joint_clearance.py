@@ -11,6 +11,7 @@ from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.drives import drive_sizes, own_load
 from gtpin.effects.effect import Effect, Floats, Range, unit
 from gtpin.effects.joint_compliance import loaded
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, links
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
@@ -71,13 +72,16 @@ class JointClearance(Effect):
             spread = max(abs(mean) + wide, 1e-9)
             sign = np.sign(load)
             columns = np.stack([sign, np.tanh(load / (0.2 * spread)) - sign, load / spread], axis=1)
-            return along_track(at, site, columns, drive_sizes(at, site, [1.0, 0.3, 0.15], 1.5e-5))
+            return along_track(
+                at, site, columns, drive_sizes(at, site, [1.0, MODULATION.soft_clearance, MODULATION.yielding], 1.5e-5)
+            )
         i = rods_of(at, site)[0]
         sign = np.sign(at.force[:, i])
         spread = at.references.force[1][i]
         soft = np.tanh(at.force[:, i] / (0.2 * spread))
         columns = np.stack([sign, soft - sign, at.force[:, i] / spread], axis=1)
-        return of_lengths(at, [i], columns[:, None, :], unit([1.0, 0.3, 0.15], 1.5e-5))
+        sizes = [1.0, MODULATION.soft_clearance, MODULATION.yielding]
+        return of_lengths(at, [i], columns[:, None, :], unit(sizes, 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Half the play, the whole, and what goes on with the force."""

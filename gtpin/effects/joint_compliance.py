@@ -10,7 +10,8 @@ import numpy as np
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import own_load
 from gtpin.effects.effect import Effect, Floats, Range, unit
-from gtpin.effects.hysteresis import FRICTION, approach
+from gtpin.effects.hysteresis import approach
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, turns
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
@@ -62,7 +63,8 @@ class JointCompliance(Effect):
         load, (mean, spread) = own_load(at, site)
         usual = max(abs(mean) + spread, 1e-9)
         columns = np.stack([load, load * (np.abs(load) / usual - 1.0), np.abs(load) * approach(at, j)], axis=1)
-        return along_track(at, site, columns, unit([1.0, 0.2, FRICTION], GIVE[turns(at.robot, site)]))
+        sizes = [1.0, MODULATION.stiffening, MODULATION.friction]
+        return along_track(at, site, columns, unit(sizes, GIVE[turns(at.robot, site)]))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Compliance, and how it depends on the load and on the direction of approach."""

@@ -10,7 +10,8 @@ import numpy as np
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import bending, of_tips, reach, tip_loads, torsion
 from gtpin.effects.effect import Effect, Floats, Range, unit
-from gtpin.effects.hysteresis import FRICTION, approach
+from gtpin.effects.hysteresis import approach
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links, links_at
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
@@ -23,19 +24,21 @@ LINKS = 6
 class LinkCompliance(Effect):
     """dL = c F, F a rod's axial force, tension positive: a rod in tension gets longer, by c for every newton.
 
-    Forces come from the closures' Jacobian: gravity of plate, links and payload, the tool's force. A link stiffens with the
-    load, may give way otherwise in compression than in tension, friction in its joints holds back a little of it, and at
-    ``arm`` each differs a little from the others. A leg of variable length may give way the more the farther it is drawn out.
+    The forces are computed with the closures' Jacobian from the weights of plate, links and payload, and from the force on
+    the tool. The modulation: c depends on the load, and differs between tension and compression. Friction in the joints
+    causes hysteresis. At ``arm`` each link differs a little from the others. The compliance of a leg of variable length
+    depends on its length.
 
-    Parameters: ``compliance`` c, m/N, at ``arm`` the mean of all links; ``stiffening``: by how much c rises, m/N, as the
-    force becomes twice the usual, negative where it stiffens; ``tension_less_compression``: c in tension less c in
-    compression, m/N; ``hysteresis``: by how much c is larger than in the mean where the link's actuator came to rest moving
-    towards larger commands, m/N; at ``arm`` ``spread`` of c from link to link (rms), m/N; of legs of variable length
-    ``drawn_out``: by how much c rises, m/N, from the middle of the range to its upper end.
+    Parameters: ``compliance`` c, m/N, at ``arm`` the mean of all links; ``stiffening``: by how much c increases, m/N,
+    when the force becomes twice the usual one, negative where the link becomes stiffer (the usual force is the absolute mean
+    over the poses of the fit plus one standard deviation); ``tension_less_compression``: c in tension less c in compression,
+    m/N; ``hysteresis``: c less its mean, m/N, where the link's actuator came to rest moving towards larger commands; at
+    ``arm`` ``spread``: the standard deviation of c between the links, m/N; of legs of variable length ``drawn_out``: by how
+    much c increases, m/N, from the middle of the leg's range to its upper end.
 
-    Typical size 4e-8 m/N, that is 25 N/um. Two metres of steel tube with 5 cm^2 of section give way by L / (E A) =
-    2.04 / (210e9 * 5e-4) = 1.9e-8 m/N, and the two ball joints by about as much again. Where links are of another kind, the
-    URDF's ``<compliance link>`` is their typical size.
+    Typical size 4e-8 m/N, that is 25 N/um. A steel tube, 2.04 m long with a section of 5 cm^2, has L / (E A) =
+    2.04 / (210e9 * 5e-4) = 1.9e-8 m/N. The two ball joints are assumed to have about as much together. For other links the
+    attribute ``link`` of ``<compliance>`` in the URDF gives the typical size, m/N.
 
     A link of a robot without rods bends and twists as a beam from its joint to the next, fixed at its root, under what hangs on
     its tip: shift = f F l^3 / 3 + ..., turn = f M l + ... across the beam, turn = g M l about it (Euler-Bernoulli and
@@ -80,14 +83,14 @@ class LinkCompliance(Effect):
         drivers = [rod.carrier if rod.extension is None else rod.extension for rod in at.robot.rods]
         came = np.stack([approach(at, drivers[i]) for i in rods], axis=1)
         columns = [force, force * (np.abs(force) / usual - 1.0), np.abs(force) / 2.0, force * came]
-        sizes = [1.0, 0.2, 0.2, FRICTION]
+        sizes = [1.0, MODULATION.stiffening, MODULATION.compression, MODULATION.friction]
         if len(rods) > 1:
             columns += [force * (np.arange(len(rods)) == i) for i in range(len(rods))]
-            sizes += [0.2] * len(rods)
+            sizes += [MODULATION.links] * len(rods)
         legs = np.array([at.robot.rods[i].extension for i in rods])
         if None not in legs:
             columns.append(force * at.travel[:, legs.astype(int)])
-            sizes.append(0.5)
+            sizes.append(MODULATION.extension)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
@@ -129,4 +132,4 @@ def _of_beams(at: Situation, site: str) -> Basis:
         bent = bending(length, loads)
         harder = np.linalg.norm(loads[:, :3], axis=1, keepdims=True) / usual - 1.0
         twists.append(np.stack([bent, torsion(length, loads), harder * bent], axis=2))
-    return of_tips(at, site, twists, unit([1.0, 1.3, 0.2], FLEXIBILITY))
+    return of_tips(at, site, twists, unit([1.0, 1.3, MODULATION.stiffening], FLEXIBILITY))

@@ -9,6 +9,7 @@ import numpy as np
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
 from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, turns
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
@@ -65,7 +66,7 @@ class RackPeriodic(Effect):
         phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns = np.stack([c, s, x * c, x * s, np.cos(2.0 * phase), np.sin(2.0 * phase)], axis=1)
-        return along_track(at, site, columns, drive_sizes(at, site, [1.0, 1.0, 0.25, 0.25, 0.25, 0.25], 2e-5))
+        return along_track(at, site, columns, drive_sizes(at, site, [1.0, 1.0, *[MODULATION.period] * 4], 2e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Period, amplitude, phase and harmonic."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import tracks
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
@@ -57,7 +58,7 @@ class RackStep(Effect):
         beyond = (at.q[:, j] > nonlinear).astype(float)
         columns = np.stack([beyond, beyond * (at.q[:, j] - nonlinear)], axis=1)
         span = at.robot.upper[j] - at.robot.lower[j]
-        return along_track(at, site, columns, unit([1.0, 0.3 / span], 5e-5))
+        return along_track(at, site, columns, unit([1.0, MODULATION.slope / span], 5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Place and height of the step, and the slope beyond."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import modulated
@@ -53,5 +54,5 @@ class ServoLag(Effect):
         """Minus the speed, and its modulation by the speed itself and along the track."""
         j = at.robot.sites.index(site)
         speed = at.covariate(f"speed{number(at.robot, site)}")
-        columns, size = modulated(-speed, [at.travel[:, j], speed / FAST], 0.2)
+        columns, size = modulated(-speed, [at.travel[:, j], speed / FAST], MODULATION.lag)
         return along_track(at, site, columns, unit(size, 2e-4))

@@ -68,19 +68,19 @@ class Situation:
     Parameters
     ----------
     kinematics
-        Of the geometry at which displacements are taken.
+        Kinematics of the geometry at which the displacements are computed.
     q
         (N, n) commands, m or rad.
     poses
-        (N) the geometry's poses there, base frame.
+        The N poses of this geometry at q, base frame, m.
     covariates
         By name, (N,) each.
     fixed
-        References of an earlier fit; left out, they are those of this data.
+        Reference values of covariates from an earlier fit. Left out, they are computed from these data.
     temperature
-        degC at which the geometry holds.
+        Reference temperature, degC, at which the geometry is valid.
     unusable
-        Covariates that were recorded and can't be right: ``covariates`` has none of them.
+        Names of covariates that were recorded but can't be right. They are not in ``covariates``.
     """
 
     kinematics: Kinematics

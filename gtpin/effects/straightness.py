@@ -17,16 +17,16 @@ ORDERS, DECAY = 14, 1.2
 
 
 class Straightness(Effect):
-    """dC = f_a(q) a + f_b(q) b, the same for all joints of the cart. ISO 230-1: EYX and EZX of a track X.
+    """dC = f_a(q) a + f_b(q) b, a smooth displacement of the cart, m, the same for all its joints. ISO 230-1: EYX, EZX.
 
     a and b are the unit vectors across the track about which ``track_direction[cart].a`` and ``.b`` turn: for the
     Gantry-Tau a points up and b horizontally, right-handed with the track (track x a = b).
 
-    Parameters: ``rms_a``, ``rms_b``, ``peak_to_valley_a``, ``peak_to_valley_b``, m, each about its straight line, since a
-    slope is the direction of the track, which is geometry.
+    Parameters: ``rms_a``, ``rms_b``, ``peak_to_valley_a``, ``peak_to_valley_b``, m, each after the best straight
+    line is subtracted, because a slope belongs to the direction of the track, which is geometry.
 
-    Typical size 40 um. A guideway of good class deviates from parallel to its own base by up to some 30 um over 2 m (Picard,
-    Understanding Accuracy Classes in Linear Guides), and its base is hardly straighter.
+    Typical size 40 um. The running parallelism of a rail of a good accuracy class to its base is up to about 30 um over
+    2 m (Picard, Understanding Accuracy Classes in Linear Guides). The base itself is probably not straighter.
     """
 
     id = "straightness"

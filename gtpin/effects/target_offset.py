@@ -11,13 +11,14 @@ from gtpin.robot.robot import Robot
 
 
 class TargetOffset(Effect):
-    """dT = R p: the target sits by p, TCP frame, beyond the TCP.
+    """dT = R p: the target is at p in the TCP frame, not at the TCP; R is the platform's orientation.
 
-    Geometry can move all joints on the platform by -p instead, which takes all of it that lies within their tolerances.
+    A geometry in which all joints on the platform are moved by -p predicts the same poses. Geometry therefore absorbs the
+    offset as far as the tolerances of these joints allow.
 
     Parameters: ``offset_x``, ``offset_y``, ``offset_z``: p, m.
 
-    Typical size 1 mm: that of the tolerances to which a nest is mounted without being measured.
+    Typical size 1 mm: the tolerance of a target holder that was mounted and not measured.
     """
 
     id = "target_offset"

@@ -10,22 +10,24 @@ import numpy as np
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import of_tips, reach
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links, links_at
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 
 class ThermalLinks(Effect):
-    """dL = alpha L (temp_link - reference): a warm link is longer where alpha > 0. The reference is the dataset's.
+    """dL = alpha L (temp_link - reference): a warm link is longer where alpha > 0.
 
-    At ``arm`` each link differs a little from the others; the growth may go on or fade with the time, as the thermometer is
-    not the link, and with the warming itself.
+    The reference is the dataset's ``reference_temperature``, degC. The modulation: alpha changes with time, because the
+    sensor does not measure the link itself, and with the temperature difference. At ``arm`` each link differs a little from
+    the others.
 
-    Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread`` of alpha from link to link
-    (rms), 1/K.
+    Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread``: the standard deviation of
+    alpha between the links, 1/K.
 
-    Typical size 8e-6 / K: between steel with 12e-6, aluminium with 23e-6 and carbon fibre along the tube with -1e-6 to
-    1e-6 / K (handbook values).
+    Typical size 8e-6 / K: larger than carbon fibre along the tube (-1e-6 to 1e-6 / K), smaller than steel (12e-6 / K) and
+    aluminium (23e-6 / K; handbook values).
     """
 
     id = "thermal_links"
@@ -62,13 +64,14 @@ class ThermalLinks(Effect):
             for link in links_at(at.robot, site):
                 along = np.concatenate([reach(at, link), np.zeros(3)])
                 twists.append(along[None, :, None] * factors[:, None, :])
-            return of_tips(at, site, twists, unit([1.0, 0.1, 0.15], 1.5e-5))
+            return of_tips(at, site, twists, unit([1.0, MODULATION.warming, MODULATION.late], 1.5e-5))
         rods = rods_of(at, site)
         growth = warm[:, None] * at.length[:, rods]
-        columns, sizes = [growth, growth * np.abs(warm)[:, None] / 5.0, growth * late[:, None]], [1.0, 0.1, 0.15]
+        columns = [growth, growth * np.abs(warm)[:, None] / 5.0, growth * late[:, None]]
+        sizes = [1.0, MODULATION.warming, MODULATION.late]
         if len(rods) > 1:
             columns += [growth * (np.arange(len(rods)) == i) for i in range(len(rods))]
-            sizes += [0.2] * len(rods)
+            sizes += [MODULATION.links] * len(rods)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, 8e-6))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

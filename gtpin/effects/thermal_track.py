@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import tracks
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
@@ -53,10 +54,10 @@ class ThermalTrack(Effect):
         warm = at.covariate("temp_frame") - at.references.temperature
         q = at.q[:, j]
         columns = [warm * q, warm, warm * q * at.travel[:, j]]
-        sizes = [1.0, 0.7, 0.15]
+        sizes = [1.0, 0.7, MODULATION.uneven]
         if at.has("time"):
             columns += [warm * q * at.time, warm * at.time]
-            sizes += [0.15, 0.1]
+            sizes += [MODULATION.late, MODULATION.late_zero]
         return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

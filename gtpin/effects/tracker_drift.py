@@ -16,16 +16,18 @@ ORDERS, DECAY = 8, 1.3
 
 
 class TrackerDrift(Effect):
-    """dT = s(t) + w(t) x (T - T_home), dR = w(t): everything that is seen shifts and turns smoothly over time.
+    """dT = s(t) + w(t) x (T - T_home), dR = w(t): all measured poses shift and rotate smoothly with time.
 
-    s, m, and w, rad, are in the base frame, about the TCP at home; positive where what is seen moves towards the positive
-    axis. The constant is geometry's, so that only changes count. Before and after the fit's own time the drift stands still.
+    T is the TCP position, T_home that at home. The shift s, m, and the rotation vector w, rad, are in the base frame; s is
+    positive where the measured poses move towards the positive axis. The constant part of s and w is left out, because
+    geometry absorbs it. Outside the time range of the fit the drift is constant.
 
-    Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: at the end of the fit's time less at its
-    beginning; ``largest_shift``, m, and ``largest_turn``, rad: of the three, the largest difference between two times.
+    Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: s and w at the end of the fit's time
+    range less at its beginning; ``largest_shift``, m, and ``largest_turn``, rad: the largest difference between two times,
+    over the three axes.
 
-    Typical size 40 um and 15 urad. Across its line of sight a laser tracker may be off by 15 um + 6 um/m at all (Leica
-    Absolute Tracker, user's manual, after ISO 10360-10); that a tripod in a warming hall moves by as much is a guess.
+    Typical size 40 um and 15 urad. Across its line of sight a laser tracker may have an error of 15 um + 6 um/m (Leica
+    Absolute Tracker, user's manual, after ISO 10360-10). That a tripod moves by as much while the room warms up is a guess.
     """
 
     id = "tracker_drift"

@@ -6,23 +6,25 @@ import numpy as np
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
-SCALE, WANDER = 3e-5, 1.5e-6
-"""Size of the scale, m/m, and of the seen shift where it wanders, m: some per cent of it at some metres' distance."""
+SCALE = 3e-5
+"""Size of the scale, m/m."""
 
 
 class TrackerScale(Effect):
-    """dT = s (T - T_home): lengths are read too long where s > 0. About what point they grow is a shift, which geometry takes.
+    """dT = s (T - T_home): measured lengths are too long where s > 0. T is the TCP position, T_home that at home, m.
 
-    Where the scale varies with the time or the air's temperature, all measured positions shift along the line of sight. The
-    place of the instrument need not be known, so the shift may have any direction.
+    Another centre of the scaling only adds a constant shift, which geometry absorbs. Where the scale varies with time or with
+    the temperature of the air, all measured positions also shift along the line of sight. The instrument's position is not
+    used, so the shift can have any direction.
 
     Parameters: ``scale`` s, m/m.
 
-    Typical size 3e-5. Air that is 1 K warmer than assumed makes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
-    1996); a wrong scale bar, unit, or temperature of the part more.
+    Typical size 3e-5. Air that is 1 K warmer than assumed causes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
+    1996). A wrong scale bar, unit or part temperature causes more.
     """
 
     id = "tracker_scale"
@@ -53,4 +55,4 @@ class TrackerScale(Effect):
         twist[:, :3, 0] = at.poses.T - at.kinematics.home.T[0]
         for k, wave in enumerate(waves):
             twist[:, :3, 1 + 3 * k : 4 + 3 * k] = np.eye(3) * wave[:, None, None]
-        return Basis(np.concatenate([[SCALE], np.full(3 * len(waves), WANDER)]), twist=twist)
+        return Basis(np.concatenate([[SCALE], np.full(3 * len(waves), SCALE * MODULATION.wander)]), twist=twist)

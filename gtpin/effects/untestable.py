@@ -31,11 +31,11 @@ class Untestable:
         ``no_load``: the joint carries nothing along or about its own axis.
         ``single_joint``: the cart carries one joint, about which it turns without an effect on the TCP.
         ``absorbed``: geometric calibration absorbs it, even at ten times its typical size.
-        ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested under the
-        recorded loads, and could be the cause under others although that test does not show it.
-        ``other``: what an effect of a user's own says, in ``words``.
+        ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested with the
+        recorded loads only. With other loads it could be the cause although that test does not find it.
+        ``other``: the reason that a user's own effect gives, in ``words``.
     covariate
-        The column that is the matter: a covariate, or ``q1``, ``q2``, ... for commands. Empty where there is none.
+        The column that is missing or insufficient: a covariate, or ``q1``, ``q2``, ... for commands. Empty where there is none.
     words
         Of kind ``other``: the reason.
     """

@@ -19,13 +19,13 @@ Floats = npt.NDArray[np.float64]
 def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
     """(6, p) derivative of the TCP's pose by geometric parameters: position (m) and rotation vector (rad), base frame.
 
-    A parameter moves joint placements or loop anchors. What that does to the TCP along the tree is Pinocchio's
-    ``computeJointKinematicRegressor``; the gaps that it opens in the loops are closed by the passive coordinates.
+    A parameter moves joint placements or loop anchors. The motion of the TCP along the tree is from Pinocchio's
+    ``computeJointKinematicRegressor``. The change of the passive coordinates that closes the loops again is added to it.
 
     Parameters
     ----------
     posture
-        Of the robot whose URDF holds the geometry.
+        A posture of the robot whose URDF has this geometry.
     geometry
         Parameters of that robot, all at nominal where the robot has rods.
 

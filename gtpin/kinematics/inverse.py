@@ -19,7 +19,7 @@ TOLERANCE = 1e-12
 
 
 def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = None) -> ClosedPosture:
-    """Move a robot until its TCP is at T, and turned by R if that is given, by Newton's method on the commands.
+    """Move a robot until its TCP is at T, with the rotation R if it is given, by Newton's method on the commands.
 
     Parameters
     ----------
@@ -28,7 +28,8 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
     T
         (3,) wanted position, base frame, m.
     R
-        (3, 3) wanted rotation; left out, the orientation is free, as it must be for the Gantry-Tau.
+        (3, 3) wanted rotation from the TCP frame to the base frame. Left out, the orientation is free; a robot with three
+        actuators, such as the Gantry-Tau, can't reach a wanted rotation.
 
     Raises
     ------
@@ -83,6 +84,8 @@ def commands_for(
 
     Parameters
     ----------
+    kinematics
+        Of a model: ``model.kinematics``.
     T
         (N, 3) wanted positions, base frame, m.
     R

@@ -22,9 +22,10 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class Poses(Shown):
-    """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a frame that the maker names.
+    """Positions T (N, 3), m, of the TCP, and rotations R (N, 3, 3) from the TCP frame to the frame of T.
 
-    A pose that could not be computed is NaN throughout.
+    The function that returns the poses states this frame: the base frame or the instrument's frame. All numbers of a pose
+    that could not be computed are NaN.
 
     Examples
     --------
@@ -48,24 +49,27 @@ class Poses(Shown):
 
     @property
     def reached(self) -> npt.NDArray[np.bool_]:
-        """(N,) which poses are there."""
+        """(N,) True where the pose could be computed."""
         return np.isfinite(self.T[:, 0])
 
     @property
     def quaternions(self) -> Floats:
-        """(N, 4) unit quaternions, scalar first; NaN where a pose is not there."""
+        """(N, 4) unit quaternions, scalar first; NaN where a pose could not be computed."""
         wxyz = np.full((len(self), 4), np.nan)
         wxyz[self.reached] = to_quaternions(self.R[self.reached])
         return wxyz
 
     def moved(self, T: Floats, R: Floats) -> Poses:
-        """The same poses in a frame in which the present one lies at T (3,), turned by R (3, 3)."""
+        """The same poses in another frame, in which the present frame has the position T (3,), m, and the rotation R (3, 3).
+
+        A position p becomes R p + T.
+        """
         return Poses(self.T @ R.T + T, R @ self.R)
 
     def minus(self, other: Poses) -> Floats:
-        """(N, 6) these poses less others: position, m, and rotation vector, rad, both in the common frame.
+        """(N, 6) these poses less other poses: position, m, and rotation vector, rad, both in the frame of the poses.
 
-        NaN where one of the two is not there.
+        NaN where one of the two poses could not be computed.
         """
         difference = np.full((len(self), 6), np.nan)
         for rows in chunks(len(self)):
@@ -78,7 +82,7 @@ class Poses(Shown):
     def save(self, file: Path | str, *, force: bool = False) -> None:
         """Write a CSV file with the columns ``pose x y z qw qx qy qz``, as ``gtpin predict`` does; poses count from 1.
 
-        With ``force``, a file that gtpin has not written is moved aside (``NAME.old-1``), and not an error.
+        With ``force``, an existing file that gtpin has not written is renamed to ``NAME.old-1``. Without it, that is an error.
         """
         table = self.to_dataframe()
         table.insert(0, "pose", range(1, len(table) + 1))
@@ -86,7 +90,7 @@ class Poses(Shown):
             table.to_csv(new, index=False, lineterminator="\n")
 
     def plot_workspace(self, view: str = "xy") -> Figure:
-        """The positions, seen along two axes: ``xy``, ``xz`` or ``yz``."""
+        """A plot of the positions in the plane of two axes, m: ``xy``, ``xz`` or ``yz``."""
         from gtpin.report.show.positions import position_map
 
         return position_map(self.T, range(1, len(self) + 1), view, "Positions of the TCP")

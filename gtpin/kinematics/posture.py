@@ -82,7 +82,7 @@ class ClosedPosture:
 
     @property
     def tcp(self) -> Any:
-        """The TCP frame in the base frame, a ``pinocchio.SE3`` of the caller's own."""
+        """The TCP frame in the base frame, a ``pinocchio.SE3`` (m). A copy: changing it does not change the posture."""
         return self._tcp.copy()
 
     @cached_property
@@ -100,12 +100,15 @@ class ClosedPosture:
         return _frozen(np.array(self._tcp.rotation))
 
     def placement(self, joint_id: int) -> Any:
-        """Placement of a Pinocchio joint in the base frame at this posture."""
+        """Placement (``pinocchio.SE3``, m) of a Pinocchio joint in the base frame at this posture."""
         pin.forwardKinematics(self.robot.model, self.robot.data, self._configuration)
         return self.robot.data.oMi[joint_id].copy()
 
     def refresh(self) -> Any:
-        """Pinocchio's data with joint placements and Jacobians of this posture."""
+        """The robot's ``pinocchio.Data``, with the joint placements and joint Jacobians of this posture.
+
+        All postures of a robot share it: a call for another posture overwrites it.
+        """
         pin.computeJointJacobians(self.robot.model, self.robot.data, self._configuration)
         return self.robot.data
 
@@ -152,7 +155,7 @@ class ClosedPosture:
     def moved_to(self, q: npt.ArrayLike) -> ClosedPosture:
         """Move the actuators to ``q`` along the straight line of commands, and close the loops there.
 
-        The way is walked in steps from each of which Newton's method contracts, so that the assembly mode is kept.
+        The line is divided into steps, so short that Newton's method converges from each to the next in the same assembly mode.
 
         Parameters
         ----------
@@ -162,9 +165,9 @@ class ClosedPosture:
         Raises
         ------
         UnreachableError
-            If the loops can't be closed on the way; the message says how far it got.
+            If the loops can't be closed at some point of the line; the message says up to which commands they can.
         SingularityError
-            If the way comes too near a singularity.
+            If the line comes too near a singularity.
         AssemblyModeError
             If the posture that was reached belongs to another assembly mode.
         """

@@ -18,6 +18,14 @@ def skew(vectors: Floats) -> Floats:
     return matrices
 
 
+def frame_motions(T: Floats) -> Floats:
+    """(N, 6, 6) motions of poses at positions T (N, 3) by three shifts of their frame, and three turns about its origin."""
+    motions = np.zeros((len(T), 6, 6))
+    motions[:, :3, :3] = motions[:, 3:, 3:] = np.eye(3)
+    motions[:, :3, 3:] = -skew(T)
+    return motions
+
+
 def exp(vectors: Floats) -> Floats:
     """(..., 3, 3) rotation matrices of rotation vectors (..., 3), rad (Rodrigues)."""
     angle2 = np.einsum("...i,...i->...", vectors, vectors)

@@ -33,13 +33,13 @@ class Geometry:
     Parameters
     ----------
     robot
-        Whose geometry it is; its URDF gives the nominal values.
+        The robot that has this geometry. Its URDF gives the nominal values.
     parameters
-        What can be identified; everything else stays nominal.
+        The parameters that a calibration can identify. All others keep their nominal values.
     values
         (p,) their values, m, rad or m/m, in the order of ``parameters``.
     tracks
-        By rod, the measured track of its cart, or None where the track is straight; empty where all are.
+        One entry per rod: the measured track of its cart, or None where the track is straight. Empty where all are straight.
 
     Examples
     --------
@@ -81,16 +81,18 @@ class Geometry:
         Parameters
         ----------
         directions
-            One direction per actuator, or one per rod as in models 3 to 5 of Dressler et al. 2010.
+            Parameters of the track direction: one set per ``actuator``, or one per ``rod`` as in models 3 to 5 of
+            Dressler et al. 2010.
         scale
-            Whether drive scales are parameters: one per actuator, one per rod, or (None) only those that the URDF calls
-            unknown.
+            Whether drive scales are parameters: one per ``actuator``, one per ``rod``, or (None) only those of actuators
+            with ``scale="unknown"`` in the URDF.
         arm
             ``reduced``: the rods of a cart share one length and move together, for robots whose rods are parallel.
         tracks
-            By rod, the measured track of its cart, or None where the track is straight.
+            One entry per rod: the measured track of its cart, or None where the track is straight.
         tolerance
-            1-sigma tolerances by kind that override the robot's.
+            1-sigma tolerances, m, rad or m/m, by kind of parameter (as in the URDF's ``<tolerance>``). They override the
+            robot's.
         without
             Names, or beginnings of names (``track_direction``, ``length[2a]``), of parameters to leave at nominal.
 
@@ -159,7 +161,10 @@ class Geometry:
         return replace(self, values=values)
 
     def deviations(self, kind: Kind, per: Literal["actuator", "rod", "joint"], shape: tuple[int, int]) -> Floats:
-        """Deviations of one kind, by owner and component; zero where there is no such parameter."""
+        """A table of the deviations from nominal of one kind of parameter, m, rad or m/m.
+
+        Row: index of the actuator, rod or joint; column: component of the vector. Zero where there is no such parameter.
+        """
         table = np.zeros(shape)
         for parameter, deviation in zip(self.parameters, self.deviation, strict=True):
             if parameter.kind == kind and parameter.per == per:

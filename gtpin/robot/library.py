@@ -53,7 +53,7 @@ def load_robot(robot: str | Path, tcp: str | None = None) -> Robot:
     Raises
     ------
     RobotError
-        If there is no such robot, or its URDF does not make one.
+        If there is no such robot, or its URDF is not a valid robot.
 
     Examples
     --------

@@ -50,7 +50,7 @@ class Robot(Chain):
 
     @staticmethod
     def from_urdf(path: str | Path, tcp: str | None = None) -> Robot:
-        """Build the robot of a URDF file; see the class."""
+        """Build the robot of a URDF file. ``tcp`` names the link or frame of the TCP; None: the one that the URDF names."""
         return Robot(Description.read(Path(path)), tcp)
 
     @property

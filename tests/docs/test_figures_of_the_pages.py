@@ -90,16 +90,20 @@ def test_the_first_sealed_cases_come_out_as_the_page_of_the_blind_check_says(tmp
 
 
 CONSTANTS = (
-    ("docs/diagnosis.md", "is ahead by {} % of what the smooth terms explain", 100 * priors.PRIORS.departure),
-    ("docs/diagnosis.md", "({} % where they only modulate a named cause)", 100 * priors.PRIORS.modulation),
+    (
+        "docs/diagnosis.md",
+        "by more than {} % of the log evidence that the smooth terms bring",
+        100 * priors.PRIORS.departure,
+    ),
+    ("docs/diagnosis.md", "({} % where they act at the site of a named cause", 100 * priors.PRIORS.modulation),
     ("docs/diagnosis.md", "at least {} % of the leader's probability belongs to the class", 100 * priors.CLASS_SHARE),
     ("docs/diagnosis.md", "each with a probability of {} % or more", 100 * priors.SURE),
     ("docs/report.md", "each has a probability of {} % or more", 100 * priors.SURE),
     ("docs/diagnosis.md", "divided by a temperature of {} to", priors.PRIORS.temperature),
     ("docs/diagnosis.md", "The share is {} % at the same site over the same coordinates", 100 * priors.PRIORS.same),
-    ("docs/diagnosis.md", "{} % where one could pass for the departure of the other", 100 * priors.PRIORS.related),
-    ("docs/diagnosis.md", "or both depend on load), {} % elsewhere", 100 * priors.PRIORS.other),
-    ("docs/diagnosis.md", "Above {} poses the search takes", f"{MOST_POSES:,}"),
+    ("docs/diagnosis.md", "{} % for related hypotheses", 100 * priors.PRIORS.related),
+    ("docs/diagnosis.md", "or both depend on load), {} % for all others", 100 * priors.PRIORS.other),
+    ("docs/diagnosis.md", "With more than {} poses, the search uses", f"{MOST_POSES:,}"),
     ("docs/next_experiment.md", "with an expected gain of less than {} nats is not proposed", splitting.HOPELESS),
     ("docs/next_experiment.md", "Up to {} nats it says", splitting.SETTLED),
     ("docs/next_experiment.md", "up to {} nat what to observe", splitting.LEAST),

@@ -31,7 +31,7 @@ def test_a_page_has_the_effects_title_parameters_and_units(name: str) -> None:
     title = page.splitlines()[0]
     assert title == f"# `{name}`: {EFFECTS[name].title.split(' (')[0]}"
     assert dict(re.findall(r"^\| `([^`]+)` \| ([^|]+) \|", page, re.MULTILINE)) == told(name)
-    for part in ("Equation", "What happens", "Sites", "Typical size", "Mistaken for", "Told apart by"):
+    for part in ("Equation", "What happens", "Sites", "Typical size", "Mistaken for", "How to distinguish"):
         assert f"**{part}.**" in page
 
 

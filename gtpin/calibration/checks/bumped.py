@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from gtpin.calibration.checks.frame_scan import EDGE, Scan
 from gtpin.calibration.checks.shifted_rows import own_session
+from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Point, Problem
-from gtpin.calibration.rounds import ENOUGH
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.noise.noise import Noise

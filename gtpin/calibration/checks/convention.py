@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import Measured, Point
+from gtpin.calibration.problem import Measured, Point, Problem
 from gtpin.data.orientation_convention import misread
 from gtpin.data.readings import RotationReading, orientation_readings, position_readings
 
@@ -27,7 +27,7 @@ LEAST = 20
 """Number of poses below which nothing is reported."""
 
 
-def other_convention(fit: Fit) -> list[RotationReading]:
+def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
     """Conventions by which measured orientations fit the geometry far better than as they stand, the usual first; mostly none.
 
     Angles of one convention that are read as another's agree for small turns, so that the error grows with the square of the

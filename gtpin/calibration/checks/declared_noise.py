@@ -7,8 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Problem, in_frame
-from gtpin.calibration.rounds import ENOUGH, Settled
+from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn

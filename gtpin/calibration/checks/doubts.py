@@ -15,7 +15,7 @@ from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
 from gtpin.calibration.problem import Measured
-from gtpin.calibration.rounds import Settled
+from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.checks.frame_scan import Scan, nominal_problem
+from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Measured, Problem, rough_frame
-from gtpin.calibration.rounds import ENOUGH
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, in_frame
-from gtpin.calibration.rounds import Settled
-from gtpin.kinematics.rotations import skew
+from gtpin.calibration.settled import Settled
+from gtpin.kinematics.rotations import frame_motions
 from gtpin.robot.geometry import Geometry
 
 Floats = npt.NDArray[np.float64]
@@ -157,9 +157,7 @@ def motions(problem: Problem, point: Point, rows: slice) -> Floats:
     """(M, c, 6 + n) whitened motions, per mm and mrad: of the frame about the middle of the poses, and of actuators' zeros."""
     model, poses = point.model, point.poses[rows]
     T = model.seen(poses).T
-    frame = np.zeros((len(poses), 6, 6))
-    frame[:, :3, :3] = frame[:, 3:, 3:] = np.eye(3)
-    frame[:, :3, 3:] = -skew(T - np.median(problem.measured.T, axis=0))
+    frame = frame_motions(T - np.median(problem.measured.T, axis=0))
     zeros = in_frame(model.kinematics.command_jacobian(problem.measured.q[rows], poses), model.frame)
     motion = FRAME_UNIT * np.concatenate([frame, zeros], axis=2)
     return np.asarray(problem.whitening[rows] @ motion[:, : problem.measured.components])

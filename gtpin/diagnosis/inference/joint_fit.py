@@ -8,26 +8,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.gauss_newton import fit
+from gtpin.calibration.problem import Point, Problem, in_frame
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.situation import References
 from gtpin.errors import ConvergenceError
-from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.rotations import exp
-from gtpin.model.model import Frame, Model
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
-
-MAX_STEPS = 12
-SETTLED = 1e-3
-"""Step, in tolerances and typical sizes, at which the fit has settled."""
 
 
 def fit_together(
     observed: Observed, start: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
 ) -> Model:
-    """Gauss-Newton on geometry, instrument's pose and coefficients, from a calibrated model.
+    """Fit geometry, instrument's pose and coefficients of causes, from a calibrated model.
 
     Parameters
     ----------
@@ -37,98 +34,102 @@ def fit_together(
     Raises
     ------
     ConvergenceError
-        If it does not settle.
+        If it does not converge.
     """
-    model = replace(start, effects=())
-    p = len(model.geometry.parameters)
-    c = np.zeros(0)
-    for _ in range(MAX_STEPS):
-        now = _linear(observed, model, causes, scale, references)
-        first = len(now.gradient) - sum(now.widths)  # of the causes
-        if not c.size:
-            c = np.zeros(sum(now.widths))
-        x = model.geometry.deviation / model.geometry.tolerance
-        prior = np.concatenate([np.ones(p), np.zeros(first - p), np.ones(len(c))])
-        A = now.information + np.diag(prior)
-        step = np.linalg.solve(A, now.gradient - prior * np.concatenate([x, np.zeros(first - p), c]))
-        joint: Floats = np.asarray(np.linalg.inv(A), dtype=np.float64)
-        tolerance = model.geometry.tolerance
-        c = c + step[first:]
-        geometry = model.geometry.with_values(model.geometry.values + tolerance * step[:p])
-        frame = _moved(model.frame, step[p:first], now.pivot)
-        active = _active(causes, now.sizes, now.widths, c, joint[first:, first:], references)
-        model = Model(geometry, frame, active, joint[:p, :p] * np.outer(tolerance, tolerance))
-        if np.abs(step).max(initial=0.0) <= SETTLED:
-            return model
-    raise ConvergenceError("geometry and causes have not settled together", hint="exclude the causes one by one")
+    problem = JointProblem.of(observed, start, causes, scale, references)
+    deviation = start.geometry.deviation / start.geometry.tolerance
+    x = np.concatenate([deviation, np.zeros(problem.size - len(deviation))])
+    try:
+        found = fit(problem, lambda _: observed.weight, x)
+    except ConvergenceError as error:
+        raise ConvergenceError(
+            "geometry and causes have not settled together", hint="exclude the causes one by one"
+        ) from error
+    covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
+    return replace(
+        found.point.model,
+        effects=problem.active(found.point.x, covariance),
+        covariance=covariance[:p, :p] * np.outer(tolerance, tolerance),
+    )
 
 
 @dataclass(frozen=True)
-class _Linear:
-    """J'J and J'r about a model (columns: geometry, instrument's pose, causes), and what the columns were made with.
+class JointProblem:
+    """The fitted problem: x has the unknowns of a calibration, then the causes' coefficients in units of their priors' sigmas.
 
-    ``sizes`` are those of each cause's coefficients, ``widths`` how many it has; ``pivot`` (3,) is what a free instrument
-    turns about, in its frame, m.
+    Parameters
+    ----------
+    calibration
+        The problem without causes.
+    observed
+        The poses, with what the causes depend on.
+    causes, sizes
+        The causes, and each one's (m,) standard deviations of its coefficients.
+    references
+        What the causes' covariates are counted from.
     """
 
-    information: Floats
-    gradient: Floats
-    sizes: list[Floats]
-    widths: list[int]
-    pivot: Floats
+    calibration: Problem
+    observed: Observed
+    causes: Sequence[Hypothesis]
+    sizes: Sequence[Floats]
+    references: References
 
+    @staticmethod
+    def of(
+        observed: Observed, start: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
+    ) -> JointProblem:
+        """The problem about nominal geometry, with the noise of the drives as the start has it."""
+        geometry, measured = start.geometry, observed.measured
+        nominal = replace(start, geometry=geometry.with_values(geometry.values - geometry.deviation), effects=())
+        at = observed.situation(start, references)
+        J = in_frame(at.command_jacobian, start.frame)
+        whitening = observed.noise.whitening(J, measured.components)
+        one = observed.take(slice(0, 1)).situation(start, references, at.poses[:1])
+        sizes = [cause.basis(one).sigma * s for cause, s in zip(causes, scale, strict=True)]
+        plain = Problem(nominal, measured, whitening, observed.free_frame)
+        return JointProblem(plain, observed, causes, sizes, references)
 
-def _linear(
-    observed: Observed, model: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
-) -> _Linear:
-    """Sum up chunks of poses: all their derivatives at once would take kilobytes a pose."""
-    kinematics, q = model.kinematics, observed.measured.q
-    poses = kinematics.forward(q)
-    pivot = model.seen(poses).T.mean(axis=0)
-    information: Floats | float = 0.0
-    gradient: Floats | float = 0.0
-    for rows in chunks(len(q)):
-        part = observed.take(rows)
-        design = part.design(model, references, poses[rows], pivot)
-        bases = [cause.basis(design.situation) for cause in causes]
-        blocks = [design.columns(b) * s for b, s in zip(bases, scale, strict=True)]
-        predicted = model.seen(with_effects(kinematics, q[rows], part.covariates, model.effects, poses[rows]))
-        # y is against the geometry alone; the exact effects replace their linear part, which is put back.
-        left = np.einsum("nij,nj->ni", design.whitening, part.measured.minus(predicted)).ravel()
-        J = np.hstack([design.B, *blocks])
-        information, gradient = information + J.T @ J, gradient + J.T @ left
-    sizes = [basis.sigma * s for basis, s in zip(bases, scale, strict=True)]
-    return _Linear(np.asarray(information), np.asarray(gradient), sizes, [len(basis) for basis in bases], pivot)
+    @property
+    def size(self) -> int:
+        """Length of x."""
+        return self.calibration.size + sum(map(len, self.sizes))
 
+    @property
+    def prior(self) -> Floats:
+        """(size,) weight of each x squared: one for a coefficient."""
+        return np.concatenate([self.calibration.prior, *map(np.ones_like, self.sizes)])
 
-def _active(
-    causes: Sequence[Hypothesis],
-    sizes: Sequence[Floats],
-    widths: Sequence[int],
-    c: Floats,
-    covariance: Floats,
-    references: References,
-) -> tuple[ActiveEffect, ...]:
-    found, place = [], 0
-    for cause, size, width in zip(causes, sizes, widths, strict=True):
-        own = slice(place, place + width)
-        place += width
-        found.append(
-            ActiveEffect(
-                cause.effect,
-                cause.site,
-                cause.nonlinear,
-                c[own] * size,
-                covariance[own, own] * np.outer(size, size),
-                references,
+    def point(self, x: Floats, near: Poses | None = None) -> Point:
+        """The model at x without effects, and its poses; NaN where a pose can't be reached."""
+        return self.calibration.point(x, near)
+
+    def residual(self, point: Point) -> Floats:
+        """(N, c) whitened measured less predicted, with the effects in the closures."""
+        kinematics, measured = point.model.kinematics, self.observed.measured
+        effects = self.active(point.x, np.zeros((self.size, self.size)))
+        poses = with_effects(kinematics, measured.q, self.observed.covariates, effects, point.poses)
+        return self.calibration.whiten(measured.minus(point.model.seen(poses)))
+
+    def chunks(self) -> list[slice]:
+        """Slices of rows that fit in memory with their derivatives."""
+        return self.calibration.chunks()
+
+    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+        """(M, c, size) derivative of the whitened prediction by x, for some rows: the linear problem's, at no effect."""
+        at = self.observed.take(rows).situation(point.model, self.references, point.poses[rows])
+        moved = [cause.basis(at).displacement(at) * size for cause, size in zip(self.causes, self.sizes, strict=True)]
+        columns = [self.calibration.whitened_columns(in_frame(J, point.model.frame), rows, weight) for J in moved]
+        return np.concatenate([self.calibration.jacobian(point, rows, weight), *columns], axis=2)
+
+    def active(self, x: Floats, covariance: Floats) -> tuple[ActiveEffect, ...]:
+        """The causes with their coefficients at x, and their covariance from that of x (size, size)."""
+        found, place = [], self.calibration.size
+        for cause, size in zip(self.causes, self.sizes, strict=True):
+            own = slice(place, place + len(size))
+            place = own.stop
+            spread = covariance[own, own] * np.outer(size, size)
+            found.append(
+                ActiveEffect(cause.effect, cause.site, cause.nonlinear, x[own] * size, spread, self.references)
             )
-        )
-    return tuple(found)
-
-
-def _moved(frame: Frame, step: Floats, pivot: Floats) -> Frame:
-    """A free instrument's frame after a step: shifts, m, and turns, rad, about the middle of the poses."""
-    if not step.size:
-        return frame
-    turn = exp(step[3:])
-    return Frame(pivot + step[:3] + turn @ (frame.T - pivot), turn @ frame.R)
+        return tuple(found)

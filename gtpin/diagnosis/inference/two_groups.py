@@ -20,7 +20,7 @@ from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import warn
-from gtpin.kinematics.rotations import skew
+from gtpin.kinematics.rotations import frame_motions
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -114,7 +114,4 @@ def _left_by(F: Floats, y: Floats, group: Mask) -> tuple[Floats, Floats]:
 def _motions(design: Design) -> Floats:
     """(N, 6, 6) motions of the poses by shifts, m, and turns, rad, of the frame about their middle."""
     T = design.model.seen(design.situation.poses).T
-    motion = np.zeros((len(T), 6, 6))
-    motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
-    motion[:, :3, 3:] = -skew(T - T.mean(axis=0))
-    return motion
+    return frame_motions(T - T.mean(axis=0))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.calibration.problem import Measured, in_frame
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Situation
-from gtpin.kinematics.rotations import skew
+from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 
@@ -106,7 +106,4 @@ def _whitened(whitening: Floats, columns: Floats) -> Floats:
 
 def _frame_columns(whitening: Floats, T: Floats) -> Floats:
     """Shifts and turns of a free instrument about the origin of positions (N, 3), so large that the prior says nothing."""
-    motion = np.zeros((len(T), 6, 6))
-    motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
-    motion[:, :3, 3:] = -skew(T)
-    return _whitened(whitening, motion)
+    return _whitened(whitening, frame_motions(T))

@@ -9,7 +9,7 @@ from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.result import Calibration
-from gtpin.calibration.rounds import Progress
+from gtpin.calibration.reweighting import Progress
 from gtpin.data import Dataset
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.preparation.contradictions import without_contradictions
