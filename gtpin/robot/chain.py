@@ -12,8 +12,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError
-from gtpin.robot.description import ActuatorElement, Anchor, Description, parse_xml
-from gtpin.robot.urdf_parser import build_model
+from gtpin.robot.closure_space import closure_space, postures
+from gtpin.robot.description import ActuatorElement, Anchor, Description
+from gtpin.robot.followers import folded, followers, put
+from gtpin.robot.resting import moving_model, neutral
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,14 +61,15 @@ class Chain:
     The tree is Pinocchio's; every ``<loop_joint>`` is a ``PointAnchorConstraintModel``. The base frame is the URDF's root
     link's. Commands ``q`` are in the order of the ``<actuator>`` elements, whatever order Pinocchio uses inside. A robot
     without loops and without a ``<gtpin>`` element works too: every moving joint is then an actuator, in document order.
+    Joints with ``<mimic>`` follow their masters. Moving joints that no command and no loop moves rest at neutral.
 
     Parameters
     ----------
     description
         What the URDF says.
     tcp
-        The link whose pose is the robot's pose; by default the one that ``<platform>`` names, or the end of the
-        longest chain.
+        The link whose pose is the robot's pose; by default the one that ``<platform>`` names, or ``tool0``, or the end of
+        the longest chain: see :class:`~gtpin.robot.tree.Tree`.
 
     Attributes
     ----------
@@ -77,7 +80,9 @@ class Chain:
     driven : list of int
         Velocity indices of the actuators.
     passive : slice or int array
-        Velocity indices of the coordinates that no actuator drives, ``n_passive`` of them.
+        Velocity indices of the coordinates that the loops alone determine, ``n_passive`` of them.
+    followers : tuple of Follower
+        Joints that follow others, whose coordinates are neither driven nor passive: see :meth:`folded`.
     tcp_joint, tcp_placement
         The joint that carries the TCP frame, and the frame's placement on it.
     home_placement
@@ -93,13 +98,15 @@ class Chain:
         self.description = description
         self.name = description.name
         self.tolerance: Mapping[str, float] = MappingProxyType(dict(description.tolerance))
-        self.model: Any = build_model(description.xml, description.source)
+        elements = self._actuator_elements()
+        self.model: Any = moving_model(description, [element.joint for element in elements])
         self.model.gravity.linear = np.array(description.gravity)
         self.data: Any = self.model.createData()
         """Scratch memory of the kinematics; one thread at a time."""
-        self.neutral: Floats = pin.neutral(self.model)
+        self.neutral: Floats = neutral(self.model, description)
+        self.followers = followers(self.model, description.tree.mimics)
         pin.computeJointJacobians(self.model, self.data, self.neutral)
-        self.actuators = tuple(self._actuator(element) for element in self._actuator_elements())
+        self.actuators = tuple(self._actuator(element) for element in elements)
         driven = [actuator.index_v for actuator in self.actuators]
         if len(set(driven)) != len(driven):
             raise RobotError("two actuators drive one joint", file=description.source, hint="name each joint once")
@@ -108,9 +115,12 @@ class Chain:
         self.driven = driven
         self._index_q = np.array([actuator.index_q for actuator in self.actuators])
         self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
-        self.passive = _as_slice(np.setdiff1d(np.arange(self.model.nv), driven))
-        self.n_passive = self.model.nv - len(driven)
-        self.tcp_frame = tcp or description.tcp or description.platform or self._tip()
+        self._led = [
+            (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
+        ]
+        passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
+        self.passive, self.n_passive = _as_slice(passive), len(passive)
+        self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
         named = description.tcp or description.platform or self.tcp_frame
         self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))[1]
@@ -122,6 +132,7 @@ class Chain:
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Magnitude of the coordinates, m: what rounding is relative to."""
         self._check_freedom()
+        self._closure_space = self._directions_of_closure()
 
     def prepare_constraints(self) -> None:
         """Make scratch memory for the constraints, in the two forms that Pinocchio asks for."""
@@ -168,10 +179,32 @@ class Chain:
         """Pinocchio configuration with the actuators at ``q`` (n,) and everything else as in ``configuration``."""
         changed = configuration.copy()
         changed[self._index_q] = q
-        for i in self._continuous:  # Pinocchio keeps a continuous joint as cosine and sine
-            index = self._index_q[i]
-            changed[index : index + 2] = np.cos(q[i]), np.sin(q[i])
+        for i in self._continuous:
+            put(changed, self._index_q[i], q[i], True)
+        for i, follower in self._led:
+            follower.put(changed, q[i])
         return changed
+
+    def velocity(self, commands: Floats | None, passive: Floats) -> Floats:
+        """(nv,) Pinocchio velocity of the commands' (n,), none where they rest, and the passive coordinates' (p,)."""
+        velocity = np.zeros(self.model.nv)
+        if commands is not None:
+            velocity[self.driven] = commands
+        velocity[self.passive] = passive
+        for follower in self.followers:
+            velocity[follower.index_v] = follower.multiplier * velocity[follower.master_v]
+        return velocity
+
+    def folded(self, derivative: Floats) -> Floats:
+        """A derivative (..., nv) by Pinocchio velocities, its driven and passive columns with what their followers do."""
+        return folded(derivative, self.followers)
+
+    def closing(self, gaps: Floats) -> Floats:
+        """Of gaps (3 k, ...) of k loops, or of their derivatives, the part (m, ...) that closure equations are made of.
+
+        All of it, but for planar loops, which close in their plane alone: see :mod:`~gtpin.robot.closure_space`.
+        """
+        return gaps if self._closure_space is None else self._closure_space @ gaps
 
     def check_commands(self, q: Floats) -> None:
         """Refuse commands of another shape than (N, n).
@@ -193,14 +226,11 @@ class Chain:
             return self.description.actuators
         if self.description.loops:
             raise RobotError(
-                "loops but no actuators", file=self.description.source, hint="name them in a <gtpin> element"
+                "loops but no actuators",
+                file=self.description.source,
+                hint="name them in a <gtpin> element, or as actuators in dataset.toml",
             )
-        root = parse_xml(self.description.xml, self.description.source)
-        names = [
-            joint.get("name", "")
-            for joint in root.findall("joint")
-            if joint.get("type") in ("revolute", "continuous", "prismatic")
-        ]
+        names = self.description.tree.moving
         if not names:
             raise RobotError("nothing moves", file=self.description.source, hint="give the robot a moving joint")
         return tuple(ActuatorElement(name, name) for name in names)
@@ -209,7 +239,7 @@ class Chain:
         model = self.model
         source = self.description.source
         if not model.existJointName(element.joint):
-            raise RobotError(f"no moving joint is called {element.joint}", file=source, hint="mend the <actuator>")
+            raise RobotError(f"no moving joint is called {element.joint}", file=source, hint=self._known())
         joint_id = int(model.getJointId(element.joint))
         if model.nvs[joint_id] != 1:
             raise RobotError(
@@ -239,22 +269,31 @@ class Chain:
             element.scale_unknown,
         )
 
+    def _known(self) -> str:
+        names = self.description.tree.moving
+        return f"moving joints are {', '.join(names[:12])}{' ...' if len(names) > 12 else ''}"
+
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
         if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
             raise RobotError(
-                f"no link is called {anchor.link}", file=self.description.source, hint="mend the loop or the platform"
+                f"no link is called {anchor.link}", file=self.description.source, hint="mend the loop, platform or TCP"
             )
         frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
 
-    def _tip(self) -> str:
-        """The link at the end of the longest chain of moving joints, the last of its fixed appendages."""
-        depth = [len(path) for path in self.model.supports]
-        bodies = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
-        deepest = max(depth[frame.parentJoint] for frame in bodies)
-        first = next(frame.parentJoint for frame in bodies if depth[frame.parentJoint] == deepest)
-        return str([frame.name for frame in bodies if frame.parentJoint == first][-1])
+    def _directions_of_closure(self) -> Floats | None:
+        if self.n_passive == 3 * len(self.constraints) or self.description.rods:
+            return None
+        found = []
+        for configuration in postures(self.model, self.neutral):
+            pin.computeJointJacobians(self.model, self.data, configuration)
+            for constraint, data in self.constraint_elements:
+                constraint.calc(self.model, self.data, data)
+            jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
+            found.append(self.folded(np.reshape(jacobian, (-1, self.model.nv)))[:, self.passive])
+        pin.computeJointJacobians(self.model, self.data, self.neutral)
+        return closure_space(np.array(found))
 
     def _check_freedom(self) -> None:
         equations = 3 * len(self.constraints)

@@ -13,6 +13,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from gtpin.errors import RobotError
+from gtpin.robot.tree import Tree
 
 Vector = tuple[float, ...]
 
@@ -78,6 +79,8 @@ class Description:
         The URDF as it was read.
     source
         Where it came from, for messages.
+    tree
+        Its joints and links in document order.
     link_compliance
         By how much such a machine's links usually stretch, m/N: the size that an effect of that kind is expected to have.
     """
@@ -94,6 +97,7 @@ class Description:
     gravity: Vector
     tolerance: Mapping[str, float]
     link_compliance: float
+    tree: Tree
 
     def __reduce__(self) -> tuple[Callable[[str, str], Description], tuple[str, str]]:
         return Description.parse, (self.xml, self.source)  # read-only mappings don't pickle
@@ -157,6 +161,7 @@ class Description:
             gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
             tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
             link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
+            tree=Tree.of(root, source),
         )
 
 

@@ -70,8 +70,26 @@ def placements_to_urdf(geometry: Geometry) -> str:
         parent = _parent_placement(robot, element)
         moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         _set_origin(element, moved)
+    _name_tcp(robot, root)
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _name_tcp(robot: Robot, root: Element) -> None:
+    """Name the TCP in the URDF where it is not the one that the URDF already stands for."""
+    description = robot.description
+    if robot.tcp_frame == (description.tcp or description.platform or description.tree.tip) or description.home:
+        return
+    own = root.find("gtpin")
+    if own is None:
+        own = Element("gtpin")
+        root.append(own)
+    platform = own.find("platform")
+    if platform is None:
+        platform = Element("platform")
+        own.append(platform)
+    platform.set("link", robot.tcp_frame)
+    platform.attrib.pop("tcp", None)
 
 
 def _own_direction(robot: Robot, link: str, xyz: tuple[float, ...], root: int) -> Floats:
