@@ -155,6 +155,11 @@ class Chain:
         return tuple(actuator.site for actuator in self.actuators)
 
     @property
+    def links(self) -> tuple[str, ...]:
+        """Names of its links."""
+        return tuple(frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY)
+
+    @property
     def lower(self) -> Floats:
         """(n,) lower ends of the commands' ranges, m or rad."""
         return np.array([actuator.lower for actuator in self.actuators])

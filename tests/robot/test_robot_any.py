@@ -64,7 +64,9 @@ def test_a_name_that_can_not_be_loaded_says_why() -> None:
 
 
 def test_the_list_of_robots_says_joints_and_sources() -> None:
-    done = subprocess.run([sys.executable, "-m", "gtpin", "robots", "--json"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "gtpin", "robots", "--json"], capture_output=True, text=True, check=True
+    )
     found = {robot["name"]: robot for robot in json.loads(done.stdout)}
     assert set(found) == {*gtpin.robot_names(), *example_names()}
     assert found["ur5"]["source"] == "example-robot-data"
@@ -122,7 +124,11 @@ def test_chosen_actuators_and_tcp_stay_with_a_model_that_is_written_and_pickled(
     model = gtpin.Model(gtpin.Geometry.nominal(robot))
     gtpin.write_model(model, tmp_path)
     q = np.random.default_rng(3).uniform(-1.0, 1.0, (5, 7))
-    for again in (gtpin.read_model(tmp_path), pickle.loads(pickle.dumps(model)), gtpin.read_model(tmp_path / "robot.urdf")):
+    for again in (
+        gtpin.read_model(tmp_path),
+        pickle.loads(pickle.dumps(model)),
+        gtpin.read_model(tmp_path / "robot.urdf"),
+    ):
         assert again.robot.sites == robot.sites
         assert again.robot.tcp_frame == "panda_hand"
         assert np.abs(again.predict(q).minus(model.predict(q))).max() < 1e-9
@@ -159,7 +165,7 @@ def test_a_joint_of_several_freedoms_is_refused_unless_the_actuators_leave_it_ou
         '<parent link="world"/><child link="base"/></joint><joint name="turn" type="continuous"><parent link="base"/>'
         '<child link="arm"/><origin xyz="1 0 0"/></joint></robot>'
     )
-    with pytest.raises(RobotError, match="base_joint has [36] degrees of freedom"):
+    with pytest.raises(RobotError, match=r"base_joint has [36] degrees of freedom"):
         gtpin.Robot(Description.parse(text))
     assert gtpin.Robot(with_actuators(Description.parse(text), ["turn"])).sites == ("turn",)
 
@@ -169,7 +175,9 @@ def test_a_base_above_which_the_urdf_has_more_links_stays_where_these_put_it() -
         'type="fixed"><parent link="hall"/><child link="world"/><origin xyz="1 2 3"/></joint></robot>')  # fmt: skip
     q = np.linspace(-1.0, 1.0, 6)
     moved = gtpin.home(gtpin.Robot(Description.parse(text))).moved_to(q)
-    np.testing.assert_allclose(moved.T, gtpin.home(load_robot("ur5")).moved_to(q).T + [1.0, 2.0, 3.0], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        moved.T, gtpin.home(load_robot("ur5")).moved_to(q).T + np.array([1.0, 2.0, 3.0]), rtol=0, atol=1e-13
+    )
 
 
 # ------------------------------------------------------------------------------------------------ the default TCP
@@ -193,7 +201,10 @@ def branches(*links: tuple[str, str, str]) -> str:
         ([("a", "base", "revolute"), ("b", "a", "revolute"), ("z", "base", "revolute")], "b"),
         ([("a", "base", "revolute"), ("flange", "a", "fixed"), ("tip", "flange", "fixed")], "tip"),
         ([("a", "base", "revolute"), ("camera", "a", "fixed"), ("hand", "a", "fixed"), ("c", "base", "fixed")], "hand"),
-        ([("z", "base", "prismatic"), ("y", "z", "revolute"), ("x", "base", "continuous"), ("w", "x", "revolute")], "w"),
+        (
+            [("z", "base", "prismatic"), ("y", "z", "revolute"), ("x", "base", "continuous"), ("w", "x", "revolute")],
+            "w",
+        ),
     ],
 )
 def test_the_tcp_is_tool0_or_the_last_link_of_the_longest_chain(links: list[tuple[str, str, str]], tip: str) -> None:

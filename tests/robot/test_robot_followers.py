@@ -61,7 +61,9 @@ def test_followers_are_not_counted_and_move_with_the_master_at_the_end_of_their_
 def test_derivatives_by_commands_and_by_placements_hold_what_the_followers_do() -> None:
     robot = robot_of(*SERIES)
     geometry = gtpin.Geometry.nominal(robot)
-    geometry = geometry.with_values(geometry.values + 1e-3 * np.random.default_rng(2).standard_normal(geometry.values.size))
+    geometry = geometry.with_values(
+        geometry.values + 1e-3 * np.random.default_rng(2).standard_normal(geometry.values.size)
+    )
     here, q = kinematics(geometry), np.array([[0.3, -0.8]])
     poses, step = here.forward(q), 1e-5
 
