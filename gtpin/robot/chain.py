@@ -12,9 +12,9 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError
-from gtpin.robot.closure_space import closure_space, postures
 from gtpin.robot.description import ActuatorElement, Anchor, Description
 from gtpin.robot.followers import folded, followers, put
+from gtpin.robot.planar_loops import in_planes, normal_of, postures
 from gtpin.robot.resting import moving_model, neutral
 
 Floats = npt.NDArray[np.float64]
@@ -85,6 +85,8 @@ class Chain:
         Joints that follow others, whose coordinates are neither driven nor passive: see :meth:`folded`.
     tcp_joint, tcp_placement
         The joint that carries the TCP frame, and the frame's placement on it.
+    planes : tuple of (3,) arrays, or None
+        Of each loop that is planar, the normal of its plane in the frame of its first anchor.
     home_placement
         Placement, on that joint, of the TCP that the URDF names and whose pose its ``<home>`` tells.
 
@@ -132,7 +134,8 @@ class Chain:
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Magnitude of the coordinates, m: what rounding is relative to."""
         self._check_freedom()
-        self._closure_space = self._directions_of_closure()
+        self.planes = self._planes()
+        self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
 
     def prepare_constraints(self) -> None:
         """Make scratch memory for the constraints, in the two forms that Pinocchio asks for."""
@@ -207,9 +210,9 @@ class Chain:
     def closing(self, gaps: Floats) -> Floats:
         """Of gaps (3 k, ...) of k loops, or of their derivatives, the part (m, ...) that closure equations are made of.
 
-        All of it, but for planar loops, which close in their plane alone: see :mod:`~gtpin.robot.closure_space`.
+        All of it, but for planar loops, which close in their plane alone: see :mod:`~gtpin.robot.planar_loops`.
         """
-        return gaps if self._closure_space is None else self._closure_space @ gaps
+        return gaps if self._in_planes is None else self._in_planes @ gaps
 
     def check_commands(self, q: Floats) -> None:
         """Refuse commands of another shape than (N, n).
@@ -287,9 +290,12 @@ class Chain:
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
 
-    def _directions_of_closure(self) -> Floats | None:
+    def _planes(self) -> tuple[Floats | None, ...]:
+        named = self.description.planes
+        if named:
+            return tuple(named.get(loop.name) for loop in self.description.loops)
         if self.n_passive == 3 * len(self.constraints) or self.description.rods:
-            return None
+            return (None,) * len(self.constraints)
         found = []
         for configuration in postures(self.model, self.neutral):
             pin.computeJointJacobians(self.model, self.data, configuration)
@@ -298,7 +304,8 @@ class Chain:
             jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
             found.append(self.folded(np.reshape(jacobian, (-1, self.model.nv)))[:, self.passive])
         pin.computeJointJacobians(self.model, self.data, self.neutral)
-        return closure_space(np.array(found))
+        motions = np.hstack(found) if found else np.zeros((0, 0))
+        return tuple(normal_of(motions[3 * i : 3 * i + 3]) for i in range(len(self.constraints)))
 
     def _check_freedom(self) -> None:
         equations = 3 * len(self.constraints)

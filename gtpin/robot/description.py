@@ -9,8 +9,10 @@ from pathlib import Path
 from types import MappingProxyType
 from xml.etree.ElementTree import Element, ParseError
 
+import numpy as np
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
+from numpy.typing import NDArray
 
 from gtpin.errors import RobotError
 from gtpin.robot.tree import Tree
@@ -79,6 +81,8 @@ class Description:
         The URDF as it was read.
     source
         Where it came from, for messages.
+    planes
+        By loop, the normal of the plane in which it closes, in the frame of its first anchor, where ``<plane>`` names it.
     tree
         Its joints and links in document order.
     link_compliance
@@ -97,6 +101,7 @@ class Description:
     gravity: Vector
     tolerance: Mapping[str, float]
     link_compliance: float
+    planes: Mapping[str, NDArray[np.float64]]
     tree: Tree
 
     def __reduce__(self) -> tuple[Callable[[str, str], Description], tuple[str, str]]:
@@ -161,6 +166,7 @@ class Description:
             gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
             tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
             link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
+            planes=MappingProxyType(reader.planes(own, {loop.name for loop in loops})),
             tree=Tree.of(root, source),
         )
 
@@ -236,6 +242,20 @@ class _Reader:
                 f"loop {name} is of type {element.get('type')}", file=self.source, hint="only spherical loops are known"
             )
         return Loop(name, self.anchor(element, "link1"), self.anchor(element, "link2"))
+
+    def planes(self, own: Element, loops: set[str]) -> dict[str, NDArray[np.float64]]:
+        found = {}
+        for element in own.findall("plane"):
+            name, normal = self.text(element, "loop"), np.array(self.numbers(element, "normal", 3))
+            if name not in loops or not normal.any():
+                what = (
+                    f"<plane> of no loop {name}"
+                    if name not in loops
+                    else f"<plane> of {name} has a normal of no length"
+                )
+                raise RobotError(what, file=self.source, hint="name a <loop_joint> and the normal of its plane")
+            found[name] = normal / np.linalg.norm(normal)
+        return found
 
     def compliance(self, element: Element) -> float:
         self.text(element, "link")

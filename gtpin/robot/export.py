@@ -70,26 +70,30 @@ def placements_to_urdf(geometry: Geometry) -> str:
         parent = _parent_placement(robot, element)
         moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         _set_origin(element, moved)
-    _name_tcp(robot, root)
+    _name_what_was_found(robot, root)
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
-def _name_tcp(robot: Robot, root: Element) -> None:
-    """Name the TCP in the URDF where it is not the one that the URDF already stands for."""
+def _name_what_was_found(robot: Robot, root: Element) -> None:
+    """Name in the URDF what is not seen from a geometry that is off: the TCP, and the planes of planar loops."""
     description = robot.description
-    if robot.tcp_frame == (description.tcp or description.platform or description.tree.tip) or description.home:
+    planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if n is not None}
+    named_tcp = description.tcp or description.platform or description.tree.tip
+    tcp = robot.tcp_frame if robot.tcp_frame != named_tcp and not description.home else None
+    if tcp is None and not planes:
         return
     own = root.find("gtpin")
     if own is None:
         own = Element("gtpin")
         root.append(own)
-    platform = own.find("platform")
-    if platform is None:
-        platform = Element("platform")
-        own.append(platform)
-    platform.set("link", robot.tcp_frame)
-    platform.attrib.pop("tcp", None)
+    if tcp is not None:
+        for before in own.findall("platform"):
+            own.remove(before)
+        own.append(Element("platform", link=tcp))
+    for name, normal in planes.items():
+        if name not in description.planes:
+            own.append(Element("plane", loop=name, normal=_text(normal)))
 
 
 def _own_direction(robot: Robot, link: str, xyz: tuple[float, ...], root: int) -> Floats:
