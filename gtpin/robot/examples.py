@@ -97,6 +97,12 @@ def _folder() -> Path | None:
     return next((place for place in places if place.is_dir()), None)
 
 
+def package_folder() -> Path | None:
+    """The folder in which ``package://example-robot-data/`` paths start; None where the package is not installed."""
+    folder = _folder()
+    return folder and folder.parents[1]
+
+
 def example_names() -> tuple[str, ...]:
     """Names of the loaders whose files are there, sorted; none where the package is not installed."""
     folder = _folder()
