@@ -30,7 +30,7 @@ def assemble(robot: Chain) -> Floats:
     start = robot.with_commands(robot.neutral, robot.home_q)
     free = np.arange(robot.model.nv)[robot.passive]
     turned = np.ones(free.size, dtype=bool)
-    platform = robot.model.joints[robot.tcp_joint]
+    platform = robot.model.joints[robot.home_joint]
     wanted: Any = None
     if robot.description.home and platform.nv == 6:
         start = _with_platform_at_home(robot, start)
@@ -68,14 +68,14 @@ def _home_of_platform(robot: Chain) -> Any:
 
 def _from(wanted: Any, robot: Chain) -> Floats:
     """(6,) shift, m, and rotation vector, rad, of the platform from where it is wanted, for the data as last computed."""
-    here = robot.data.oMi[robot.tcp_joint]
+    here = robot.data.oMi[robot.home_joint]
     return np.concatenate([here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
 
 
 def _with_platform_at_home(robot: Chain, configuration: Floats) -> Floats:
     wanted = _home_of_platform(robot)
     pin.forwardKinematics(robot.model, robot.data, configuration)
-    joint = robot.tcp_joint
+    joint = robot.home_joint
     parent = robot.data.oMi[robot.model.parents[joint]] * robot.model.jointPlacements[joint]
     index = robot.model.idx_qs[joint]
     changed = configuration.copy()

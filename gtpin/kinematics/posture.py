@@ -243,7 +243,7 @@ def home(robot: Robot) -> ClosedPosture:
     posture = ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
     declared = robot.description.home
     if declared is not None:
-        there = posture.placement(robot.tcp_joint) * robot.home_placement
+        there = posture.placement(robot.home_joint) * robot.home_placement
         off = float(np.linalg.norm(there.translation - np.array(declared.tcp_xyz)))
         turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
         if off > HOME_OFF or turned > HOME_TURNED:

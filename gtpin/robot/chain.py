@@ -87,8 +87,8 @@ class Chain:
         The joint that carries the TCP frame, and the frame's placement on it.
     planes : tuple of (3,) arrays, or None
         Of each loop that is planar, the normal of its plane in the frame of its first anchor.
-    home_placement
-        Placement, on that joint, of the TCP that the URDF names and whose pose its ``<home>`` tells.
+    home_joint, home_placement
+        The same of the TCP that the URDF names and whose pose its ``<home>`` tells.
 
     Raises
     ------
@@ -124,8 +124,9 @@ class Chain:
         self.passive, self.n_passive = _as_slice(passive), len(passive)
         self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
-        named = description.tcp or description.platform or self.tcp_frame
-        self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))[1]
+        home = description.home.link if description.home else None
+        named = home or description.tcp or description.platform or self.tcp_frame
+        self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
         self.constraints = tuple(
             pin.PointAnchorConstraintModel(self.model, *self._placement(loop.anchor1), *self._placement(loop.anchor2))
             for loop in description.loops

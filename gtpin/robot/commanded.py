@@ -39,9 +39,13 @@ def with_actuators(description: Description, names: Sequence[str]) -> Descriptio
     before = {element.get("joint"): element for element in own.findall("actuator")}
     for element in before.values():
         own.remove(element)
+    home = own.find("home")
+    if home is not None and description.home is not None:
+        q = dict(zip(before, description.home.q, strict=False))
+        home.set("q", " ".join(repr(q.get(name, 0.0)) for name in names))
     for place, name in enumerate(names):
         own.insert(place, before.get(name, Element("actuator", joint=name)))
-    return Description.parse(tostring(root, encoding="unicode"), description.source)
+    return Description.parse(tostring(root, encoding="unicode"), description.source, description.kind)
 
 
 def _error(what: str, hint: str) -> RobotError:

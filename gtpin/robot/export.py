@@ -80,7 +80,7 @@ def _name_what_was_found(robot: Robot, root: Element) -> None:
     description = robot.description
     planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if n is not None}
     named_tcp = description.tcp or description.platform or description.tree.tip
-    tcp = robot.tcp_frame if robot.tcp_frame != named_tcp and not description.home else None
+    tcp = robot.tcp_frame if robot.tcp_frame != named_tcp else None
     if tcp is None and not planes:
         return
     own = root.find("gtpin")
@@ -88,6 +88,8 @@ def _name_what_was_found(robot: Robot, root: Element) -> None:
         own = Element("gtpin")
         root.append(own)
     if tcp is not None:
+        for home in own.findall("home"):
+            home.set("link", home.get("link") or named_tcp)
         for before in own.findall("platform"):
             own.remove(before)
         own.append(Element("platform", link=tcp))
