@@ -118,7 +118,7 @@ def check_measurements(
 def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDArray[np.bool_]) -> None:
     """Refuse columns of turning joints without limits of which most commands are many turns, and few as degrees."""
     turn = 2.0 * np.pi
-    for actuator in np.flatnonzero(endless):
+    for actuator in map(int, np.flatnonzero(endless)):
         q = np.abs(rows.q[:, actuator])
         if (q > TURNS * turn).mean() > 0.5 and (np.deg2rad(q) <= turn).mean() >= _NEARLY_ALL:
             index = int(np.argmax(q > TURNS * turn))
