@@ -22,7 +22,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError, GtpinWarning
-from gtpin.robot.library import load_robot
+from gtpin.model.measured_robot import robot_of
 from gtpin.threads import in_one_thread
 
 Floats = npt.NDArray[np.float64]
@@ -105,7 +105,7 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
 
 def _testable(dataset: Dataset, truth: Truth) -> bool:
     """Whether the covariates that the known effects need are recorded and vary."""
-    robot, known = load_robot(dataset.robot_reference), effects_by_id()
+    robot, known = robot_of(dataset), effects_by_id()
     needs = {n for e in truth.effects if e.effect in known for n in known[e.effect].covariates(robot, e.site)}
     return all(n in dataset.covariates and len(np.unique(dataset.covariates[n])) > 1 for n in needs)
 

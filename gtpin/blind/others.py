@@ -20,6 +20,7 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.ownership import MARKER
 from gtpin.output.results import writing
+from gtpin.references import is_path
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 
@@ -130,15 +131,14 @@ def kind_of(effects: list[str]) -> Kind:
 def _robot_of(folder: Path) -> Robot | None:
     """The robot of a dataset; None if the dataset can't be read; its diagnosis will report the error."""
     try:
-        robot = read_description(folder / "dataset.toml").robot
-        return load_robot(_path_of(folder, robot) or robot)
+        said = read_description(folder / "dataset.toml")
+        return load_robot(_path_of(folder, said.robot) or said.robot, said.tcp, said.actuators)
     except GtpinError:
         return None
 
 
 def _path_of(folder: Path, robot: str) -> Path | None:
-    is_path = "/" in robot or os.sep in robot or robot.lower().endswith(".urdf")
-    return Path(os.path.abspath(folder / robot)) if is_path else None
+    return Path(os.path.abspath(folder / robot)) if is_path(robot) else None
 
 
 def _poses(folder: Path, name: str) -> TruePoses | None:

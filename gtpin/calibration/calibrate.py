@@ -23,12 +23,12 @@ from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.rounding import with_rounding
 from gtpin.data.sane import sane_rows
-from gtpin.errors import DatasetError, ModelError, RobotError, warn
+from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.kinematics.kinematics import Solver
 from gtpin.memory import amount, require
+from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Frame, Model
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.library import load_robot
 from gtpin.robot.parameters import KINDS, TOLERANCE, Per
 from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
@@ -102,7 +102,7 @@ def calibrate(
     >>> calibration["length[2a]"].unit, len(calibration.names)
     ('m', 48)
     """
-    robot = _robot_of(dataset) if robot is None else robot
+    robot = robot_of(dataset) if robot is None else robot
     _check_tolerances(dataset)
     left_out = tuple(without)
     if model is None:
@@ -200,15 +200,6 @@ def _calibrated(
     return Calibration.of(settled, before, rejected, lines, instrument, dataset)
 
 
-def _robot_of(dataset: Dataset) -> Robot:
-    try:
-        return load_robot(dataset.robot_reference)
-    except RobotError as error:
-        if error.file is not None:
-            raise
-        raise DatasetError(error.what, file=_toml(dataset), column="robot", hint=error.hint) from None
-
-
 def _check_tolerances(dataset: Dataset) -> None:
     for kind in dataset.tolerance:
         if kind not in KINDS:
@@ -231,5 +222,10 @@ def _check_actuators(robot: Robot, dataset: Dataset) -> None:
         raise DatasetError(
             f"{dataset.n_actuators} commands a pose, but {robot.name} has {robot.n_actuators} actuators",
             file=dataset.file,
-            hint=f"give q1 .. q{robot.n_actuators}",
+            hint=f"give q1 .. q{robot.n_actuators} ({', '.join(robot.sites)})"
+            + (
+                ", or name those that were commanded: actuators = [...]"
+                if dataset.n_actuators < robot.n_actuators
+                else ""
+            ),
         )

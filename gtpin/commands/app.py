@@ -14,6 +14,7 @@ from gtpin.commands.demo import demo
 from gtpin.commands.diagnose import diagnose
 from gtpin.commands.export import export
 from gtpin.commands.predict import predict
+from gtpin.commands.robots import robots
 from gtpin.commands.sensitivity import sensitivity
 from gtpin.commands.simulate import simulate
 from gtpin.commands.view import view
@@ -48,6 +49,7 @@ for command, *examples in (
         "gtpin simulate -o virtual --scenario examples/scenarios/backlash.toml",
     ),
     (view, "gtpin view gantry_tau", "gtpin view calibrated measurements -o gap.png"),
+    (robots, "gtpin robots", "gtpin robots --json"),
     (blind, "gtpin blind -o check --cases 100", "gtpin blind -o check --from cases"),
 ):
     app.command(epilog="\n\n".join(["Examples:" if examples[1:] else "Example:", *examples]))(command)

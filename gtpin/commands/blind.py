@@ -26,7 +26,7 @@ def blind(
     seed: Seed = 0,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="Name of a robot, or the path of a URDF; default Gantry-Tau."),
+        typer.Option("--robot", help="Name of a robot, or the path of a URDF or MJCF file; default Gantry-Tau."),
     ] = None,
     source: Annotated[
         Path | None,

@@ -7,7 +7,17 @@ from typing import Annotated
 import typer
 
 from gtpin.calibration.calibrate import calibrate as run_calibration
-from gtpin.commands.terminal import AsJson, CartOrientation, DatasetFolder, Force, Output, progress_of, tell
+from gtpin.commands.terminal import (
+    AsJson,
+    CartOrientation,
+    DatasetFolder,
+    Force,
+    Output,
+    Tcp,
+    progress_of,
+    tell,
+    with_tcp,
+)
 from gtpin.data import Dataset
 from gtpin.output.results import results_folder
 from gtpin.report.calibration_text import calibration_summary
@@ -24,12 +34,13 @@ def calibrate(
         ),
     ] = None,
     orientations: CartOrientation = False,
+    tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Identify the robot's geometry from measured poses."""
     with results_folder(output, CALIBRATION, force=force) as folder:
-        read = Dataset.read(dataset)
+        read = with_tcp(Dataset.read(dataset), tcp)
         with progress_of("calibrating") as progress:
             calibration = run_calibration(read, model=model, orientations=orientations, progress=progress)
         result = write_calibration(calibration, folder)

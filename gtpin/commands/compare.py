@@ -10,10 +10,10 @@ from gtpin.commands.terminal import AsJson, CartOrientation, DatasetFolder, Forc
 from gtpin.comparison.compare import compare as run_comparison
 from gtpin.comparison.figures import FILES, write_comparison
 from gtpin.data import Dataset
+from gtpin.model.measured_robot import robot_of
 from gtpin.output.results import results_folder
 from gtpin.report.comparison_page import comparison_page
 from gtpin.report.comparison_text import comparison_text
-from gtpin.robot.library import load_robot
 
 
 def compare(
@@ -44,7 +44,7 @@ def compare(
                 progress=progress,
             )
         write_comparison(comparison, folder, carts=read.carts)
-        page = comparison_page(comparison, read, load_robot(read.robot_reference))
+        page = comparison_page(comparison, read, robot_of(read))
         (folder / "report.html").write_text(page, encoding="utf-8")
     written = f"Written: {output / 'compare.csv'}, {output / 'compare.json'}\nOpen {output / 'report.html'}"
     tell(comparison.to_json(), f"{comparison_text(comparison)}\n{written}", as_json)

@@ -7,7 +7,18 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, rendered, tell
+from gtpin.commands.terminal import (
+    AsJson,
+    DatasetFolder,
+    Force,
+    Output,
+    Seed,
+    Tcp,
+    progress_of,
+    rendered,
+    tell,
+    with_tcp,
+)
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
@@ -33,13 +44,14 @@ def diagnose(
     false_alarm: Annotated[
         float, typer.Option("--false-alarm", help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
+    tcp: Tcp = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Diagnose the gap between a calibrated geometry and measured poses: where it is, its causes, its explained fraction."""
     with results_folder(output, DIAGNOSIS, force=force) as folder:
-        read = Dataset.read(dataset)
+        read = with_tcp(Dataset.read(dataset), tcp)
         with progress_of("diagnosing") as progress:
             found = run_diagnosis(read, exclude=exclude or (), false_alarm=false_alarm, seed=seed, progress=progress)
         result = write_diagnosis(found, folder)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, output_path, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
@@ -56,11 +56,12 @@ def export(
             "--controller", help="With --commands: the model that they were made with; by default the nominal robot."
         ),
     ] = None,
+    tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Write the model for other software: URDF, SDF, MJCF, tables of corrections, corrected commands."""
-    found = read_model(model)
+    found = read_model(model, tcp=tcp)
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", GtpinWarning)
         if commands is None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, not_its_input, output_path, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict as run_prediction
@@ -26,13 +26,14 @@ def predict(
             "-o", "--output", help="CSV file for the poses.", show_default=False, parser=output_path, metavar="<path>"
         ),
     ],
+    tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Predict what the instrument would read, without noise."""
     not_its_input(output, commands)
     with result_file(output, force=force) as new:
-        found = read_model(model)
+        found = read_model(model, tcp=tcp)
         given = Commands.read(commands, found.robot.n_actuators)
         table = prediction_table(given, run_prediction(found, given))
         table.to_csv(new, index=False, lineterminator="\n")

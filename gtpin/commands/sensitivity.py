@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gtpin.accuracy.files import FILES, write_sensitivity
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, progress_of, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, Tcp, progress_of, tell
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
@@ -26,6 +26,7 @@ def sensitivity(
     poses: Annotated[
         Path | None, typer.Option("--poses", help="Table of commands; by default some that fill the workspace.")
     ] = None,
+    tcp: Tcp = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
@@ -35,7 +36,7 @@ def sensitivity(
         results_folder(output, (*FILES, "report.html"), force=force) as folder,
         progress_of("sensitivity") as progress,
     ):
-        found = read_model(model)
+        found = read_model(model, tcp=tcp)
         q = None
         if poses is not None:
             given = Commands.read(poses, found.robot.n_actuators)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, Output, tell
+from gtpin.commands.terminal import AsJson, Force, Output, Tcp, tell
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
@@ -18,6 +18,7 @@ from gtpin.plant.scenario import simulate_scenario
 from gtpin.plant.simulate import Simulation
 from gtpin.plant.simulate import simulate as run_simulation
 from gtpin.plant.truth import Case, case_folders, dataset_folder, truth_names
+from gtpin.references import is_path
 from gtpin.robot.library import load_robot
 
 ROBOT, POSES, SEED = "gantry_tau", 200, 0
@@ -29,7 +30,9 @@ def simulate(
     robot: Annotated[
         str | None,
         typer.Option(
-            "--robot", help="Name of a shipped robot, or path of a URDF.", show_default="the scenario's, or gantry_tau"
+            "--robot",
+            help="Name of a robot, or path of a URDF or MJCF file.",
+            show_default="the scenario's, or gantry_tau",
         ),
     ] = None,
     scenario: Annotated[
@@ -47,6 +50,7 @@ def simulate(
     truth: Annotated[
         bool, typer.Option("--truth", help="Also write truth.csv, the true poses at commands.csv.")
     ] = False,
+    tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -56,12 +60,15 @@ def simulate(
     commands.csv in DATASET.truth.csv, next to the dataset. Without one, these two are deleted if gtpin wrote them: they are
     the truth of a dataset that is replaced.
     """
+    if scenario is not None and tcp is not None:
+        raise GtpinError("--tcp with --scenario", hint="name the TCP in the robot's URDF: <platform link>")
     if scenario is None:
         name = robot or ROBOT
         with dataset_folder(output, force=force) as folder:
             simulation = run_simulation(
-                load_robot(name), _seen_from(name, output), poses=poses or POSES, seed=seed or SEED
+                load_robot(name, tcp), _seen_from(name, output), poses=poses or POSES, seed=seed or SEED
             )
+            simulation = replace(simulation, dataset=replace(simulation.dataset, tcp=tcp))
             write_simulation(simulation, folder, truth)
         rows, seed = len(simulation.dataset), seed or SEED
         also = ""
@@ -107,6 +114,6 @@ def _write_truth(commands: Commands, truth: Poses, folder: Path) -> None:
 
 def _seen_from(robot: str, output: Path) -> str:
     """How a dataset in a folder names a robot: a path starts at the folder."""
-    if robot.endswith(".urdf") or os.sep in robot:
+    if is_path(robot):
         return Path(os.path.relpath(robot, output)).as_posix()
     return robot

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeE
 from rich.text import Text
 
 from gtpin.calibration.reweighting import Progress
+from gtpin.data import Dataset
 from gtpin.errors import GtpinError
 from gtpin.output.json_text import json_text
 
@@ -50,11 +52,26 @@ DatasetFolder = Annotated[
     Path, typer.Argument(help="Folder that holds dataset.toml and poses.csv.", show_default=False)
 ]
 ModelReference = Annotated[
-    str, typer.Argument(help="Folder of a model, name of a shipped robot, or path of a URDF.", show_default=False)
+    str,
+    typer.Argument(
+        help="Folder of a model, name of a robot (gtpin robots lists them), or path of a URDF or MJCF file.",
+        show_default=False,
+    ),
+]
+Tcp = Annotated[
+    str | None,
+    typer.Option(
+        "--tcp", metavar="LINK", help="The link that is the TCP, where it is not the robot's own.", show_default=False
+    ),
 ]
 
 PIPED_WIDTH = 120
 """Columns of tables that nobody watches being printed."""
+
+
+def with_tcp(dataset: Dataset, tcp: str | None) -> Dataset:
+    """The dataset with another TCP, where one is given on the command line."""
+    return dataset if tcp is None else replace(dataset, tcp=tcp)
 
 
 def write_json(file: Path, content: object) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, output_path, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, output_path, tell
 from gtpin.data import Dataset
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import check_file
@@ -34,13 +34,14 @@ def view(
     ] = None,
     host: Annotated[str, typer.Option("--host", help="Address that the page is served at.")] = "localhost",
     port: Annotated[int, typer.Option("--port", help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,
+    tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Show the robot in 3-D in the browser: along the poses, errors magnified, rods by their share of the gap."""
     if output is not None:
         check_file(output, force=force)
-    found = read_model(model)
+    found = read_model(model, tcp=tcp)
     gap = None if dataset is None else gap_of(found, Dataset.read(dataset))
     if output is not None:
         write_still(output, found, gap, force=force)

@@ -22,9 +22,9 @@ from gtpin.errors import DatasetError, GtpinWarning, UnreachableError, warn
 from gtpin.kinematics.euler import zyz_change
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log
+from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
 
@@ -77,7 +77,7 @@ def compare(
         Of poses that a model's fit sets aside, by name; the model is judged on them all the same.
     """
     given = dataset
-    robot = load_robot(dataset.robot_reference) if robot is None else robot
+    robot = robot_of(dataset) if robot is None else robot
     if (cost == "closure" or choice == "validation") and not _closures_known(dataset):
         raise DatasetError(
             "closure residuals need orientations in the robot's frame",

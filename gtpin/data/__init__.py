@@ -4,6 +4,7 @@ from gtpin.data.carts import CartMeasurements
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.description import SCHEMA, Conditions, Description, Instrument
+from gtpin.data.driver import Driver
 from gtpin.data.plausible import check_commands, check_measurements, check_plausible
 from gtpin.data.split import by_region, by_session, random
 
@@ -14,6 +15,7 @@ __all__ = [
     "Conditions",
     "Dataset",
     "Description",
+    "Driver",
     "Instrument",
     "by_region",
     "by_session",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -25,6 +25,7 @@ from gtpin.data.description import (
     read_description,
     write_description,
 )
+from gtpin.data.driver import Driver
 from gtpin.data.files import check_folder, find_table, read_table, write_table
 from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
@@ -33,6 +34,7 @@ from gtpin.errors import DatasetError, warn
 from gtpin.output.ownership import refuse_foreign, was_moved_aside
 from gtpin.output.results import results_folder, writing
 from gtpin.output.shown import Presentation, Shown
+from gtpin.references import is_path
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -48,7 +50,7 @@ class Dataset(Shown):
     Parameters
     ----------
     robot
-        The robot's name or a path to its URDF, as dataset.toml has it.
+        The robot's name or a path to its URDF or MJCF file, as dataset.toml has it.
     pose
         (N,) ids, `str`; rows that share one are visits to the same commands.
     q
@@ -61,6 +63,12 @@ class Dataset(Shown):
         By name, (N,) each: `session` as ids, everything else as float64 in SI units (temperatures in degC).
     instrument, conditions, tolerance
         As in dataset.toml.
+    tcp
+        The link whose pose is measured; None for the robot's own TCP.
+    actuators
+        The joints that q1 .. qn command; empty for the robot's own.
+    drivers
+        Recorded columns that may act on the machine.
     carts
         Cart poses, where they were measured.
     path
@@ -97,6 +105,9 @@ class Dataset(Shown):
     instrument: Instrument = field(default_factory=Instrument)
     conditions: Conditions = field(default_factory=Conditions)
     tolerance: Mapping[str, float] = field(default_factory=dict)
+    tcp: str | None = None
+    actuators: tuple[str, ...] = ()
+    drivers: tuple[Driver, ...] = ()
     carts: CartMeasurements | None = None
     path: Path | None = None
     row: NDArray[np.int64] = field(default_factory=unnumbered)
@@ -115,9 +126,15 @@ class Dataset(Shown):
             "orientation": None if self.orientation is None else rows.quaternions(self.orientation),
             "covariates": rows.covariates(self.covariates, q.shape[1], TAKEN_IN_POSES),
             "robot": description.robot,
+            "tcp": description.tcp,
+            "actuators": description.actuators,
+            "drivers": tuple(Driver(**table.model_dump()) for table in description.driver),
             "tolerance": dict(description.tolerance),
             "row": rows.line,
         }
+        if self.actuators and len(self.actuators) != q.shape[1]:
+            what = f"{q.shape[1]} columns of commands for {len(self.actuators)} actuators of dataset.toml"
+            raise DatasetError(what, file=self.file, column=f"q{q.shape[1]}", hint="give one for each, q1 .. qn")
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
@@ -131,8 +148,8 @@ class Dataset(Shown):
 
     @property
     def robot_reference(self) -> str | Path:
-        """The name of a robot that gtpin ships, or the absolute path of a URDF (relative paths start at `path`)."""
-        if "/" in self.robot or os.sep in self.robot or self.robot.lower().endswith(".urdf"):
+        """The name of a robot, or the absolute path of its file (relative paths start at `path`)."""
+        if is_path(self.robot):
             return Path(os.path.abspath((self.path or Path()) / self.robot))
         return self.robot
 
@@ -201,12 +218,16 @@ class Dataset(Shown):
             instrument=description.instrument,
             conditions=description.conditions,
             tolerance=description.tolerance,
+            tcp=description.tcp,
+            actuators=description.actuators,
+            drivers=tuple(Driver(**one.model_dump()) for one in description.driver),
             carts=CartMeasurements.read(carts, q.shape[1]) if carts else None,
             path=path,
             row=table.row,
             file=file,
         )
         columns.warn_of_covariates(table, taken)
+        dataset._check_drivers()
         still = [name for name, values in dataset.covariates.items() if (values == values[0]).all()]
         if still:
             text = f"{file}: these covariates do not vary, so they give no information: {', '.join(still)}"
@@ -254,11 +275,25 @@ class Dataset(Shown):
 
         return DatasetPresentation(self)
 
+    def _check_drivers(self) -> None:
+        file = self.path and self.path / "dataset.toml"
+        for number, driver in enumerate(self.drivers):
+            if driver.column not in self.covariates or driver.column == "session":
+                recorded = ", ".join(name for name in self.covariates if name != "session") or "none"
+                what, hint = f"no column of numbers is called {driver.column!r}", f"recorded are: {recorded}"
+                raise DatasetError(what, file=file, column=f"driver.{number}.column", hint=hint)
+            before = [(one.column, one.site, one.motion) for one in self.drivers[:number]]
+            if (driver.column, driver.site, driver.motion) in before:
+                raise DatasetError("the driver comes twice", file=file, column=f"driver.{number}", hint="keep one")
+
     def _description(self, robot: str) -> Description:
         return describe(
             {
                 "schema": SCHEMA,
                 "robot": robot,
+                "tcp": self.tcp,
+                "actuators": self.actuators,
+                "driver": [asdict(driver) for driver in self.drivers],
                 "instrument": self.instrument,
                 "conditions": self.conditions,
                 "tolerance": dict(self.tolerance),

@@ -1,4 +1,4 @@
-"""The content of dataset.toml: robot, instrument, conditions, tolerances."""
+"""The content of dataset.toml: robot, instrument, conditions, tolerances, drivers."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
+from gtpin.data.driver import MOTIONS, Motion
 from gtpin.data.files import read_bytes
 from gtpin.errors import DatasetError
 
@@ -29,8 +30,9 @@ class _Section(BaseModel):
 class Instrument(_Section):
     """What measured the poses, and in which frame.
 
-    Sigmas are per axis, m and rad, None where they are to be estimated; `target` is `free` where it is not known where
-    the target sits on the platform; `station` is where the instrument stands, m.
+    Sigmas are per axis, m and rad, None where they are to be estimated; `station` is where it stands, m. A `frame` or a
+    `target` that is free is identified: where the robot's base is in the instrument's frame, and where the target sits on the
+    platform.
     """
 
     position_sigma: _Positive | None = None
@@ -46,17 +48,44 @@ class Conditions(_Section):
     reference_temperature: _Finite = 20.0
 
 
+class DriverTable(_Section):
+    """One `[[driver]]`: see :class:`~gtpin.data.driver.Driver`."""
+
+    column: _Name
+    site: _Name
+    motion: Motion
+    size: _Positive
+
+
 class Description(_Section):
-    """The whole of dataset.toml; `tolerance` holds 1-sigma tolerances by kind of parameter."""
+    """The whole of dataset.toml.
+
+    `tcp` is the link whose pose is measured and `actuators` the joints that q1 .. qn command, None and empty where the robot's
+    own hold; `tolerance` holds 1-sigma tolerances by kind of parameter.
+    """
 
     schema_: Literal["gtpin-dataset/1"] = Field(alias="schema")
     robot: _Name
+    tcp: _Name | None = None
+    actuators: Annotated[tuple[_Name, ...], Field(strict=False)] = ()
     instrument: Instrument = Instrument()
     conditions: Conditions = Conditions()
     tolerance: dict[_Name, _Positive] = {}
+    driver: Annotated[tuple[DriverTable, ...], Field(strict=False)] = ()
 
 
-_SECTIONS: dict[str, type[_Section]] = {"": Description, "instrument": Instrument, "conditions": Conditions}
+_SECTIONS: dict[str, type[_Section]] = {
+    "": Description,
+    "instrument": Instrument,
+    "conditions": Conditions,
+    "driver": DriverTable,
+}
+_DRIVER = {
+    "column": 'write column = "NAME", a covariate of poses.csv',
+    "site": 'write site = "NAME": a link, a joint, platform or frame',
+    "motion": f"write motion = one of {', '.join(MOTIONS)}",
+    "size": "write size = the typical motion over the column's range, m or rad, above 0",
+}
 _KEYS = {
     section: [field.alias or name for name, field in model.model_fields.items()] for section, model in _SECTIONS.items()
 }
@@ -90,12 +119,20 @@ def write_description(file: Path, description: Description) -> None:
     values = {
         "schema": SCHEMA,
         "robot": description.robot,
-        "instrument": description.instrument.model_dump(exclude_none=True),
+        "tcp": description.tcp,
+        "actuators": list(description.actuators),
+        "instrument": _written(description.instrument),
         "conditions": description.conditions.model_dump(),
         "tolerance": description.tolerance,
+        "driver": [table.model_dump() for table in description.driver],
     }
-    text = tomli_w.dumps({key: value for key, value in values.items() if value != {}})
+    text = tomli_w.dumps({key: value for key, value in values.items() if value not in ({}, [], None)})
     file.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _written(instrument: Instrument) -> dict[str, Any]:
+    """The keys of [instrument], without the target where it is at the TCP, which needs no saying."""
+    return instrument.model_dump(exclude_none=True, exclude={"target"} if instrument.target == "tcp" else None)
 
 
 def _explained(file: Path | None, error: ValidationError) -> DatasetError:
@@ -112,7 +149,11 @@ def _explanation(kind: str, location: list[str], first: Any) -> tuple[str, str]:
     if kind == "extra_forbidden":
         return "unknown key", _nearest(key, section)
     if kind == "missing":
-        example = {"schema": f'write schema = "{SCHEMA}"', "robot": 'write robot = "NAME" or a path to a URDF'}
+        example = {
+            "schema": f'write schema = "{SCHEMA}"',
+            "robot": 'write robot = "NAME" or a path to a URDF',
+            **_DRIVER,
+        }
         return "the key is missing", example.get(key, "station needs three numbers")
     if key == "schema":
         return f"{first['input']!r} is not a schema that this version reads", f'write schema = "{SCHEMA}"'
@@ -120,9 +161,15 @@ def _explanation(kind: str, location: list[str], first: Any) -> tuple[str, str]:
         "position_sigma": "1 sigma per axis in m, above 0; leave it out to have the noise estimated",
         "orientation_sigma": "1 sigma per axis in rad, above 0; leave it out to have the noise estimated",
         "frame": 'write "robot" or "free"',
-        "robot": "the name of a robot that gtpin ships, or a path to a URDF",
+        "target": 'write "free", or leave it out where the target is the TCP',
+        "robot": "the name of a robot (gtpin robots lists them), or a path to a URDF or MJCF file",
+        "tcp": 'write tcp = "LINK"',
         "reference_temperature": "a finite number, in degC",
     }
+    if location[0] == "actuators":
+        return f"{str(first['input'])[:60]} can't be", 'write actuators = ["JOINT", "JOINT", ...]'
+    if location[0] == "driver":
+        return f"{str(first['input'])[:60]!r} can't be", _DRIVER.get(key, "each driver is a table [[driver]]")
     if "station" in location:
         return f"{str(first['input'])[:60]} can't be", "station = [x, y, z], three finite numbers in m"
     if section == "tolerance":

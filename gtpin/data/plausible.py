@@ -15,6 +15,8 @@ from gtpin.data.table import Floats
 from gtpin.errors import DatasetError, warn
 
 _NEARLY_ALL = 0.95
+TURNS = 3.0
+"""Turns either way beyond which commands of a joint without limits look like degrees: a stated assumption."""
 _SEVERAL = 6
 """Rows from which a part of a column is said to be in another unit."""
 
@@ -53,12 +55,15 @@ def check_commands(
         (n,) ends of each range, m or rad, and whether the actuator turns.
 
     Raises `DatasetError` for another number of actuators, and for a command further outside its range than the
-    range is wide, saying which unit it looks like. Warns of poses that are a little outside.
+    range is wide, saying which unit it looks like; also where most commands of a joint without limits are several turns
+    away from zero, as degrees are. Warns of poses that are a little outside.
     """
     low, high, turns = np.asarray(lower, float), np.asarray(upper, float), np.asarray(revolute, bool)
     if rows.n_actuators != len(names):
         what = f"{rows.n_actuators} columns of commands, but the robot has {len(names)} actuators ({', '.join(names)})"
         hint = "name the robot that was measured, or give one column for each actuator"
+        if rows.n_actuators < len(names):
+            hint += ", or name those that were commanded: actuators = [...] in dataset.toml"
         raise DatasetError(what, file=rows.file, column=f"q{rows.n_actuators}", hint=hint)
     beyond = np.maximum(low - rows.q, rows.q - high)
     far = beyond > high - low
@@ -66,6 +71,7 @@ def check_commands(
         index, actuator = (int(i) for i in np.argwhere(far)[0])
         limits = (low[actuator], high[actuator])
         raise _far_outside(rows, index, actuator, names[actuator], *limits, turns[actuator], far[:, actuator])
+    _check_endless(rows, names, turns & ~np.isfinite(high - low))
     outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
     if outside.any():
         text = f"commands a little outside the robot's range: {_poses(rows, outside)}"
@@ -107,6 +113,18 @@ def check_measurements(
         text = f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}"
         warn(_located(dataset, text))
     return keep
+
+
+def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDArray[np.bool_]) -> None:
+    """Refuse columns of turning joints without limits of which most commands are many turns, and few as degrees."""
+    turn = 2.0 * np.pi
+    for actuator in map(int, np.flatnonzero(endless)):
+        q = np.abs(rows.q[:, actuator])
+        if (q > TURNS * turn).mean() > 0.5 and (np.deg2rad(q) <= turn).mean() >= _NEARLY_ALL:
+            index = int(np.argmax(q > TURNS * turn))
+            what = f"most commands of {names[actuator]} are more than {TURNS:g} turns from zero, and look like degrees"
+            hint = "write commands in rad; if the joint did turn so often, take whole turns away"
+            raise DatasetError(what, file=rows.file, row=int(rows.row[index]), column=f"q{actuator + 1}", hint=hint)
 
 
 def _far_outside(

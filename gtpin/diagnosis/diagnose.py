@@ -27,8 +27,8 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import Effect
 from gtpin.memory import require
+from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
-from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
 
@@ -92,7 +92,7 @@ def diagnose(
     >>> any((cause.effect, cause.site) == ("backlash", "cart1") for cause in diagnosis.causes)
     False
     """
-    nominal = robot.robot if isinstance(robot, Model) else robot or load_robot(dataset.robot_reference)
+    nominal = robot.robot if isinstance(robot, Model) else robot or robot_of(dataset)
     scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, nominal, priors)
     _require_memory(dataset)
     rng = np.random.default_rng(seed)

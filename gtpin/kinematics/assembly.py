@@ -29,32 +29,34 @@ def assemble(robot: Chain) -> Floats:
     """
     start = robot.with_commands(robot.neutral, robot.home_q)
     free = np.arange(robot.model.nv)[robot.passive]
-    platform = robot.model.joints[robot.tcp_joint]
+    turned = np.ones(free.size, dtype=bool)
+    platform = robot.model.joints[robot.home_joint]
     wanted: Any = None
     if robot.description.home and platform.nv == 6:
         start = _with_platform_at_home(robot, start)
-        free = np.setdiff1d(free, np.arange(platform.idx_v, platform.idx_v + 6))
+        turned &= ~np.isin(free, np.arange(platform.idx_v, platform.idx_v + 6))
     elif robot.description.home and free.size:
         wanted = _home_of_platform(robot)
+    count = np.count_nonzero(turned)
 
     def off(x: Floats) -> Floats:
-        gap = _gap_vector(robot, _turned(robot, start, free, x))
+        gap = _gap_vector(robot, _turned(robot, start, turned, x))
         return gap if wanted is None else np.concatenate([gap, _from(wanted, robot)])
 
     def largest(x: Floats) -> float:
         return float(np.abs(off(x)).max(initial=0.0))
 
     rng = np.random.default_rng(0)
-    best, smallest = np.zeros(free.size), np.inf
+    best, smallest = np.zeros(count), np.inf
     for attempt in range(ATTEMPTS):
-        x = np.zeros(free.size) if attempt == 0 else rng.uniform(-np.pi, np.pi, free.size)
+        x = np.zeros(count) if attempt == 0 else rng.uniform(-np.pi, np.pi, count)
         if largest(x) > NEAR:
             x = np.asarray(least_squares(off, x, max_nfev=100).x)
         if largest(x) < smallest:
             best, smallest = x, largest(x)
         if smallest <= NEAR:
             break
-    return _turned(robot, start, free, best)
+    return _turned(robot, start, turned, best)
 
 
 def _home_of_platform(robot: Chain) -> Any:
@@ -66,14 +68,14 @@ def _home_of_platform(robot: Chain) -> Any:
 
 def _from(wanted: Any, robot: Chain) -> Floats:
     """(6,) shift, m, and rotation vector, rad, of the platform from where it is wanted, for the data as last computed."""
-    here = robot.data.oMi[robot.tcp_joint]
+    here = robot.data.oMi[robot.home_joint]
     return np.concatenate([here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
 
 
 def _with_platform_at_home(robot: Chain, configuration: Floats) -> Floats:
     wanted = _home_of_platform(robot)
     pin.forwardKinematics(robot.model, robot.data, configuration)
-    joint = robot.tcp_joint
+    joint = robot.home_joint
     parent = robot.data.oMi[robot.model.parents[joint]] * robot.model.jointPlacements[joint]
     index = robot.model.idx_qs[joint]
     changed = configuration.copy()
@@ -81,10 +83,11 @@ def _with_platform_at_home(robot: Chain, configuration: Floats) -> Floats:
     return changed
 
 
-def _turned(robot: Chain, configuration: Floats, free: npt.NDArray[np.int_], x: Floats) -> Floats:
-    velocity = np.zeros(robot.model.nv)
-    velocity[free] = x
-    turned: Floats = pin.integrate(robot.model, configuration, velocity)
+def _turned(robot: Chain, configuration: Floats, which: npt.NDArray[np.bool_], x: Floats) -> Floats:
+    """Configuration with some of the passive coordinates, a mask (p,), moved by x."""
+    passive = np.zeros(robot.n_passive)
+    passive[which] = x
+    turned: Floats = pin.integrate(robot.model, configuration, robot.velocity(None, passive))
     return turned
 
 

@@ -61,6 +61,8 @@ def index_of(joint_id: int) -> int:
 
 def configurations(robot: Robot, q: Floats) -> Floats:
     """(N, nq) Pinocchio configurations of a robot without loops."""
+    if robot.followers:
+        return np.array([robot.with_commands(robot.neutral, row) for row in q]).reshape(len(q), -1)
     found = np.tile(robot.neutral, (len(q), 1))
     for i, actuator in enumerate(robot.actuators):
         if robot.model.nqs[actuator.joint_id] == 2:
@@ -71,10 +73,16 @@ def configurations(robot: Robot, q: Floats) -> Floats:
 
 
 def driven_twists(robot: Robot) -> Floats:
-    """(J + 1, 6, n) twist of each placement frame that is as good as a unit of each command."""
+    """(J + 1, 6, n) twist of each placement frame that is as good as a unit of each command, followers with their masters."""
     twists = np.zeros((robot.model.njoints, 6, robot.n_actuators))
     for i, actuator in enumerate(robot.actuators):
-        twists[actuator.joint_id - 1, :, i] = joint_axis(robot.model, actuator.joint_id)
+        twists[index_of(actuator.joint_id), :, i] = joint_axis(robot.model, actuator.joint_id)
+    by_velocity = list(robot.model.idx_vs)
+    for follower in robot.followers:
+        if follower.master_v in robot.driven:
+            joint_id = by_velocity.index(follower.index_v)
+            own = follower.multiplier * joint_axis(robot.model, joint_id)
+            twists[index_of(joint_id), :, robot.driven.index(follower.master_v)] = own
     return twists
 
 

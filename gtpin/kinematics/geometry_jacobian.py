@@ -68,8 +68,10 @@ class Regressors:
         for i, constraint in enumerate(robot.constraints):
             first = self._regressor(posture, constraint.joint1_id, constraint.joint1_placement)
             second = self._regressor(posture, constraint.joint2_id, constraint.joint2_placement)
-            gaps[3 * i : 3 * i + 3] = to_gap(posture, i, second[:3] - first[:3])
-        self.closed: Floats = self.tcp + posture.passive_response @ gaps
+            # A gap that play takes up (across a planar loop) turns with the first anchor, in whose frame it is.
+            turning = np.cross(first[3:], _gap(posture, i), axis=0)
+            gaps[3 * i : 3 * i + 3] = to_gap(posture, i, second[:3] - first[:3] - turning)
+        self.closed: Floats = self.tcp + posture.passive_response @ robot.closing(gaps)
 
     @staticmethod
     def _regressor(posture: ClosedPosture, joint: int, placement: object) -> Floats:
@@ -83,6 +85,14 @@ class Regressors:
     def twist(self, joint: int, twist: Floats) -> Floats:
         """(6,) motion of the TCP by a twist (6,) of a joint's placement, in the placement's own frame."""
         return np.asarray(self.closed[:, 6 * (joint - 1) : 6 * joint] @ twist)
+
+
+def _gap(posture: ClosedPosture, loop: int) -> Floats:
+    """(3,) from a loop's first anchor to its second, base frame, m."""
+    constraint, data = posture.robot.constraints[loop], posture.robot.data
+    second = data.oMi[constraint.joint2_id] * constraint.joint2_placement
+    first = data.oMi[constraint.joint1_id] * constraint.joint1_placement
+    return np.asarray(second.translation - first.translation)
 
 
 def to_gap(posture: ClosedPosture, loop: int, motion: Floats) -> Floats:

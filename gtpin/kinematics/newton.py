@@ -44,24 +44,27 @@ class Closing:
 
 
 def constraint_error(robot: Chain) -> Floats:
-    """(m,) gap between the anchors of each loop, m, in the first anchor's frame, for the data as last computed."""
+    """(m,) gap between the anchors of each loop, m, in the first anchor's frame, for the data as last computed.
+
+    Of planar loops only in their plane: see :meth:`~gtpin.robot.chain.Chain.closing`.
+    """
     if not robot.constraints:
         return np.zeros(0)
     gaps = []
     for constraint, data in robot.constraint_pairs:
         constraint.calc(robot.model, robot.data, data)
         gaps.append(data.constraint_position_error)
-    return np.concatenate(gaps)
+    return robot.closing(np.concatenate(gaps))
 
 
 def constraint_jacobian(robot: Chain) -> Floats:
-    """(m, nv) derivative of :func:`constraint_error`, for the data as last computed."""
+    """(m, nv) derivative of :func:`constraint_error`, for the data as last computed; followers move with their masters."""
     if not robot.constraints:
         return np.zeros((0, robot.model.nv))
     for constraint, data in robot.constraint_elements:
         constraint.calc(robot.model, robot.data, data)
     jacobian = np.asarray(pin.getConstraintsJacobian(robot.model, robot.data, *robot.constraint_vectors))
-    return jacobian.reshape(-1, robot.model.nv)
+    return robot.closing(robot.folded(jacobian.reshape(-1, robot.model.nv)))
 
 
 def solve(matrix: Floats, right: Floats) -> Floats:
@@ -85,7 +88,6 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
     model, passive = robot.model, robot.passive
     # Coordinates of a few metres are rounded to a few 1e-16 m each, and a loop adds a dozen of them.
     rounding = ROUNDING * robot.size
-    velocity = np.zeros(model.nv)
     last_step = np.inf
     jacobian: Floats | None = None
     for steps in range(MAX_STEPS + 1):
@@ -94,7 +96,7 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
         if error.size == 0 or np.abs(error).max() <= rounding:
             return Closing(configuration, constraint_jacobian(robot) if jacobian is None else jacobian, steps, True)
         jacobian = constraint_jacobian(robot)
-        velocity[passive] = solve(jacobian[:, passive], -error)
+        velocity = robot.velocity(None, solve(jacobian[:, passive], -error))
         step = math.sqrt(velocity @ velocity)
         # Below the square root of rounding, steps no longer shrink; the error decides alone.
         if not math.isfinite(step) or (step > 1e-8 and step > contraction * last_step):

@@ -120,12 +120,15 @@ class ClosedPosture:
 
     @cached_property
     def tcp_jacobian(self) -> Floats:
-        """(6, nv) derivative of the TCP by Pinocchio velocities: position and rotation vector, base frame."""
+        """(6, nv) derivative of the TCP by Pinocchio velocities: position and rotation vector, base frame.
+
+        The columns of a joint that others follow are those of all of them.
+        """
         data = self.refresh()
         frame = pin.getFrameJacobian(
             self.robot.model, data, self.robot.tcp_joint, self.robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED
         )
-        return _frozen(np.reshape(np.array(frame), (6, self.robot.model.nv)))
+        return _frozen(self.robot.folded(np.reshape(np.array(frame), (6, self.robot.model.nv))))
 
     @cached_property
     def passive_response(self) -> Floats:
@@ -189,9 +192,8 @@ class ClosedPosture:
     def _ahead(self, q: Floats) -> Floats:
         """Configuration at other commands, the passive coordinates moved along the tangent."""
         robot = self.robot
-        velocity = np.zeros(robot.model.nv)
-        velocity[robot.driven] = q - self.q
-        velocity[robot.passive] = -self._passive.inverse @ (self._nearby @ velocity)
+        gaps = self._nearby[:, robot.driven] @ (q - self.q)
+        velocity = robot.velocity(q - self.q, -self._passive.inverse @ gaps)
         return robot.with_commands(pin.integrate(robot.model, self._configuration, velocity), q)
 
     @property
@@ -241,7 +243,7 @@ def home(robot: Robot) -> ClosedPosture:
     posture = ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
     declared = robot.description.home
     if declared is not None:
-        there = posture.placement(robot.tcp_joint) * robot.home_placement
+        there = posture.placement(robot.home_joint) * robot.home_placement
         off = float(np.linalg.norm(there.translation - np.array(declared.tcp_xyz)))
         turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
         if off > HOME_OFF or turned > HOME_TURNED:

@@ -70,11 +70,11 @@ def static_forces(
     robot = posture.robot
     model, data = robot.model, robot.data
     J = posture.constraint_jacobian
-    if J.shape[0] != robot.n_passive:
+    if 3 * len(robot.constraints) != robot.n_passive:
         raise ModelError(
             f"the loops of {robot.name} are redundant", hint="static forces need as many as there are freedoms"
         )
-    gravity = np.array(pin.computeGeneralizedGravity(model, data, posture.configuration))
+    gravity = robot.folded(np.array(pin.computeGeneralizedGravity(model, data, posture.configuration)))
     wrench = np.concatenate([np.asarray(force, float) + payload * model.gravity.linear, np.asarray(moment, float)])
     load = gravity - posture.tcp_jacobian.T @ wrench
     multipliers = posture.passive_inverse.T @ load[robot.passive]

@@ -105,14 +105,16 @@ def _track_record(track: MeasuredTrack) -> TrackRecord:
     return TrackRecord(q=track.q.tolist(), path=track.path.tolist(), turns=turns, origin=track.origin.tolist())
 
 
-def read_model(reference: str | Path, *, effects: Iterable[Effect] = ()) -> Model:
+def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterable[Effect] = ()) -> Model:
     """Read a model.
 
     Parameters
     ----------
     reference
-        A folder with ``model.json`` or ``model/model.json``; or, for nominal geometry, the name of a robot that gtpin ships, or
-        the path of a URDF.
+        A folder with ``model.json`` or ``model/model.json``; or, for nominal geometry, a robot's name, or the path of its URDF
+        or MJCF file: see :func:`~gtpin.robot.library.load_robot`.
+    tcp
+        For a robot by its name or path: the link that is the TCP, where it is not the robot's own.
     effects
         Your own effects that the model may have, in addition to those of :func:`gtpin.catalogue`.
 
@@ -129,6 +131,8 @@ def read_model(reference: str | Path, *, effects: Iterable[Effect] = ()) -> Mode
     ()
     """
     path, own = Path(reference), {effect.id: effect for effect in effects}
+    if tcp is not None and (os.path.isdir(path) or path.suffix == ".json"):
+        raise ModelError("a model has a TCP of its own", file=path, hint="leave --tcp out, or name the robot")
     if os.path.isdir(path):
         for folder in (path, path / "model"):
             if (folder / "model.json").is_file():
@@ -136,7 +140,7 @@ def read_model(reference: str | Path, *, effects: Iterable[Effect] = ()) -> Mode
         raise ModelError("no model.json here", file=path, hint="give a folder that calibrate or diagnose wrote")
     if os.path.isfile(path) and path.suffix == ".json":
         return _read_folder(path.parent, own)
-    return Model(Geometry.nominal(load_robot(reference)))
+    return Model(Geometry.nominal(load_robot(reference, tcp)))
 
 
 def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:

@@ -19,6 +19,7 @@ from gtpin.plant.causes.kinds import kind
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.recipe import Recipe, Wanted
 from gtpin.plant.tracker import Noise
+from gtpin.references import is_path
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
@@ -73,7 +74,7 @@ def read_scenario(file: Path | str) -> Scenario:
         if effect.energy is not None and effect.amplitude is not None:
             where = f"effect.{number}"
             raise GtpinError("both energy and amplitude", file=file, column=where, hint="give one of them")
-    if "/" in scenario.robot or os.sep in scenario.robot or scenario.robot.lower().endswith(".urdf"):
+    if is_path(scenario.robot):
         return scenario.model_copy(update={"robot": os.path.abspath(file.parent / scenario.robot)})
     return scenario
 

@@ -12,8 +12,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError
-from gtpin.robot.description import ActuatorElement, Anchor, Description, parse_xml
-from gtpin.robot.urdf_parser import build_model
+from gtpin.robot.description import ActuatorElement, Anchor, Description
+from gtpin.robot.followers import folded, followers, put
+from gtpin.robot.planar_loops import in_planes, normal_of, postures
+from gtpin.robot.resting import moving_model, neutral
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,14 +61,15 @@ class Chain:
     The tree is Pinocchio's; every ``<loop_joint>`` is a ``PointAnchorConstraintModel``. The base frame is the URDF's root
     link's. Commands ``q`` are in the order of the ``<actuator>`` elements, whatever order Pinocchio uses inside. A robot
     without loops and without a ``<gtpin>`` element works too: every moving joint is then an actuator, in document order.
+    Joints with ``<mimic>`` follow their masters. Moving joints that no command and no loop moves rest at neutral.
 
     Parameters
     ----------
     description
         What the URDF says.
     tcp
-        The link whose pose is the robot's pose; by default the one that ``<platform>`` names, or the end of the
-        longest chain.
+        The link whose pose is the robot's pose; by default the one that ``<platform>`` names, or ``tool0``, or the end of
+        the longest chain: see :class:`~gtpin.robot.tree.Tree`.
 
     Attributes
     ----------
@@ -77,13 +80,17 @@ class Chain:
     driven : list of int
         Velocity indices of the actuators.
     passive : slice or int array
-        Velocity indices of the coordinates that no actuator drives, ``n_passive`` of them.
+        Velocity indices of the coordinates that the loops alone determine, ``n_passive`` of them.
+    followers : tuple of Follower
+        Joints that follow others, whose coordinates are neither driven nor passive: see :meth:`folded`.
     tcp_joint, tcp_placement
         The joint that carries the TCP frame, and the frame's placement on it.
     load_placement
         Placement, on that joint, of the URDF's TCP, at which payloads and tool forces act wherever the target sits.
-    home_placement
-        Placement, on that joint, of the TCP that the URDF names and whose pose its ``<home>`` tells.
+    planes : tuple of (3,) arrays, or None
+        Of each loop that is planar, the normal of its plane in the frame of its first anchor.
+    home_joint, home_placement
+        The same of the TCP that the URDF names and whose pose its ``<home>`` tells.
 
     Raises
     ------
@@ -95,13 +102,15 @@ class Chain:
         self.description = description
         self.name = description.name
         self.tolerance: Mapping[str, float] = MappingProxyType(dict(description.tolerance))
-        self.model: Any = build_model(description.xml, description.source)
+        elements = self._actuator_elements()
+        self.model: Any = moving_model(description, [element.joint for element in elements])
         self.model.gravity.linear = np.array(description.gravity)
         self.data: Any = self.model.createData()
         """Scratch memory of the kinematics; one thread at a time."""
-        self.neutral: Floats = pin.neutral(self.model)
+        self.neutral: Floats = neutral(self.model, description)
+        self.followers = followers(self.model, description.tree.mimics)
         pin.computeJointJacobians(self.model, self.data, self.neutral)
-        self.actuators = tuple(self._actuator(element) for element in self._actuator_elements())
+        self.actuators = tuple(self._actuator(element) for element in elements)
         driven = [actuator.index_v for actuator in self.actuators]
         if len(set(driven)) != len(driven):
             raise RobotError("two actuators drive one joint", file=description.source, hint="name each joint once")
@@ -110,13 +119,17 @@ class Chain:
         self.driven = driven
         self._index_q = np.array([actuator.index_q for actuator in self.actuators])
         self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
-        self.passive = _as_slice(np.setdiff1d(np.arange(self.model.nv), driven))
-        self.n_passive = self.model.nv - len(driven)
-        self.tcp_frame = tcp or description.tcp or description.platform or self._tip()
+        self._led = [
+            (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
+        ]
+        passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
+        self.passive, self.n_passive = _as_slice(passive), len(passive)
+        self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
         self.load_placement = self.tcp_placement
-        named = description.tcp or description.platform or self.tcp_frame
-        self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))[1]
+        home = description.home.link if description.home else None
+        named = home or description.tcp or description.platform or self.tcp_frame
+        self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
         self.constraints = tuple(
             pin.PointAnchorConstraintModel(self.model, *self._placement(loop.anchor1), *self._placement(loop.anchor2))
             for loop in description.loops
@@ -125,6 +138,8 @@ class Chain:
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Magnitude of the coordinates, m: what rounding is relative to."""
         self._check_freedom()
+        self.planes = self._planes()
+        self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
 
     def prepare_constraints(self) -> None:
         """Make scratch memory for the constraints, in the two forms that Pinocchio asks for."""
@@ -145,6 +160,11 @@ class Chain:
     def sites(self) -> tuple[str, ...]:
         """Names of the actuators' sites, in the order of q."""
         return tuple(actuator.site for actuator in self.actuators)
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of its links."""
+        return tuple(frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY)
 
     @property
     def lower(self) -> Floats:
@@ -177,10 +197,32 @@ class Chain:
         """Pinocchio configuration with the actuators at ``q`` (n,) and everything else as in ``configuration``."""
         changed = configuration.copy()
         changed[self._index_q] = q
-        for i in self._continuous:  # Pinocchio keeps a continuous joint as cosine and sine
-            index = self._index_q[i]
-            changed[index : index + 2] = np.cos(q[i]), np.sin(q[i])
+        for i in self._continuous:
+            put(changed, self._index_q[i], q[i], True)
+        for i, follower in self._led:
+            follower.put(changed, q[i])
         return changed
+
+    def velocity(self, commands: Floats | None, passive: Floats) -> Floats:
+        """(nv,) Pinocchio velocity of the commands' (n,), none where they rest, and the passive coordinates' (p,)."""
+        velocity = np.zeros(self.model.nv)
+        if commands is not None:
+            velocity[self.driven] = commands
+        velocity[self.passive] = passive
+        for follower in self.followers:
+            velocity[follower.index_v] = follower.multiplier * velocity[follower.master_v]
+        return velocity
+
+    def folded(self, derivative: Floats) -> Floats:
+        """A derivative (..., nv) by Pinocchio velocities, its driven and passive columns with what their followers do."""
+        return folded(derivative, self.followers)
+
+    def closing(self, gaps: Floats) -> Floats:
+        """Of gaps (3 k, ...) of k loops, or of their derivatives, the part (m, ...) that closure equations are made of.
+
+        All of it, but for planar loops, which close in their plane alone: see :mod:`~gtpin.robot.planar_loops`.
+        """
+        return gaps if self._in_planes is None else self._in_planes @ gaps
 
     def check_commands(self, q: Floats) -> None:
         """Refuse commands of another shape than (N, n).
@@ -202,14 +244,11 @@ class Chain:
             return self.description.actuators
         if self.description.loops:
             raise RobotError(
-                "loops but no actuators", file=self.description.source, hint="name them in a <gtpin> element"
+                "loops but no actuators",
+                file=self.description.source,
+                hint="name them in a <gtpin> element, or as actuators in dataset.toml",
             )
-        root = parse_xml(self.description.xml, self.description.source)
-        names = [
-            joint.get("name", "")
-            for joint in root.findall("joint")
-            if joint.get("type") in ("revolute", "continuous", "prismatic")
-        ]
+        names = self.description.tree.moving
         if not names:
             raise RobotError("nothing moves", file=self.description.source, hint="give the robot a moving joint")
         return tuple(ActuatorElement(name, name) for name in names)
@@ -218,7 +257,7 @@ class Chain:
         model = self.model
         source = self.description.source
         if not model.existJointName(element.joint):
-            raise RobotError(f"no moving joint is called {element.joint}", file=source, hint="mend the <actuator>")
+            raise RobotError(f"no moving joint is called {element.joint}", file=source, hint=self._known())
         joint_id = int(model.getJointId(element.joint))
         if model.nvs[joint_id] != 1:
             raise RobotError(
@@ -248,22 +287,35 @@ class Chain:
             element.scale_unknown,
         )
 
+    def _known(self) -> str:
+        names = self.description.tree.moving
+        return f"moving joints are {', '.join(names[:12])}{' ...' if len(names) > 12 else ''}"
+
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
         if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
             raise RobotError(
-                f"no link is called {anchor.link}", file=self.description.source, hint="mend the loop or the platform"
+                f"no link is called {anchor.link}", file=self.description.source, hint="mend the loop, platform or TCP"
             )
         frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
 
-    def _tip(self) -> str:
-        """The link at the end of the longest chain of moving joints, the last of its fixed appendages."""
-        depth = [len(path) for path in self.model.supports]
-        bodies = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
-        deepest = max(depth[frame.parentJoint] for frame in bodies)
-        first = next(frame.parentJoint for frame in bodies if depth[frame.parentJoint] == deepest)
-        return str([frame.name for frame in bodies if frame.parentJoint == first][-1])
+    def _planes(self) -> tuple[Floats | None, ...]:
+        named = self.description.planes
+        if named:
+            return tuple(named.get(loop.name) for loop in self.description.loops)
+        if self.n_passive == 3 * len(self.constraints) or self.description.rods:
+            return (None,) * len(self.constraints)
+        found = []
+        for configuration in postures(self.model, self.neutral):
+            pin.computeJointJacobians(self.model, self.data, configuration)
+            for constraint, data in self.constraint_elements:
+                constraint.calc(self.model, self.data, data)
+            jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
+            found.append(self.folded(np.reshape(jacobian, (-1, self.model.nv)))[:, self.passive])
+        pin.computeJointJacobians(self.model, self.data, self.neutral)
+        motions = np.hstack(found) if found else np.zeros((0, 0))
+        return tuple(normal_of(motions[3 * i : 3 * i + 3]) for i in range(len(self.constraints)))
 
     def _check_freedom(self) -> None:
         equations = 3 * len(self.constraints)

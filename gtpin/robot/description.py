@@ -7,14 +7,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 from xml.etree.ElementTree import Element, ParseError
 
+import numpy as np
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
+from numpy.typing import NDArray
 
 from gtpin.errors import RobotError
+from gtpin.robot.mjcf import mjcf_to_urdf, with_includes
+from gtpin.robot.tree import Tree
 
 Vector = tuple[float, ...]
+Kind = Literal["urdf", "mjcf"]
 
 MOST_JOINTS = 300
 """Joints of a URDF at most: its parser in C++ goes down the tree by recursion, and a chain of thousands overflows its stack."""
@@ -61,11 +67,15 @@ class RodElement:
 
 @dataclass(frozen=True)
 class Home:
-    """The assembly mode: commands, and the TCP's pose (m, rotation vector in rad) in the base frame."""
+    """The assembly mode: commands, and the TCP's pose (m, rotation vector in rad) in the base frame.
+
+    ``link`` is the link whose pose that is, where it is not the TCP that the URDF names.
+    """
 
     q: Vector
     tcp_xyz: Vector
     tcp_rotvec: Vector
+    link: str | None = None
 
 
 @dataclass(frozen=True)
@@ -74,14 +84,21 @@ class Description:
 
     Parameters
     ----------
+    kind
+        What was read: ``urdf`` or ``mjcf``.
     xml
-        The URDF as it was read.
+        The URDF as it was read, or that of an MJCF: see :mod:`~gtpin.robot.mjcf`.
     source
         Where it came from, for messages.
+    planes
+        By loop, the normal of the plane in which it closes, in the frame of its first anchor, where ``<plane>`` names it.
+    tree
+        Its joints and links in document order.
     link_compliance
         By how much such a machine's links usually stretch, m/N: the size that an effect of that kind is expected to have.
     """
 
+    kind: Kind
     xml: str
     source: str
     name: str
@@ -94,33 +111,39 @@ class Description:
     gravity: Vector
     tolerance: Mapping[str, float]
     link_compliance: float
+    planes: Mapping[str, NDArray[np.float64]]
+    tree: Tree
 
-    def __reduce__(self) -> tuple[Callable[[str, str], Description], tuple[str, str]]:
-        return Description.parse, (self.xml, self.source)  # read-only mappings don't pickle
+    def __reduce__(self) -> tuple[Callable[[str, str, Kind], Description], tuple[str, str, Kind]]:
+        return Description.parse, (self.xml, self.source, self.kind)  # read-only mappings don't pickle
 
     @staticmethod
     def read(path: Path) -> Description:
-        """Read a URDF file.
+        """Read a URDF or MJCF file.
 
         Raises
         ------
         RobotError
-            If the file can't be read, or is not a URDF that gtpin understands.
+            If the file can't be read, or is no URDF and no MJCF that gtpin understands.
         """
         try:
             text = path.read_text(encoding="utf-8-sig")
         except FileNotFoundError:
-            raise RobotError("no such file", file=path, hint="give the path of a URDF file") from None
+            raise RobotError("no such file", file=path, hint="give the path of a URDF or MJCF file") from None
         except (OSError, UnicodeDecodeError) as error:
             raise RobotError(f"can't be read ({error})", file=path, hint="give a readable UTF-8 file") from None
         return Description.parse(text, source=str(path))
 
     @staticmethod
-    def parse(xml: str, source: str = "URDF") -> Description:
-        """Read a URDF from its text; see :meth:`read`."""
+    def parse(xml: str, source: str = "URDF", kind: Kind = "urdf") -> Description:
+        """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind`` is what the text was written as at first."""
         root = parse_xml(xml, source)
+        if root.tag == "mujoco":
+            with_includes(root, Path(source).parent, parse_xml)
+            return Description.parse(mjcf_to_urdf(root, source), source, "mjcf")
         if root.tag != "robot":
-            raise RobotError(f"the outer element is <{root.tag}>", file=source, hint="a URDF's is <robot>")
+            hint = "a URDF's is <robot>, an MJCF's <mujoco>"
+            raise RobotError(f"the outer element is <{root.tag}>", file=source, hint=hint)
         joints = len(root.findall("joint"))
         if joints > MOST_JOINTS:
             raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
@@ -136,6 +159,7 @@ class Description:
         tolerance = own.find("tolerance")
         compliance = own.find("compliance")
         return Description(
+            kind=kind,
             xml=xml,
             source=source,
             name=root.get("name", "robot"),
@@ -153,10 +177,13 @@ class Description:
                 reader.numbers(home, "q", None),
                 reader.numbers(home, "tcp_xyz", 3),
                 reader.numbers(home, "tcp_rotvec", 3),
+                home.get("link"),
             ),
             gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
             tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
             link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
+            planes=MappingProxyType(reader.planes(own, {loop.name for loop in loops})),
+            tree=Tree.of(root, source),
         )
 
 
@@ -231,6 +258,20 @@ class _Reader:
                 f"loop {name} is of type {element.get('type')}", file=self.source, hint="only spherical loops are known"
             )
         return Loop(name, self.anchor(element, "link1"), self.anchor(element, "link2"))
+
+    def planes(self, own: Element, loops: set[str]) -> dict[str, NDArray[np.float64]]:
+        found = {}
+        for element in own.findall("plane"):
+            name, normal = self.text(element, "loop"), np.array(self.numbers(element, "normal", 3))
+            if name not in loops or not normal.any():
+                what = (
+                    f"<plane> of no loop {name}"
+                    if name not in loops
+                    else f"<plane> of {name} has a normal of no length"
+                )
+                raise RobotError(what, file=self.source, hint="name a <loop_joint> and the normal of its plane")
+            found[name] = normal / np.linalg.norm(normal)
+        return found
 
     def compliance(self, element: Element) -> float:
         self.text(element, "link")

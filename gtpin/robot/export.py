@@ -73,6 +73,7 @@ def placements_to_urdf(geometry: Geometry) -> str:
         parent = _parent_placement(robot, element)
         moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         _set_origin(element, moved)
+    _name_what_was_found(robot, root)
     platform = geometry.platform
     if platform.any():
         _move_tcp(robot, root, pin.exp6(platform))
@@ -97,6 +98,29 @@ def _move_tcp(robot: Robot, root: Element, moved: pin.SE3) -> None:
     platform = SubElement(own, "platform") if platform is None else platform
     platform.set("link", name)
     platform.attrib.pop("tcp", None)
+
+
+def _name_what_was_found(robot: Robot, root: Element) -> None:
+    """Name in the URDF what is not seen from a geometry that is off: the TCP, and the planes of planar loops."""
+    description = robot.description
+    planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if n is not None}
+    named_tcp = description.tcp or description.platform or description.tree.tip
+    tcp = robot.tcp_frame if robot.tcp_frame != named_tcp else None
+    if tcp is None and not planes:
+        return
+    own = root.find("gtpin")
+    if own is None:
+        own = Element("gtpin")
+        root.append(own)
+    if tcp is not None:
+        for home in own.findall("home"):
+            home.set("link", home.get("link") or named_tcp)
+        for before in own.findall("platform"):
+            own.remove(before)
+        own.append(Element("platform", link=tcp))
+    for name, normal in planes.items():
+        if name not in description.planes:
+            own.append(Element("plane", loop=name, normal=_text(normal)))
 
 
 def _own_direction(robot: Robot, link: str, xyz: tuple[float, ...], root: int) -> Floats:

@@ -1,10 +1,17 @@
-"""The robots that gtpin ships, by name; any other by the path of its URDF."""
+"""Robots by name: those that gtpin ships, then those of example-robot-data; any other by the path of its file."""
 
 from __future__ import annotations
 
+import difflib
+import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from gtpin.errors import RobotError
+from gtpin.references import is_path
+from gtpin.robot.commanded import with_actuators
+from gtpin.robot.description import Description
+from gtpin.robot.examples import example_names, example_path
 from gtpin.robot.robot import Robot
 
 
@@ -26,42 +33,58 @@ def robot_names() -> tuple[str, ...]:
 
 
 def urdf_path(name: str) -> Path:
-    """Path of a shipped robot's URDF.
+    """Path of the file of a robot that has a name: a shipped one, or one of example-robot-data.
 
     Raises
     ------
     RobotError
-        If no shipped robot has that name.
+        If no robot has that name, or its file is of a kind that gtpin does not read.
     """
-    if name not in robot_names():
-        raise RobotError(
-            f"no robot is called {name!r}", hint=f"use {', '.join(robot_names())}, or the path of a URDF file"
-        )
-    return _folder() / f"{name}.urdf"
+    if name in robot_names():
+        return _folder() / f"{name}.urdf"
+    if name in example_names():
+        return example_path(name)
+    near = difflib.get_close_matches(name, [*robot_names(), *example_names()], n=1)
+    raise RobotError(
+        f"no robot is called {name!r}",
+        hint=f"{f'did you mean {near[0]}? ' if near else ''}use {', '.join(robot_names())}, one that gtpin robots lists, or "
+        "the path of a URDF or MJCF file",
+    )
 
 
-def load_robot(robot: str | Path, tcp: str | None = None) -> Robot:
-    """Load a robot by its name or by the path of its URDF.
+def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = ()) -> Robot:
+    """Load a robot by its name or by the path of its URDF or MJCF file.
 
     Parameters
     ----------
     robot
-        The name of a shipped robot, or a path (anything that ends in ``.urdf`` or contains a separator).
+        The name of a shipped robot, or of one of example-robot-data; or a path (a ``Path``, or anything that ends in ``.urdf``,
+        ``.xml`` or ``.mjcf``, contains a separator, or is the name of a file where no robot is called so).
     tcp
-        The link whose pose is the robot's pose, where it is not the one that the URDF names.
+        The link whose pose is the robot's pose, where it is not the one that the file names.
+    actuators
+        The joints that are commanded, in the order of q; by default those that the file names, or all that move.
 
     Raises
     ------
     RobotError
-        If there is no such robot, or its URDF is not a valid robot.
+        If there is no such robot, or its file is not a valid robot.
 
     Examples
     --------
     >>> import gtpin
     >>> gtpin.load_robot("gantry_tau").sites
     ('cart1', 'cart2', 'cart3')
+    >>> gtpin.load_robot("panda", tcp="panda_hand", actuators=[f"panda_joint{i}" for i in range(1, 8)]).n_actuators
+    7
     """
+    return Robot(with_actuators(Description.read(robot_path(robot)), actuators), tcp)
+
+
+def robot_path(robot: str | Path) -> Path:
+    """Path of the file of a robot, by its name or by that path; see :func:`load_robot`."""
     text = str(robot)
-    if isinstance(robot, Path) or text.endswith(".urdf") or "/" in text or "\\" in text:
-        return Robot.from_urdf(text, tcp)
-    return Robot.from_urdf(urdf_path(text), tcp)
+    if isinstance(robot, Path) or is_path(text):
+        return Path(text)
+    named = text in robot_names() or text in example_names()
+    return Path(text) if not named and os.path.isfile(text) else urdf_path(text)

@@ -13,6 +13,7 @@ from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot
 from gtpin.view.colors import of_share
+from gtpin.view.meshes import with_its_meshes
 from gtpin.view.parts import rod_tip
 
 RADIUS = 0.012
@@ -34,7 +35,7 @@ def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
     share
         Each rod's share of the gap, by site; where there are none, all keep their colours.
     """
-    found = pin.buildGeomFromUrdfString(robot.model, robot.description.xml, pin.GeometryType.VISUAL)
+    found = pin.buildGeomFromUrdfString(robot.model, with_its_meshes(robot.description), pin.GeometryType.VISUAL)
     rods = {rod.link: rod for rod in robot.rods}
     drawn = set()
     for shape in found.geometryObjects:

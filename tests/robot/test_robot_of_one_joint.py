@@ -53,9 +53,14 @@ def test_it_is_simulated_and_calibrated(kind: str) -> None:
     assert np.sqrt((off**2).mean()) < 1.5e-5  # less than one measurement's noise, by 80 of them
 
 
-def test_a_planar_loop_with_joints_off_by_tolerances_is_refused_by_the_simulation(four_bar_urdf: str) -> None:
-    with pytest.raises(errors.UnreachableError, match="3 closure equations for 2 passive coordinates"):
-        simulate(gtpin.Robot(Description.parse(four_bar_urdf)), "four_bar", poses=10)
+def test_a_planar_loop_with_joints_off_by_tolerances_is_simulated_and_calibrated(four_bar_urdf: str) -> None:
+    """Across its plane no such loop closes: play in its bearings takes that up."""
+    robot = gtpin.Robot(Description.parse(four_bar_urdf))
+    made = simulate(robot, "four_bar", poses=80, seed=3)
+    found = gtpin.calibrate(made.dataset, robot)
+    assert 0.75 < found.chi2_per_dof < 1.25
+    off = found.model.predict(made.commands.q).T - made.truth.T
+    assert np.sqrt((off**2).mean()) < 1.5e-5
 
 
 @pytest.fixture

@@ -11,13 +11,13 @@ import pandas as pd
 from gtpin.comparison.figures import FILES, write_comparison
 from gtpin.comparison.result import Comparison
 from gtpin.errors import GtpinError
+from gtpin.model.measured_robot import robot_of
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.comparison_page import comparison_page
 from gtpin.report.comparison_plots import angles_figure, errors_figure
 from gtpin.report.comparison_text import comparison_text
 from gtpin.report.figure import alone
-from gtpin.robot.library import load_robot
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -51,7 +51,7 @@ def save(comparison: Comparison, folder: Path, *, force: bool) -> None:
         raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")
     with results_folder(folder, (*FILES, "report.html"), force=force) as new:
         write_comparison(comparison, new, carts=data.carts)
-        page = comparison_page(comparison, data, load_robot(data.robot_reference))
+        page = comparison_page(comparison, data, robot_of(data))
         (new / "report.html").write_text(page, encoding="utf-8")
 
 

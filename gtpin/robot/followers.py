@@ -1,0 +1,72 @@
+"""Joints that follow others by ``<mimic>``: their coordinates and derivatives, expanded here for all of Pinocchio's algorithms.
+
+Pinocchio has mimic joints of its own (``buildModelFromXML(..., mimic=True)``), which share their master's coordinate, but
+``computeJointKinematicRegressor`` refuses models that have them. So gtpin's models have a coordinate for each joint, and this
+module ties those of followers to their masters'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.robot.tree import Mimic
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A joint whose coordinate is ``multiplier * master + offset``: indices of Pinocchio's velocities, m or rad."""
+
+    index_q: int
+    index_v: int
+    master_v: int
+    multiplier: float
+    offset: float
+    continuous: bool
+
+    def put(self, configuration: Floats, master: float) -> None:
+        """Write its coordinate into a Pinocchio configuration (nq,)."""
+        put(configuration, self.index_q, self.multiplier * master + self.offset, self.continuous)
+
+
+def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
+    """The followers in a Pinocchio model, those that it has."""
+    found = []
+    for mimic in mimics:
+        if model.existJointName(mimic.joint):
+            joint, master = model.getJointId(mimic.joint), model.getJointId(mimic.master)
+            found.append(
+                Follower(
+                    int(model.idx_qs[joint]),
+                    int(model.idx_vs[joint]),
+                    int(model.idx_vs[master]),
+                    mimic.multiplier,
+                    mimic.offset,
+                    model.nqs[joint] == 2,
+                )
+            )
+    return tuple(found)
+
+
+def put(configuration: Floats, index: int, value: float, continuous: bool) -> None:
+    """Write a joint's coordinate into a Pinocchio configuration (nq,), which has a continuous joint's cosine and sine."""
+    if continuous:
+        configuration[index : index + 2] = np.cos(value), np.sin(value)
+    else:
+        configuration[index] = value
+
+
+def folded(derivative: Floats, followers: Sequence[Follower]) -> Floats:
+    """A derivative (..., nv) by Pinocchio velocities whose columns of masters hold what their followers do as well."""
+    if not followers:
+        return derivative
+    total = derivative.copy()
+    for follower in followers:
+        total[..., follower.master_v] += follower.multiplier * derivative[..., follower.index_v]
+    return total

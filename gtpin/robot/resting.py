@@ -1,0 +1,78 @@
+"""The Pinocchio model of a description without the joints that neither commands nor loops move: they rest at neutral."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.errors import RobotError
+from gtpin.robot.description import Description
+from gtpin.robot.followers import put
+from gtpin.robot.urdf_parser import build_model
+
+Floats = npt.NDArray[np.float64]
+
+
+def moving_model(description: Description, driven: Sequence[str]) -> Any:
+    """Pinocchio's model of what moves: the driven joints, those in loops, and the followers of both.
+
+    The other joints are fixed at their neutral coordinates (followers at their offsets); their links and masses stay.
+
+    Raises
+    ------
+    RobotError
+        If the URDF makes no model; if a driven joint follows another; or if a planar or floating joint is neither in a loop nor
+        left out by naming the actuators.
+    """
+    model = build_model(description.xml, description.source)
+    follows = {mimic.joint: mimic for mimic in description.tree.mimics}
+    for name in driven:
+        if name in follows:
+            raise RobotError(
+                f"actuator {name} follows {follows[name].master} by <mimic>",
+                file=description.source,
+                hint=f"name {follows[name].master} in its place",
+            )
+    closing = _in_loops(model, description)
+    moving = {name for name in model.names[1:] if name in driven or name in closing}
+    moving |= {name for name, mimic in follows.items() if mimic.master in moving}
+    resting = [name for name in model.names[1:] if name not in moving]
+    free = [name for name in resting if model.nvs[model.getJointId(name)] != 1]
+    if free and not description.actuators:
+        count = model.nvs[model.getJointId(free[0])]
+        raise RobotError(
+            f"joint {free[0]} has {count} degrees of freedom, which no command moves",
+            file=description.source,
+            hint="planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests",
+        )
+    if not resting:
+        return model
+    posture = neutral(model, description)
+    return pin.buildReducedModel(model, [int(model.getJointId(name)) for name in resting], posture)
+
+
+def neutral(model: Any, description: Description) -> Floats:
+    """(nq,) Pinocchio's neutral configuration with followers where masters at zero put them."""
+    configuration: Floats = pin.neutral(model)
+    for mimic in description.tree.mimics:
+        if model.existJointName(mimic.joint):
+            joint = model.getJointId(mimic.joint)
+            put(configuration, int(model.idx_qs[joint]), mimic.offset, model.nqs[joint] == 2)
+    return configuration
+
+
+def _in_loops(model: Any, description: Description) -> set[str]:
+    """Names of the joints that a loop's two anchors do not share: its closure moves them."""
+    found: set[str] = set()
+    for loop in description.loops:
+        ways = []
+        for anchor in (loop.anchor1, loop.anchor2):
+            known = model.existFrame(anchor.link, pin.FrameType.BODY)
+            frame = model.frames[model.getFrameId(anchor.link, pin.FrameType.BODY)] if known else None
+            ways.append(set() if frame is None else set(model.supports[frame.parentJoint]))
+        found |= {model.names[joint] for joint in ways[0] ^ ways[1]}
+    return found

@@ -1,0 +1,121 @@
+"""The joints and links of a URDF in the order of the document: what moves, what follows, where the longest chain ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+from gtpin.errors import RobotError
+
+MOVING = ("revolute", "continuous", "prismatic")
+"""Types of joints with one degree of freedom."""
+TOOL = "tool0"
+"""ROS-Industrial's name of the link at a robot's tool flange: the TCP where a URDF has it and names no other."""
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another: its coordinate is ``multiplier * q_master + offset`` (m or rad).
+
+    ``master`` moves by itself: of a joint that follows a follower, the first one in the series is named.
+    """
+
+    joint: str
+    master: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The joints and links of a URDF.
+
+    Parameters
+    ----------
+    moving
+        Names of the joints of one degree of freedom that follow no other, in document order.
+    mimics
+        The joints that follow one of them, in document order.
+    tip
+        The TCP where nothing names it: the link ``tool0``; else the last link at the end of the longest chain of moving
+        joints (of several, the last in document order). Empty where there are no links.
+    """
+
+    moving: tuple[str, ...]
+    mimics: tuple[Mimic, ...]
+    tip: str
+
+    @staticmethod
+    def of(root: Element, source: str) -> Tree:
+        """Read the joints and links of a URDF's outer element.
+
+        Raises
+        ------
+        RobotError
+            If a ``<mimic>`` names no joint that moves, or names its own, or holds what is no number.
+        """
+        joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+        moving = [name for name, joint in joints.items() if joint.get("type") in MOVING]
+        follows = {
+            name: _mimic(name, element, source)
+            for name in moving
+            if (element := joints[name].find("mimic")) is not None
+        }
+        mimics = tuple(_to_master(mimic, follows, moving, source) for mimic in follows.values())
+        return Tree(tuple(name for name in moving if name not in follows), mimics, _tip(root))
+
+
+def _mimic(joint: str, element: Element, source: str) -> Mimic:
+    try:
+        numbers = [float(element.get(key, default)) for key, default in (("multiplier", "1"), ("offset", "0"))]
+    except ValueError:
+        numbers = [math.nan]
+    if not all(map(math.isfinite, numbers)):
+        raise RobotError(f"<mimic> of joint {joint} has what is no number", file=source, hint="mend the <mimic>")
+    return Mimic(joint, element.get("joint", ""), *numbers)
+
+
+def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], source: str) -> Mimic:
+    """The same mimic with the joint as master that moves by itself."""
+    master, multiplier, offset = mimic.master, mimic.multiplier, mimic.offset
+    for _ in follows:
+        if master not in follows:
+            break
+        further = follows[master]
+        offset += multiplier * further.offset
+        multiplier *= further.multiplier
+        master = further.master
+    if master not in moving or master in follows:
+        what = f"joint {mimic.joint} follows {mimic.master or 'no joint'} by <mimic>"
+        why = "that follows it" if master in follows else "which does not move"
+        raise RobotError(f"{what}, {why}", file=source, hint="let it follow a joint that moves by itself")
+    return Mimic(mimic.joint, master, multiplier, offset)
+
+
+def _tip(root: Element) -> str:
+    links = [link.get("name", "") for link in root.findall("link")]
+    if TOOL in links:
+        return TOOL
+    above: dict[str, tuple[str, bool]] = {}
+    for joint in root.findall("joint"):
+        child, parent = joint.find("child"), joint.find("parent")
+        if child is not None and parent is not None:
+            above[child.get("link", "")] = (parent.get("link", ""), joint.get("type") != "fixed")
+    depths = {link: _depth(link, above) for link in links}
+    deepest = max(depths.values(), default=0)
+    parents = {parent for parent, _ in above.values()}
+    ends = [link for link, depth in depths.items() if depth == deepest]
+    return next((link for link in reversed(ends) if link not in parents), "")
+
+
+def _depth(link: str, above: Mapping[str, tuple[str, bool]]) -> int:
+    """Number of moving joints between a link and the root."""
+    depth = 0
+    for _ in range(len(above)):  # a ring of links, which Pinocchio refuses, must not hang this
+        if link not in above:
+            break
+        link, moves = above[link]
+        depth += moves
+    return depth

@@ -1,0 +1,71 @@
+"""The robot that a dataset names has its actuators and its TCP; parts that it lacks are named by their key."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree.ElementTree import tostring
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.data import Driver
+from gtpin.errors import DatasetError
+from gtpin.model.measured_robot import robot_of
+from gtpin.plant import simulate
+from gtpin.robot.description import Description, parse_xml
+from gtpin.robot.library import load_robot
+
+SEVEN = tuple(f"panda_joint{i}" for i in range(1, 8))
+
+
+@pytest.fixture(scope="module")
+def dataset() -> gtpin.Dataset:
+    made = simulate(load_robot("panda", tcp="panda_hand", actuators=SEVEN), "panda", poses=60, seed=5).dataset
+    return replace(made, actuators=SEVEN, tcp="panda_hand", covariates={"tilt": np.linspace(0.0, 1.0, len(made))})
+
+
+def test_a_dataset_of_some_joints_is_written_read_and_calibrated(dataset: gtpin.Dataset, tmp_path: Path) -> None:
+    dataset.write(tmp_path / "panda")
+    found = gtpin.calibrate(gtpin.Dataset.read(tmp_path / "panda"))
+    assert found.model.robot.sites == SEVEN
+    assert found.model.robot.tcp_frame == "panda_hand"
+    assert 0.7 < found.chi2_per_dof < 1.3
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"tcp": "hand"}, "tcp"),
+        ({"actuators": (*SEVEN[:-1], "panda_joint9")}, "actuators"),
+        ({"actuators": (*SEVEN[:-1], "panda_finger_joint2")}, "actuators"),
+        ({"robot": "pandah"}, "robot"),
+        ({"drivers": (Driver("tilt", "elbow", "rx", 1e-3),)}, "driver.0.site"),
+        ({"drivers": (Driver("tilt", "panda_link3", "q", 1e-3),)}, "driver.0.motion"),
+    ],
+)
+def test_what_the_robot_lacks_is_named_by_its_key(dataset: gtpin.Dataset, changes: dict[str, object], key: str) -> None:
+    with pytest.raises(DatasetError) as caught:
+        robot_of(replace(dataset, **changes))  # type: ignore[arg-type]
+    assert caught.value.column == key
+    assert caught.value.hint
+    assert "\n" not in str(caught.value)
+
+
+def test_drivers_may_act_at_links_joints_the_platform_and_the_frame(dataset: gtpin.Dataset) -> None:
+    places = ("panda_link3", "panda_joint2", "platform", "frame")
+    drivers = (*(Driver("tilt", site, "rx", 1e-3) for site in places), Driver("tilt", "panda_joint2", "q", 1e-3))
+    assert robot_of(replace(dataset, drivers=drivers)).n_actuators == 7
+
+
+def test_a_urdf_without_masses_loads_and_is_calibrated() -> None:
+    """A later test of loads says that they can't be seen; geometry needs no mass."""
+    description = load_robot("ur5").description
+    root = parse_xml(description.xml, "ur5")
+    for link in root.findall("link"):
+        for inertial in link.findall("inertial"):
+            link.remove(inertial)
+    robot = gtpin.Robot(Description.parse(tostring(root, encoding="unicode")))
+    assert robot.n_actuators == 6
+    assert 0.7 < gtpin.calibrate(simulate(robot, "ur5", poses=60, seed=6).dataset, robot).chi2_per_dof < 1.3
