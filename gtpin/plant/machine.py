@@ -10,19 +10,20 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError, UnreachableError
-from gtpin.kinematics.closures import RodEnds, newton
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.rotations import exp
+from gtpin.plant.closing import RodEnds, closed
 from gtpin.plant.deviation import Deviation
+from gtpin.plant.poses import Poses
+from gtpin.plant.rods import Rods
+from gtpin.plant.rotations import across, exp
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 
 MASS_SPREAD = 0.04
 """1 sigma of each mass about nominal."""
+ACROSS = 0.3
+"""Repeatability across a track, as a share of that along it."""
 REACH = 0.8
 """Drives and guideways err over places from -REACH to REACH, whatever the machine's range."""
 
@@ -79,14 +80,19 @@ class Machine:
         return self.geometry.robot
 
     @cached_property
-    def kinematics(self) -> RodKinematics:
+    def kinematics(self) -> Rods:
         """The kinematics of the true geometry, without any effect."""
-        return RodKinematics(self.geometry)
+        return Rods(self.geometry)
 
     @property
     def n_carts(self) -> int:
         """How many carts it has."""
         return self.robot.n_actuators
+
+    @property
+    def per_metre(self) -> float:
+        """Repeatability of a cart, in its own unit, for one m."""
+        return 1.0
 
     @property
     def n_rods(self) -> int:
@@ -96,8 +102,7 @@ class Machine:
     @cached_property
     def driver(self) -> npt.NDArray[np.int_]:
         """(k,) the cart of each rod; -1 where nothing moves it."""
-        moved = [rod.carrier if rod.carrier is not None else rod.extension for rod in self.robot.rods]
-        return np.array([-1 if cart is None else cart for cart in moved])
+        return self.kinematics.driver
 
     @cached_property
     def is_leg(self) -> npt.NDArray[np.bool_]:
@@ -119,7 +124,7 @@ class Machine:
     @cached_property
     def across(self) -> Floats:
         """(n, 2, 3) two unit vectors across each track, base frame."""
-        return np.array([rotation_axes(v)[:2] for v in self.tracks])
+        return np.array([across(v) for v in self.tracks])
 
     @cached_property
     def levers(self) -> Floats:
@@ -148,6 +153,18 @@ class Machine:
         """A deviation of zero at a number of visits."""
         return Deviation.none(visits, self.n_carts, self.n_rods)
 
+    def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        """What carts of a repeatability (n,), m, add at every visit."""
+        deviation = self.unbent(visits)
+        deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
+        sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, self.n_carts, 2))
+        deviation.shift[:] = np.einsum("nca,cai->nci", sideways, self.across)
+        return deviation
+
+    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, p) derivative of the poses by the geometry's parameters, in units of their tolerances."""
+        return np.asarray(self.kinematics.geometry_jacobian(q, poses) * self.geometry.tolerance)
+
     def ends(self, q: Floats, deviation: Deviation) -> RodEnds:
         """Where the rods end at commands q (N, n), and how long they are."""
         arms = ~self.is_leg & ~self.slides
@@ -168,8 +185,8 @@ class Machine:
         UnreachableError
             If some rods can't be closed.
         """
-        poses, closed = newton(start, ends, self.robot.size)
-        if not closed.all():
+        poses, done = closed(start, ends, self.robot.size)
+        if not done.all():
             raise UnreachableError("the deviations open the rods", hint="make the effects smaller")
         return poses
 
