@@ -15,7 +15,6 @@ from gtpin.data import Conditions as Reference
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
-from gtpin.kinematics.poses import Poses
 from gtpin.plant.amplitude import amplitude_for
 from gtpin.plant.background import weak_others
 from gtpin.plant.causes.cause import Cause
@@ -23,6 +22,7 @@ from gtpin.plant.causes.kinds import kind
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.energy import PastGeometry
 from gtpin.plant.machine import Machine
+from gtpin.plant.poses import Poses
 from gtpin.plant.recipe import Recipe, Wanted
 from gtpin.plant.response import Plant
 from gtpin.plant.truth import Case, Truth

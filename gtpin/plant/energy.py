@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
-from gtpin.kinematics.poses import Poses
 from gtpin.plant.machine import Machine
+from gtpin.plant.poses import Poses
 
 Floats = npt.NDArray[np.float64]
 

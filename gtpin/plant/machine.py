@@ -10,13 +10,12 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError, UnreachableError
-from gtpin.kinematics.closures import RodEnds, newton
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.rotations import exp
+from gtpin.plant.closing import RodEnds, closed
 from gtpin.plant.deviation import Deviation
+from gtpin.plant.poses import Poses
+from gtpin.plant.rods import Rods
+from gtpin.plant.rotations import across, exp
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
@@ -79,9 +78,9 @@ class Machine:
         return self.geometry.robot
 
     @cached_property
-    def kinematics(self) -> RodKinematics:
+    def kinematics(self) -> Rods:
         """The kinematics of the true geometry, without any effect."""
-        return RodKinematics(self.geometry)
+        return Rods(self.geometry)
 
     @property
     def n_carts(self) -> int:
@@ -96,8 +95,7 @@ class Machine:
     @cached_property
     def driver(self) -> npt.NDArray[np.int_]:
         """(k,) the cart of each rod; -1 where nothing moves it."""
-        moved = [rod.carrier if rod.carrier is not None else rod.extension for rod in self.robot.rods]
-        return np.array([-1 if cart is None else cart for cart in moved])
+        return self.kinematics.driver
 
     @cached_property
     def is_leg(self) -> npt.NDArray[np.bool_]:
@@ -119,7 +117,7 @@ class Machine:
     @cached_property
     def across(self) -> Floats:
         """(n, 2, 3) two unit vectors across each track, base frame."""
-        return np.array([rotation_axes(v)[:2] for v in self.tracks])
+        return np.array([across(v) for v in self.tracks])
 
     @cached_property
     def levers(self) -> Floats:
@@ -168,8 +166,8 @@ class Machine:
         UnreachableError
             If some rods can't be closed.
         """
-        poses, closed = newton(start, ends, self.robot.size)
-        if not closed.all():
+        poses, done = closed(start, ends, self.robot.size)
+        if not done.all():
             raise UnreachableError("the deviations open the rods", hint="make the effects smaller")
         return poses
 

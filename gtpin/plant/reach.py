@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import UnreachableError
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import exp
 from gtpin.plant.machine import Machine
+from gtpin.plant.poses import Poses
+from gtpin.plant.rotations import exp
 
 Floats = npt.NDArray[np.float64]
 

@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ConvergenceError
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import exp
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.machine import Machine
+from gtpin.plant.poses import Poses
+from gtpin.plant.rotations import exp
 from gtpin.plant.situation import Situation
 from gtpin.plant.visits import Visits
 

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors, solve_each
-from gtpin.kinematics.poses import Poses
+from gtpin.plant.closing import RodEnds, by_pose, each_solved
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.machine import Machine
+from gtpin.plant.poses import Poses
 from gtpin.plant.visits import Visits
 
 Floats = npt.NDArray[np.float64]
@@ -53,8 +53,8 @@ class Situation:
 
     @cached_property
     def _rods(self) -> tuple[Floats, Floats]:
-        """d and R P: see :func:`~gtpin.kinematics.closures.rod_vectors`."""
-        return rod_vectors(self.poses, self.ends)
+        """See :meth:`~gtpin.plant.closing.RodEnds.rods`."""
+        return self.ends.rods(self.poses)
 
     @cached_property
     def along(self) -> Floats:
@@ -64,9 +64,7 @@ class Situation:
 
     def held(self, wrench: Floats) -> Floats:
         """(N, k) forces in the rods, tension positive, N, that hold a wrench (N, 6) on the platform at the TCP, base frame."""
-        d, RP = self._rods
-        directions = pose_jacobian(d, RP) / np.linalg.norm(d, axis=2, keepdims=True)
-        return solve_each(np.ascontiguousarray(np.swapaxes(directions, 1, 2)), wrench)
+        return each_solved(np.swapaxes(by_pose(*self._rods), 1, 2), wrench)
 
     @cached_property
     def forces(self) -> Floats:

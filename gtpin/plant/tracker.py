@@ -9,10 +9,10 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.data import Instrument
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import exp
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.machine import Machine
+from gtpin.plant.poses import Poses
+from gtpin.plant.rotations import exp
 
 Floats = npt.NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]

@@ -15,10 +15,10 @@ import numpy.typing as npt
 from gtpin.data import Commands, Dataset
 from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
-from gtpin.kinematics.poses import Poses
 from gtpin.output.ownership import foreign
 from gtpin.output.results import results_folder
 from gtpin.plant.machine import Machine
+from gtpin.plant.poses import Poses
 from gtpin.plant.recipe import Recipe
 from gtpin.plant.visits import Visits
 

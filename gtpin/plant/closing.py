@@ -1,0 +1,124 @@
+"""Rods between a platform and its carriers: their closures |T + R P - C| = L, solved by Newton's method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.poses import Poses
+from gtpin.plant.rotations import exp
+
+Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int_]
+Bools = npt.NDArray[np.bool_]
+
+STEPS = 12
+SHORTER = 0.25
+"""What each Newton step must be of the one before, at most, for the start to count as near."""
+FINE = 1e-8
+"""Step, m or rad, below which rounding decides how steps follow each other."""
+SHORTEST = 1.0 / 256.0
+"""Of a way to new ends: where shorter strides are needed, the ends can't be reached."""
+
+
+@dataclass(frozen=True)
+class RodEnds:
+    """Ends of the rods at N poses: P on the platform, (k, 3) or (N, k, 3), TCP frame; C (N, k, 3) on the carriers, base
+    frame; lengths L (N, k) or (1, k); all in m.
+    """
+
+    P: Floats
+    C: Floats
+    L: Floats
+
+    def take(self, rows: Rows | Bools) -> RodEnds:
+        """The ends at some of the poses."""
+        return RodEnds(
+            self.P if self.P.ndim == 2 else self.P[rows], self.C[rows], self.L if len(self.L) == 1 else self.L[rows]
+        )
+
+    def rods(self, poses: Poses) -> tuple[Floats, Floats]:
+        """From each carrier's joint to the platform's, and from the TCP to the platform's, both (N, k, 3), base frame."""
+        arm = self.P @ np.swapaxes(poses.R, 1, 2)
+        return poses.T[:, None] + arm - self.C, arm
+
+    def gaps(self, poses: Poses) -> Floats:
+        """(N, k) by how much the rods are too short, m."""
+        return np.asarray(np.linalg.norm(self.rods(poses)[0], axis=2) - self.L)
+
+    def squares(self, poses: Poses) -> Floats:
+        """(N, k) half the square of the distance that each rod spans, less half that of its length, m^2."""
+        rods = self.rods(poses)[0]
+        return np.asarray((np.einsum("nki,nki->nk", rods, rods) - self.L**2) / 2.0)
+
+
+def by_pose(rods: Floats, arm: Floats) -> Floats:
+    """(N, k, 6) derivative of the gaps by the platform's position and rotation vector, base frame.
+
+    A row is the wrench on the platform, at the TCP, of a unit force along the rod.
+    """
+    unit = rods / np.linalg.norm(rods, axis=2, keepdims=True)
+    return np.concatenate([unit, np.cross(arm, unit)], axis=2)
+
+
+def each_solved(matrices: Floats, right: Floats) -> Floats:
+    """(N, k) solutions of N systems (N, k, k), (N, k); NaN where one is singular."""
+    singular = ~(np.abs(np.linalg.det(matrices)) > 0.0)
+    safe = np.where(singular[:, None, None], np.eye(matrices.shape[1]), matrices)
+    solution = np.linalg.solve(safe, right[..., None])[..., 0]
+    solution[singular] = np.nan
+    return np.asarray(solution)
+
+
+def closed(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, Bools]:
+    """Poses (N) that close the rods, from poses near them, and (N,) whether they do, to rounding of a length ``size``."""
+    T, R = start.T.copy(), start.R.copy()
+    done = np.zeros(len(T), dtype=bool)
+    before = np.full(len(T), np.inf)
+    rows = np.arange(len(T))
+    for _ in range(STEPS):
+        some, here = ends.take(rows), Poses(T[rows], R[rows])
+        gaps = some.gaps(here)
+        done[rows] = np.abs(gaps).max(axis=1) <= 16.0 * np.finfo(float).eps * size
+        step = each_solved(by_pose(*some.rods(here)), -gaps)
+        length = np.linalg.norm(step, axis=1)
+        going = ~done[rows] & ((length <= FINE) | (length <= SHORTER * before[rows]))  # NaN does not go on
+        rows, step, length = rows[going], step[going], length[going]
+        if not rows.size:
+            break
+        T[rows] += step[:, :3]
+        R[rows] = exp(step[:, 3:]) @ R[rows]
+        before[rows] = length
+    return Poses(T, R), done
+
+
+def led(way: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Poses:
+    """Poses (N) at the end of a way that begins at closed poses, with the platform on the same side of all singularities.
+
+    ``way`` gives the ends at fractions (m,) of the way of poses (m,). Strides are halved until Newton's method goes straight
+    to the next pose; NaN where they get too short.
+    """
+    T, R = start.T.copy(), start.R.copy()
+    at, stride = np.zeros(len(T)), np.ones(len(T))
+    rows = np.arange(len(T))
+    side = _side(way(at, rows), start)
+    while rows.size:
+        goal = np.minimum(1.0, at[rows] + stride[rows])
+        ends = way(goal, rows)
+        poses, good = closed(Poses(T[rows], R[rows]), ends, size)
+        good[good] = _side(ends.take(good), poses[good]) == side[rows[good]]
+        on, off = rows[good], rows[~good]
+        T[on], R[on], at[on] = poses.T[good], poses.R[good], goal[good]
+        stride[on] *= 2.0
+        stride[off] /= 2.0
+        lost = off[stride[off] < SHORTEST]
+        T[lost], R[lost], at[lost] = np.nan, np.nan, 1.0
+        rows = np.flatnonzero(at < 1.0)
+    return Poses(T, R)
+
+
+def _side(ends: RodEnds, poses: Poses) -> Floats:
+    return np.asarray(np.sign(np.linalg.det(by_pose(*ends.rods(poses)))))

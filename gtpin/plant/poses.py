@@ -1,0 +1,54 @@
+"""Poses of the TCP, many at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from gtpin.plant.rotations import log
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a common frame; NaN where there is none."""
+
+    T: Floats
+    R: Floats
+
+    def __len__(self) -> int:
+        return len(self.T)
+
+    def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> Poses:
+        return Poses(self.T[rows], self.R[rows])
+
+    @property
+    def reached(self) -> npt.NDArray[np.bool_]:
+        """(N,) which poses are there."""
+        return np.isfinite(self.T[:, 0])
+
+    @property
+    def quaternions(self) -> Floats:
+        """(N, 4) unit quaternions, scalar first, on the side of the first one; NaN where a pose is not there."""
+        wxyz = np.full((len(self), 4), np.nan)
+        there = np.flatnonzero(self.reached)
+        if there.size:
+            found = Rotation.from_matrix(self.R[there]).as_quat(scalar_first=True)
+            wxyz[there] = np.where((found @ found[0] < 0.0)[:, None], -found, found)
+        return wxyz
+
+    def moved(self, T: Floats, R: Floats) -> Poses:
+        """The same poses in a frame in which the present one lies at T (3,), turned by R (3, 3)."""
+        return Poses(self.T @ R.T + T, R @ self.R)
+
+    def minus(self, other: Poses) -> Floats:
+        """(N, 6) these poses less others: position, m, and rotation vector, rad, in the common frame; NaN where one is not."""
+        difference = np.full((len(self), 6), np.nan)
+        both = self.reached & other.reached
+        difference[both, :3] = self.T[both] - other.T[both]
+        difference[both, 3:] = log(self.R[both] @ np.swapaxes(other.R[both], 1, 2))
+        return difference
