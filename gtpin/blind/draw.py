@@ -11,7 +11,8 @@ from gtpin.blind.truth import Kind, TrueEffect, TruePoses, Truth
 from gtpin.plant.build import known_robot
 from gtpin.plant.bulk import draw_case
 from gtpin.plant.case import make_case
-from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED, possible
+from gtpin.plant.causes.kinds import listed as listed_kinds
+from gtpin.plant.causes.kinds import unlisted as unlisted_kinds
 from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case
 
@@ -54,7 +55,7 @@ def drafts(cases: int, seed: int, robot: str = ROBOT) -> Iterator[Draft]:
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     parts = known_robot(robot)
-    listed, unlisted = ([kind.name for kind in possible(kinds, parts)] for kinds in (CATALOGUE, UNLISTED))
+    listed, unlisted = ([kind.name for kind in kinds(parts)] for kinds in (listed_kinds, unlisted_kinds))
     edges = np.cumsum(list(SHARES.values()))
     start = rng.random()
     turns: dict[Kind, list[str]] = {

@@ -73,5 +73,5 @@ def _held_out(case: Case, found: Diagnosis) -> dict[str, float]:
 
 
 def _error(model: Model, case: Case) -> float:
-    left = predict(model, case.commands).minus(case.truth)[:, :3]
+    left = predict(model, case.commands).T - case.truth.T
     return float(np.sqrt((left**2).sum(axis=1).mean()))

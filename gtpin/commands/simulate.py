@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+import numpy.typing as npt
 import typer
 
 from gtpin.commands.terminal import AsJson, Force, Output, tell
@@ -19,6 +21,8 @@ from gtpin.plant.simulate import Simulation
 from gtpin.plant.simulate import simulate as run_simulation
 from gtpin.plant.truth import Case, case_folders, dataset_folder, truth_names
 from gtpin.robot.library import load_robot
+
+Floats = npt.NDArray[np.float64]
 
 ROBOT, POSES, SEED = "gantry_tau", 200, 0
 """Defaults of the simulation."""
@@ -78,7 +82,7 @@ def write_simulation(simulation: Simulation, folder: Path, truth: bool) -> None:
     simulation.dataset.write(folder)
     simulation.commands.write(folder / "commands.csv")
     if truth:
-        _write_truth(simulation.commands, simulation.truth, folder)
+        _write_truth(simulation.commands, simulation.truth.T, simulation.truth.R, folder)
 
 
 def _write_scenario(
@@ -93,7 +97,7 @@ def _write_scenario(
         replace(case, dataset=dataset).write_dataset(folder)
         case.write_truth(truth_folder, place.name)
         if truth:
-            _write_truth(case.commands, case.truth, folder)
+            _write_truth(case.commands, case.truth.T, case.truth.R, folder)
     return case
 
 
@@ -101,8 +105,8 @@ def _truth_file(output: Path) -> Path:
     return output.parent / truth_names(Path(os.path.abspath(output)).name)[0]
 
 
-def _write_truth(commands: Commands, truth: Poses, folder: Path) -> None:
-    prediction_table(commands, truth).to_csv(folder / "truth.csv", index=False, lineterminator="\n")
+def _write_truth(commands: Commands, T: Floats, R: Floats, folder: Path) -> None:
+    prediction_table(commands, Poses(T, R)).to_csv(folder / "truth.csv", index=False, lineterminator="\n")
 
 
 def _seen_from(robot: str, output: Path) -> str:

@@ -35,6 +35,7 @@ class Instrument(_Section):
     position_sigma: _Positive | None = None
     orientation_sigma: _Positive | None = None
     frame: Literal["robot", "free"] = "robot"
+    target: Literal["free"] | None = None
     station: Annotated[tuple[_Finite, _Finite, _Finite], Field(strict=False)] | None = None
 
 

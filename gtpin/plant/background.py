@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause
-from gtpin.plant.causes.kinds import CATALOGUE, possible
+from gtpin.plant.causes.kinds import listed
 from gtpin.plant.energy import PastGeometry
 from gtpin.plant.response import Plant
 
@@ -32,7 +32,7 @@ def weak_others(
     """Some effects that are not ``taken``, with their amplitudes, and the energy that they have together."""
     robot = plant.machine.robot
     causes, shares, displaced = [], [], []
-    kinds = possible(CATALOGUE, robot)
+    kinds = listed(robot)
     for i in rng.choice(len(kinds), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
         site = str(rng.choice(kinds[i].sites(robot)))
         if (kinds[i].name, site) in taken:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,18 +18,20 @@ from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
 from gtpin.plant.amplitude import amplitude_for
+from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.arms.robot import Arm
 from gtpin.plant.background import weak_others
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.causes.kinds import kind
-from gtpin.plant.deviation import Deviation
 from gtpin.plant.energy import PastGeometry
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.recipe import Recipe, Wanted
 from gtpin.plant.response import Plant
+from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case, Truth
 from gtpin.plant.visits import plan
-from gtpin.robot.library import load_robot, robot_names
+from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
@@ -64,7 +68,7 @@ class Built:
     rows: Rows
     background: float
     repeatability: Floats
-    jitter: Deviation
+    jitter: Any
     away: tuple[Floats, Floats] | None
     rng: np.random.Generator
 
@@ -87,7 +91,12 @@ def assemble(recipe: Recipe) -> Built:
         raise GtpinError(what, hint="ask for at least two, and one held out")
     # A stream for each part: what one of them draws does not change the others.
     streams = [np.random.default_rng(part) for part in np.random.SeedSequence([recipe.seed, 1]).spawn(5)]
-    machine = Machine.draw(known_robot(recipe.robot), streams[0])
+    robot = known_robot(recipe.robot)
+    if noise.free_target and not isinstance(robot, Arm):
+        raise GtpinError(
+            "a free target on six rods", hint="leave free_target out: the plant's rods carry theirs at the TCP"
+        )
+    machine = _drawn_arm(robot, noise, streams[0]) if isinstance(robot, Arm) else Machine.draw(robot, streams[0])
     visits = plan(machine, recipe.poses, recipe.held_out, conditions, streams[1])
     plant = Plant(machine, visits, np.array(noise.station))
     rows = streams[4].permutation(np.flatnonzero(~visits.held))
@@ -106,7 +115,7 @@ def assemble(recipe: Recipe) -> Built:
         rows=rows,
         background=energy,
         repeatability=repeatability,
-        jitter=noise.jitter(machine, repeatability, len(visits), streams[3]),
+        jitter=machine.jitter(repeatability, len(visits), streams[3]),
         away=noise.elsewhere(streams[3]) if noise.free else None,
         rng=streams[4],
     )
@@ -141,7 +150,7 @@ def _strong(
     """The effects wanted, with their amplitudes, and what they do at the rows that are measured."""
     causes, truths = [], []
     for want, part in zip(wanted, np.random.SeedSequence([seed, 2]).spawn(len(wanted)), strict=True):
-        found = kind(want.effect)
+        found = kind(want.effect, plant.machine.robot)
         cause = found.at(plant.machine.robot, want.site, np.random.default_rng(part))
         amplitude = 1.0 if want.amplitude is None else want.amplitude
         if want.energy is not None:
@@ -156,7 +165,7 @@ def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column],
     """What was measured, as users have it."""
     robot, noise = recipe.robot, recipe.noise
     return Dataset(
-        robot=robot if robot in robot_names() else str(Path(robot).absolute()),
+        robot=str(Path(robot).absolute()) if robot.endswith(".urdf") or "/" in robot or os.sep in robot else robot,
         pose=pose,
         q=q,
         position=seen.T,
@@ -173,6 +182,17 @@ def ids(numbers: Rows) -> Ids:
 
 
 @cache
-def known_robot(robot: str) -> Robot:
+def known_robot(robot: str) -> Robot | Arm:
     """A robot, loaded once: nothing here changes it."""
-    return load_robot(robot)
+    found = load_robot(robot)
+    return found if found.rods else Arm.of(found)
+
+
+def capacity(robot: Robot | Arm) -> float:
+    """What a robot may carry, kg."""
+    return robot.capacity if isinstance(robot, Arm) else 20.0
+
+
+def _drawn_arm(robot: Arm, noise: Noise, rng: np.random.Generator) -> ArmMachine:
+    machine = replace(ArmMachine.draw(robot, rng), free=(noise.free, noise.free_target))
+    return replace(machine, target=noise.target(rng)) if noise.free_target else machine

@@ -7,19 +7,28 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.errors import GtpinError
-from gtpin.plant.build import build, known_robot
-from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED, kind, possible
+from gtpin.plant.arms.robot import Arm
+from gtpin.plant.build import build, capacity, known_robot
+from gtpin.plant.causes.kinds import kind, listed, unlisted
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.recipe import Recipe, Wanted
 from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case, Truth
+from gtpin.robot.robot import Robot
 
 __all__ = ["Case", "Truth", "make_case"]
 
 ENERGY = (30.0, 4000.0)
 """Between which an effect's energy is drawn, uniformly in its logarithm."""
+ENERGY_OF_ARMS = (30.0, 20000.0)
+"""The same of arms, whose errors are some ten times a tracker's noise: 0.1 to 0.2 mm are left of a UR5's after calibration."""
 POSES = (140, 280)
 """Between which the number of poses is drawn."""
+
+
+def energies(robot: Robot | Arm) -> tuple[float, float]:
+    """Between which an effect's energy is drawn on a robot."""
+    return ENERGY_OF_ARMS if isinstance(robot, Arm) else ENERGY
 
 
 def make_case(
@@ -60,7 +69,7 @@ def make_case(
     background
         Whether weak other effects are on.
     robot
-        Name of a shipped robot, or the path of a URDF; one with six rods, each of which an actuator moves.
+        Name of a shipped robot, or the path of a URDF: an open chain, or six rods, each of which an actuator moves.
 
     Raises
     ------
@@ -69,20 +78,20 @@ def make_case(
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     found = known_robot(robot)
-    kinds = possible(UNLISTED if unknown else CATALOGUE, found)
+    kinds = unlisted(found) if unknown else listed(found)
     if effects is None:
         chosen = [kinds[i] for i in rng.choice(len(kinds), size=n_effects, replace=False)] if n_effects else []
         effects = [(k.name, None) for k in chosen]
-    span = (energy, energy) if isinstance(energy, int | float) else energy or ENERGY
+    span = (energy, energy) if isinstance(energy, int | float) else energy or energies(found)
     wanted = []
     for name, site in effects:
-        sites = kind(name).sites(found)
+        sites = kind(name, found).sites(found)
         if not sites:
             raise GtpinError(f"{name} can't be on {found.name}", hint="choose what the robot's parts can have")
         place = site or str(rng.choice(sites))
         wanted.append(Wanted(name, place, energy=float(np.exp(rng.uniform(*np.log(span))))))
-    needs = {need for name, _ in effects for need in kind(name).needs}
-    drawn = Conditions.draw(rng, needs)
+    needs = {need for name, _ in effects for need in kind(name, found).needs}
+    drawn = Conditions.draw(rng, needs, capacity(found))
     measured = conditions or drawn
     count = int(rng.integers(POSES[0], POSES[1] + 1))
     recipe = Recipe(

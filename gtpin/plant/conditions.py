@@ -57,17 +57,22 @@ class Conditions(BaseModel):
     without: tuple[str, ...] = ()
 
     @staticmethod
-    def draw(rng: np.random.Generator, needs: Collection[str] = ()) -> Conditions:
-        """Conditions at random; those that ``needs`` names (``session``, ``speed``, ``payload``, ``force``, ``heat``) vary."""
+    def draw(rng: np.random.Generator, needs: Collection[str] = (), capacity: float = 20.0) -> Conditions:
+        """Conditions at random; those that ``needs`` names (``session``, ``speed``, ``payload``, ``force``, ``heat``) vary.
+
+        Payloads are up to ``capacity``, kg, and pushes in proportion.
+        """
+        part = capacity / 20.0
         resting = rng.random() < 0.15 and "speed" not in needs
         sessions = int(rng.integers(2, 4)) if "session" in needs or rng.random() < 0.3 else 1
         constant = rng.random() < 0.15 and "payload" not in needs
         return Conditions(
             rest=1.0 if resting else round(float(rng.uniform(0.4, 0.65)), 2),
             sessions=sessions,
-            payloads=(float(rng.choice([0.0, 10.0, 20.0])),) if constant else (0.0, 10.0, 20.0),
+            payloads=(part * float(rng.choice([0.0, 10.0, 20.0])),) if constant else (0.0, 10.0 * part, 20.0 * part),
             payload_blocks=int(rng.integers(3, 13)),
-            push=round(float(rng.uniform(120.0, 250.0)), 0) if "force" in needs else 60.0 * bool(rng.random() < 0.3),
+            push=part
+            * (round(float(rng.uniform(120.0, 250.0)), 0) if "force" in needs else 60.0 * bool(rng.random() < 0.3)),
             interval=round(float(rng.uniform(12.0, 45.0)), 1),
             direct=round(float(rng.uniform(0.0, 0.6)), 2),
             order="layers" if rng.random() < 0.1 else "random",

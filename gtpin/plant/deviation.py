@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +11,18 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 
+class Additive:
+    """A dataclass of arrays that are added and scaled one by one."""
+
+    def __add__(self, other: Self) -> Self:
+        return type(self)(**{name: value + getattr(other, name) for name, value in vars(self).items()})
+
+    def __mul__(self, factor: float) -> Self:
+        return type(self)(**{name: value * factor for name, value in vars(self).items()})
+
+
 @dataclass(frozen=True)
-class Deviation:
+class Deviation(Additive):
     """Changes at N visits of a machine with n carts and k rods.
 
     Parameters
@@ -56,9 +67,3 @@ class Deviation:
             frame=np.zeros((visits, 6)),
             scale=np.zeros(visits),
         )
-
-    def __add__(self, other: Deviation) -> Deviation:
-        return Deviation(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
-
-    def __mul__(self, factor: float) -> Deviation:
-        return Deviation(**{f.name: getattr(self, f.name) * factor for f in fields(self)})

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
+from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 
@@ -30,10 +31,9 @@ class PastGeometry:
     sigma: Floats
 
     @staticmethod
-    def of(machine: Machine, q: Floats, poses: Poses, sigma: Floats) -> PastGeometry:
+    def of(machine: Machine | ArmMachine, q: Floats, poses: Poses, sigma: Floats) -> PastGeometry:
         """For measured commands q (N, n) of a machine and its poses there."""
-        by_tolerance = machine.kinematics.geometry_jacobian(q, poses) * machine.geometry.tolerance
-        return PastGeometry((by_tolerance / sigma[:, None]).reshape(6 * len(q), -1), sigma)
+        return PastGeometry((machine.by_tolerance(q, poses) / sigma[:, None]).reshape(6 * len(q), -1), sigma)
 
     def energy(self, displacement: Floats) -> float:
         """E of a displacement (N, 6), m and rad, by Woodbury's identity."""

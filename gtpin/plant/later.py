@@ -49,7 +49,7 @@ def measure_at(case: Case, commands: Commands, seed: int = 0) -> Dataset:
     rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 5, seed]))
     visits = _visits(made.plant.visits, commands, case.recipe.conditions, rng)
     plant = Plant(made.plant.machine, visits, made.plant.station)
-    jitter = case.recipe.noise.jitter(plant.machine, made.repeatability, len(visits), rng)
+    jitter = plant.machine.jitter(made.repeatability, len(visits), rng)
     true = made.in_frame(plant.seen(made.active, jitter))
     columns = {**visits.columns(case.recipe.conditions), **commands.covariates}
     return as_dataset(case.recipe, commands.pose, commands.q, columns, case.recipe.noise.measured(true, rng))

@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 
 MASS_SPREAD = 0.04
 """1 sigma of each mass about nominal."""
+ACROSS = 0.3
+"""Repeatability across a track, as a share of that along it."""
 REACH = 0.8
 """Drives and guideways err over places from -REACH to REACH, whatever the machine's range."""
 
@@ -88,6 +90,11 @@ class Machine:
         return self.robot.n_actuators
 
     @property
+    def per_metre(self) -> float:
+        """Repeatability of a cart, in its own unit, for one m."""
+        return 1.0
+
+    @property
     def n_rods(self) -> int:
         """How many rods it has."""
         return len(self.robot.rods)
@@ -145,6 +152,18 @@ class Machine:
     def unbent(self, visits: int) -> Deviation:
         """A deviation of zero at a number of visits."""
         return Deviation.none(visits, self.n_carts, self.n_rods)
+
+    def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        """What carts of a repeatability (n,), m, add at every visit."""
+        deviation = self.unbent(visits)
+        deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
+        sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, self.n_carts, 2))
+        deviation.shift[:] = np.einsum("nca,cai->nci", sideways, self.across)
+        return deviation
+
+    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, p) derivative of the poses by the geometry's parameters, in units of their tolerances."""
+        return np.asarray(self.kinematics.geometry_jacobian(q, poses) * self.geometry.tolerance)
 
     def ends(self, q: Floats, deviation: Deviation) -> RodEnds:
         """Where the rods end at commands q (N, n), and how long they are."""

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ConvergenceError
+from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.arms.situation import ArmSituation
 from gtpin.plant.causes.cause import Cause
-from gtpin.plant.deviation import Deviation
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
@@ -39,18 +41,18 @@ class Plant:
         (3,) where the instrument stands, base frame, m.
     """
 
-    machine: Machine
+    machine: Machine | ArmMachine
     visits: Visits
     station: Floats
 
     @cached_property
-    def ideal(self) -> Situation:
-        """The machine without any error but its geometry's."""
-        q, unbent = self.visits.q, self.machine.unbent(len(self.visits))
-        poses = self.machine.kinematics.forward(q)
-        return Situation(self.machine, self.visits, poses, self.machine.ends(q, unbent))
+    def ideal(self) -> Any:
+        """The machine without any error but its geometry's: an ArmSituation of an arm, else a Situation."""
+        if isinstance(self.machine, ArmMachine):
+            return ArmSituation.of(self.machine, self.visits)
+        return Situation.of(self.machine, self.visits)
 
-    def settled(self, active: Active, jitter: Deviation | None = None) -> tuple[Situation, Deviation]:
+    def settled(self, active: Active, jitter: Any = None) -> tuple[Any, Any]:
         """The postures reached with some causes, and with ``jitter`` on top that goes by nothing.
 
         Raises
@@ -61,21 +63,19 @@ class Plant:
         now = self.ideal
         for _ in range(ROUNDS):
             deviation = self._total(now, active, jitter)
-            ends = self.machine.ends(self.visits.q, deviation)
-            poses = self.machine.close(now.poses, ends)
-            change = np.abs(poses.minus(now.poses)).max()
-            now = Situation(self.machine, self.visits, poses, ends)
+            before, now = now, now.settled_by(deviation)
+            change = np.abs(now.poses.minus(before.poses)).max()
             if change < SETTLED:
                 return now, deviation
         raise ConvergenceError("the machine does not come to rest", hint="make the effects smaller")
 
-    def _total(self, now: Situation, active: Active, jitter: Deviation | None) -> Deviation:
+    def _total(self, now: Any, active: Active, jitter: Any) -> Any:
         total = now.unbent() if jitter is None else jitter
         for cause, amplitude in active:
             total = total + cause(now) * amplitude
         return total
 
-    def seen(self, active: Active, jitter: Deviation | None = None) -> Poses:
+    def seen(self, active: Active, jitter: Any = None) -> Poses:
         """(N) poses that the instrument would read without noise, base frame."""
         now, deviation = self.settled(active, jitter)
         T = now.poses.T + np.einsum("nij,nj->ni", now.poses.R, deviation.target) - self.station

@@ -125,7 +125,9 @@ class Rods:
         before, after = nominal.ends(robot.home_q[None]), self.ends(robot.home_q[None])
 
         def way(s: Floats, _: npt.NDArray[np.int_]) -> RodEnds:
-            return RodEnds(*(a + s[0] * (b - a) for a, b in zip(vars(before).values(), vars(after).values())))
+            return RodEnds(
+                *(a + s[0] * (b - a) for a, b in zip(vars(before).values(), vars(after).values(), strict=True))
+            )
 
         return led(way, _assembled(nominal, before), self.size)
 

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gtpin.data.files import read_bytes
 from gtpin.errors import GtpinError
-from gtpin.plant.build import build, known_robot
-from gtpin.plant.case import ENERGY, Case
+from gtpin.plant.build import build, capacity, known_robot
+from gtpin.plant.case import Case, energies
 from gtpin.plant.causes.kinds import kind
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.recipe import Recipe, Wanted
@@ -92,10 +92,10 @@ def simulate_scenario(
     seed = scenario.seed if seed is None else seed
     rng = np.random.default_rng(np.random.SeedSequence([seed, 4]))
     reference = robot or scenario.robot
-    wanted = []
+    known, wanted = known_robot(reference), []
     for number, effect in enumerate(scenario.effect):
         try:
-            sites = kind(effect.id).sites(known_robot(reference))
+            sites = kind(effect.id, known).sites(known)
             if not sites:
                 raise GtpinError(f"{effect.id} can't be on {reference}", hint="choose what the robot's parts can have")
             if effect.site is not None and effect.site not in sites:
@@ -103,10 +103,10 @@ def simulate_scenario(
         except GtpinError as error:
             raise GtpinError(error.what, file=file, column=f"effect.{number}", hint=error.hint) from None
         site = effect.site or str(rng.choice(sites))
-        drawn = float(np.exp(rng.uniform(*np.log(ENERGY))))
+        drawn = float(np.exp(rng.uniform(*np.log(energies(known)))))
         energy = effect.energy or (drawn if effect.amplitude is None else None)
         wanted.append(Wanted(effect.id, site, energy, effect.amplitude))
-    needs = {need for effect in scenario.effect for need in kind(effect.id).needs}
+    needs = {need for effect in scenario.effect for need in kind(effect.id, known).needs}
     given = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
     recipe = Recipe(
         tuple(wanted),
@@ -115,7 +115,7 @@ def simulate_scenario(
         poses=scenario.poses if poses is None else poses,
         held_out=scenario.held_out,
         noise=scenario.noise,
-        conditions=Conditions.draw(rng, needs).model_copy(update=given),
+        conditions=Conditions.draw(rng, needs, capacity(known)).model_copy(update=given),
         background=scenario.background,
     )
     return build(recipe)

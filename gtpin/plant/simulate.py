@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.data import Commands, Dataset, Instrument
 from gtpin.errors import GtpinError, UnreachableError
-from gtpin.kinematics.poses import Poses
-from gtpin.model.model import Model
+from gtpin.plant.arms.reach import in_front
+from gtpin.plant.poses import Poses
+from gtpin.plant.true_robot import Open, TrueRobot, true_robot
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -44,19 +45,19 @@ class Simulation:
     """
 
     dataset: Dataset
-    machine: Model
+    machine: TrueRobot
     commands: Commands
     truth: Poses
 
 
-def draw_machine(robot: Robot, rng: np.random.Generator) -> Model:
+def draw_machine(robot: Robot, rng: np.random.Generator) -> TrueRobot:
     """A machine whose every geometric parameter is off by a normal draw from its tolerance."""
     geometry = Geometry.nominal(robot)
     drawn = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
-    return Model(geometry.with_values(drawn))
+    return true_robot(geometry.with_values(drawn))
 
 
-def draw_commands(machine: Model, count: int, rng: np.random.Generator) -> Floats:
+def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> Floats:
     """(count, n) commands, uniform over the part of the ranges where the machine is as well conditioned as around home.
 
     Raises
@@ -64,7 +65,9 @@ def draw_commands(machine: Model, count: int, rng: np.random.Generator) -> Float
     UnreachableError
         If hardly any commands can be reached.
     """
-    robot = machine.robot
+    if isinstance(machine, Open):
+        return in_front(machine.machine, count, rng)
+    robot = machine.geometry.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
     at_home = _gain(machine, robot.home_q[None])[0]
@@ -89,16 +92,16 @@ def draw_commands(machine: Model, count: int, rng: np.random.Generator) -> Float
     )
 
 
-def _gain(machine: Model, q: Floats) -> Floats:
+def _gain(machine: TrueRobot, q: Floats) -> Floats:
     """(N,) motion of the TCP by unit motions of the actuators; infinite where the machine can't go."""
-    poses = machine.kinematics.forward(q)
+    poses = machine.predict(q)
     gain = np.full(len(q), np.inf)
     there = poses.reached
-    gain[there] = np.linalg.norm(machine.kinematics.command_jacobian(q[there], poses[there]), axis=(1, 2))
+    gain[there] = np.linalg.norm(machine.command_jacobian(q[there], poses[there]), axis=(1, 2))
     return gain
 
 
-def measure(machine: Model, q: Floats, instrument: Instrument, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def measure(machine: TrueRobot, q: Floats, instrument: Instrument, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Measured positions (N, 3), m, and quaternions (N, 4), wxyz, with the instrument's noise.
 
     Raises

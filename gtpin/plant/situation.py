@@ -34,6 +34,17 @@ class Situation:
     poses: Poses
     ends: RodEnds
 
+    @staticmethod
+    def of(machine: Machine, visits: Visits) -> Situation:
+        """The machine without any error but its geometry's."""
+        ends = machine.ends(visits.q, machine.unbent(len(visits)))
+        return Situation(machine, visits, machine.kinematics.forward(visits.q), ends)
+
+    def settled_by(self, deviation: Deviation) -> Situation:
+        """The postures with a deviation, from near ones."""
+        ends = self.machine.ends(self.visits.q, deviation)
+        return Situation(self.machine, self.visits, self.machine.close(self.poses, ends), ends)
+
     def __len__(self) -> int:
         return len(self.visits)
 

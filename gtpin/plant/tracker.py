@@ -9,7 +9,8 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.data import Instrument
-from gtpin.plant.deviation import Deviation
+from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.arms.urdf import Frame
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
@@ -19,9 +20,6 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Micro = Annotated[float, Field(ge=0.0, le=1e-3)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-
-ACROSS = 0.3
-"""Repeatability across a track, as a share of that along it."""
 
 
 class Noise(BaseModel):
@@ -47,6 +45,8 @@ class Noise(BaseModel):
         Whether orientations are measured.
     free
         Whether the instrument measures in a frame of its own, somewhere in the hall.
+    free_target
+        Whether what is measured sits on an arm's platform some tens of mm from the TCP, turned at will, nobody knows how.
     station
         Where the instrument stands, base frame, m.
     """
@@ -62,6 +62,7 @@ class Noise(BaseModel):
     gross: Share = 0.0
     orientations: bool = True
     free: bool = False
+    free_target: bool = False
     station: tuple[Finite, Finite, Finite] = (1.5, -7.0, 0.3)
 
     @property
@@ -74,27 +75,24 @@ class Noise(BaseModel):
     def instrument(self) -> Instrument:
         """What the dataset states of the instrument."""
         frame: Literal["robot", "free"] = "free" if self.free else "robot"
+        target: Literal["free"] | None = "free" if self.free_target else None
         if not self.declared:
-            return Instrument(frame=frame)
+            return Instrument(frame=frame, target=target)
         turns = self.orientation_sigma if self.orientations else None
-        return Instrument(position_sigma=self.position_sigma, orientation_sigma=turns, frame=frame)
+        return Instrument(position_sigma=self.position_sigma, orientation_sigma=turns, frame=frame, target=target)
 
     def elsewhere(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """The base frame in the instrument's own frame: T (3,), m, and R (3, 3); z vertical to about half a degree."""
         turn = exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])) @ exp(0.01 * rng.standard_normal(3))
         return np.asarray(rng.uniform(-5.0, 5.0, 3)), np.asarray(turn)
 
-    def repeatability_of(self, machine: Machine, rng: np.random.Generator) -> Floats:
-        """(n,) 1 sigma of each cart along its track, m."""
-        return rng.uniform(*self.repeatability, machine.n_carts)
+    def repeatability_of(self, machine: Machine | ArmMachine, rng: np.random.Generator) -> Floats:
+        """(n,) 1 sigma of each cart along its track, m, or of each joint of an arm, rad or m."""
+        return np.asarray(rng.uniform(*self.repeatability, machine.n_carts) * machine.per_metre)
 
-    def jitter(self, machine: Machine, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
-        """What carts of a repeatability (n,), m, add at every visit."""
-        deviation = machine.unbent(visits)
-        deviation.travel[:] = sigmas * rng.standard_normal((visits, machine.n_carts))
-        sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, machine.n_carts, 2))
-        deviation.shift[:] = np.einsum("nca,cai->nci", sideways, machine.across)
-        return deviation
+    def target(self, rng: np.random.Generator) -> Frame:
+        """Where the target of an arm sits in the TCP frame."""
+        return Frame(-1, exp(rng.standard_normal(3)), np.asarray(rng.uniform(-0.06, 0.06, 3)))
 
     def measured(self, true: Poses, rng: np.random.Generator) -> Poses:
         """Poses (N) as the instrument reads them."""

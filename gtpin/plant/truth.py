@@ -17,6 +17,7 @@ from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
 from gtpin.output.ownership import foreign
 from gtpin.output.results import results_folder
+from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.recipe import Recipe
@@ -80,7 +81,7 @@ class Case:
     commands: Commands
     truth: Poses
     effects: tuple[Truth, ...]
-    machine: Machine
+    machine: Machine | ArmMachine
     visits: Visits
     true: Poses
     background: float

@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
+from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.arms.reach import in_front
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.day import Day
 from gtpin.plant.machine import Machine
@@ -103,7 +105,9 @@ def session_ids(session: Ints) -> Ids:
     return np.array([str(s) for s in session], dtype=object)
 
 
-def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator) -> Visits:
+def plan(
+    machine: Machine | ArmMachine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator
+) -> Visits:
     """A day's visits: ``poses`` poses, a tenth of them twice, and ``held_out`` others in between.
 
     Raises
@@ -111,7 +115,8 @@ def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rn
     UnreachableError
         If hardly any poses can be reached.
     """
-    q = reachable(machine, poses + held_out, rng)
+    count = poses + held_out
+    q = in_front(machine, count, rng) if isinstance(machine, ArmMachine) else reachable(machine, count, rng)
     again = rng.choice(poses, size=int(REPEATED * poses), replace=False)
     pose = np.concatenate([np.arange(poses + held_out), again])
     pose = rng.permutation(pose)

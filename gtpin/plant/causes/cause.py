@@ -4,31 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from gtpin.errors import GtpinError
-from gtpin.plant.deviation import Deviation
-from gtpin.plant.situation import Situation
+from gtpin.plant.arms.robot import Arm
 from gtpin.robot.robot import Robot
 
-Cause = Callable[[Situation], Deviation]
-"""One machine's own error at its typical size: what it does in a situation."""
-Where = Literal["carts", "guides", "turning", "links", "arm", "frame", "platform"]
+Cause = Callable[[Any], Any]
+"""One machine's own error at its typical size: the deviation of that machine in a situation of its."""
+Where = Literal["carts", "guides", "turning", "joints", "coupled", "links", "arm", "frame", "platform"]
 
 
 @dataclass(frozen=True)
 class Site:
-    """A place in the machine: its name, the cart where it is one, and the rods that belong to it."""
+    """A place in the machine: its name, the cart or joint where it is one, and the rods or links that belong to it."""
 
     name: str
     cart: int
     rods: tuple[int, ...]
 
     @staticmethod
-    def of(robot: Robot, name: str) -> Site:
-        """The site of a name."""
+    def of(robot: Robot | Arm, name: str) -> Site:
+        """The site of a name; links of an arm are counted by the joints that move them."""
+        if isinstance(robot, Arm):
+            if name in robot.sites:
+                return Site(name, robot.sites.index(name), ())
+            if name in robot.link_sites:
+                return Site(name, -1, (robot.link_sites.index(name),))
+            return Site(name, -1, tuple(range(robot.n_actuators)))
         if name in robot.sites:
             cart = robot.sites.index(name)
             return Site(name, cart, tuple(i for i, r in enumerate(robot.rods) if cart in (r.carrier, r.extension)))
@@ -47,7 +52,8 @@ class Kind:
         Its id: the contract's, or one that no catalogue has.
     where
         At which sites it occurs: ``carts`` are all that drives move, ``guides`` those of them that slide along a track,
-        ``turning`` the same where any of them carries more than one joint; ``arm`` means all links at once, or one of them.
+        ``turning`` the same where any of them carries more than one joint; ``joints`` are those of an arm, ``coupled`` the
+        same where there are several; ``arm`` means all links at once, or one of them.
     draw
         Draws one machine's own case of it, at its typical size.
     needs
@@ -62,8 +68,10 @@ class Kind:
     needs: tuple[str, ...] = ()
     largest: float = 20.0
 
-    def sites(self, robot: Robot) -> tuple[str, ...]:
+    def sites(self, robot: Robot | Arm) -> tuple[str, ...]:
         """Names of the sites at which it can occur; none where the robot has no such."""
+        if isinstance(robot, Arm):
+            return self._on_arm(robot)
         if self.where == "carts":
             return robot.sites
         if self.where in ("guides", "turning"):
@@ -77,7 +85,18 @@ class Kind:
             return robot.rod_sites if self.where == "links" else ("arm", *robot.rod_sites)
         return (self.where,)
 
-    def at(self, robot: Robot, site: str, rng: np.random.Generator) -> Cause:
+    def _on_arm(self, robot: Arm) -> tuple[str, ...]:
+        """Only what moves the TCP."""
+        if self.where in ("joints", "coupled"):
+            return (
+                tuple(robot.sites[c] for c in robot.acting) if self.where == "joints" or len(robot.acting) > 1 else ()
+            )
+        if self.where in ("links", "arm"):
+            links = tuple(robot.link_sites[c] for c in robot.acting)
+            return links if self.where == "links" else ("arm", *links)
+        return (self.where,)
+
+    def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator) -> Cause:
         """One machine's own case of it.
 
         Raises

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from gtpin.errors import GtpinError
+from gtpin.plant.arms.robot import Arm
 from gtpin.plant.causes import drives, guides, heat, instrument, joints, stiffness, unlisted_loads, unlisted_structure
+from gtpin.plant.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED
 from gtpin.plant.causes.cause import Kind
 from gtpin.robot.robot import Robot
 
@@ -45,21 +47,34 @@ UNLISTED = (
 """What is in no catalogue."""
 
 
-def possible(kinds: tuple[Kind, ...], robot: Robot) -> tuple[Kind, ...]:
+def possible(kinds: tuple[Kind, ...], robot: Robot | Arm) -> tuple[Kind, ...]:
     """Those of some kinds that can occur on a robot."""
     return tuple(kind for kind in kinds if kind.sites(robot))
 
 
-def kind(name: str) -> Kind:
-    """The kind of a name.
+def listed(robot: Robot | Arm) -> tuple[Kind, ...]:
+    """What can occur on a robot and is in the contract's tables."""
+    return possible(ARM_CATALOGUE if isinstance(robot, Arm) else CATALOGUE, robot)
+
+
+def unlisted(robot: Robot | Arm) -> tuple[Kind, ...]:
+    """What can occur on a robot and is in no catalogue."""
+    return possible(ARM_UNLISTED if isinstance(robot, Arm) else UNLISTED, robot)
+
+
+def kind(name: str, robot: Robot | Arm) -> Kind:
+    """The kind of a name, as it is on a robot.
 
     Raises
     ------
     GtpinError
         If there is none.
     """
-    for known in (*CATALOGUE, *UNLISTED):
-        if known.name == name:
-            return known
-    names = ", ".join(k.name for k in (*CATALOGUE, *UNLISTED))
-    raise GtpinError(f"no effect is called {name!r}", hint=f"known here: {names}")
+    known = (*ARM_CATALOGUE, *ARM_UNLISTED) if isinstance(robot, Arm) else (*CATALOGUE, *UNLISTED)
+    for one in known:
+        if one.name == name:
+            return one
+    others = {k.name for k in (*CATALOGUE, *UNLISTED, *ARM_CATALOGUE, *ARM_UNLISTED)}
+    if name in others:
+        raise GtpinError(f"{name} can't be on {robot.name}", hint="choose what the robot's parts can have")
+    raise GtpinError(f"no effect is called {name!r}", hint=f"known here: {', '.join(k.name for k in known)}")

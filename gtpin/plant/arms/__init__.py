@@ -1,0 +1,1 @@
+"""Virtual machines that are open chains of turning and sliding joints."""

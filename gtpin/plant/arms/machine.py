@@ -1,0 +1,225 @@
+"""An arm as it was really built: joints off their places, masses off nominal, and a target that sits somewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.arms.deviation import ArmDeviation
+from gtpin.plant.arms.robot import Arm
+from gtpin.plant.arms.tree import Bending, Placed, moved, placed
+from gtpin.plant.arms.urdf import Frame, Joint
+from gtpin.plant.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+
+MASS_SPREAD = 0.04
+"""1 sigma of each mass about nominal."""
+CENTRE_SPREAD = 0.01
+"""1 sigma of each body's centre, m."""
+RANGE, WIDEST = 0.6, 2.4
+"""Commands lie within this share of each range about its middle, and no farther from it than so many rad."""
+REACH = 0.8
+"""What places run to: see :meth:`ArmMachine.places`."""
+PER_METRE = 5.0
+"""Repeatability of a turning joint, rad, for one m of a cart: ISO 9283 repeatability of small arms is some 30 um at 3 sigma."""
+NUDGE = 1e-6
+"""Step of the differences by which derivatives are found, m and rad."""
+FRAME_FREE = np.array([1.0] * 3 + [1.0] * 3)
+TARGET_FREE = np.array([0.3] * 3 + [1.0] * 3)
+"""1 sigma of a frame and of a target that nobody knows, m and rad: wide enough not to matter."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMachine:
+    """An arm with n commanded joints.
+
+    Parameters
+    ----------
+    robot
+        The nominal one.
+    twists, tool
+        (n, 6) and (6,): each placement is the nominal one times the exponential of its twist, m and rad.
+    masses, centres
+        (J,) kg and (J, 3) m, own frames, of the bodies of all moving joints.
+    target
+        Placement of what is measured, in the TCP frame.
+    free
+        Whether the instrument's frame is unknown to who measures, and whether the target's is.
+    """
+
+    robot: Arm
+    twists: Floats
+    tool: Floats
+    masses: Floats
+    centres: Floats
+    target: Frame
+    free: tuple[bool, bool] = (False, False)
+
+    @staticmethod
+    def nominal(robot: Arm) -> ArmMachine:
+        """The machine that the URDF describes."""
+        masses, centres = [j.mass for j in robot.joints], [j.centre for j in robot.joints]
+        at_tcp = Frame(-1, np.eye(3), np.zeros(3))
+        twists = np.zeros((robot.n_actuators, 6))
+        return ArmMachine(robot, twists, np.zeros(6), np.array(masses), np.array(centres), at_tcp)
+
+    @staticmethod
+    def draw(robot: Arm, rng: np.random.Generator) -> ArmMachine:
+        """A machine off nominal by normal draws from the tolerances, and by some per cent in its masses."""
+        twists = robot.tolerance * rng.standard_normal((robot.n_actuators + 1, 6))
+        nominal = ArmMachine.nominal(robot)
+        return replace(
+            nominal,
+            twists=twists[:-1],
+            tool=twists[-1],
+            masses=nominal.masses * (1.0 + MASS_SPREAD * rng.standard_normal(len(nominal.masses))),
+            centres=nominal.centres + CENTRE_SPREAD * rng.standard_normal(nominal.centres.shape),
+        )
+
+    def with_twists(self, twists: Floats, tool: Floats) -> ArmMachine:
+        """The same with other twists (n, 6) of its joints and (6,) of its tool."""
+        return replace(self, twists=twists, tool=tool)
+
+    @property
+    def n_carts(self) -> int:
+        """How many joints are commanded."""
+        return self.robot.n_actuators
+
+    @cached_property
+    def per_metre(self) -> Floats:
+        """(n,) repeatability of each joint, rad or m, for one m of a cart."""
+        return np.where(self.robot.slides, 1.0, PER_METRE)
+
+    def usual_load(self, cart: int) -> float:
+        """What a commanded joint usually holds, N m: a scale for its stiffness; that of the first for one not on the way."""
+        return float(self._usual[cart])
+
+    @cached_property
+    def _usual(self) -> Floats:
+        robot = self.robot
+        first = robot.usual_moment(robot.way[0]) if robot.way else 1.0
+        return np.array([robot.usual_moment(j) if j in robot.way else first for j in robot.counted])
+
+    def flexibility(self, cart: int) -> float:
+        """1/EI of a link made for its load, 1/(N m^2): it turns by 0.1 mrad under half of what its joint usually holds."""
+        return 1e-4 / (self.robot.length(self.robot.counted[cart]) * 0.5 * float(self._usual[cart]))
+
+    @cached_property
+    def common_flexibility(self) -> float:
+        """1/EI of links of one section: that of the stiffest."""
+        return min(self.flexibility(cart) for cart in self.robot.acting)
+
+    # -------------------------------------------------------------------------------------------------- motion
+
+    @cached_property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints where they really are."""
+        found = list(self.robot.joints)
+        for twist, j in zip(self.twists, self.robot.counted, strict=True):
+            R, p = moved(found[j].R, found[j].p, twist)
+            found[j] = replace(found[j], R=R, p=p)
+        return tuple(found)
+
+    @cached_property
+    def tcp(self) -> Frame:
+        """The TCP where it really is."""
+        return Frame(self.robot.tcp.joint, *moved(self.robot.tcp.R, self.robot.tcp.p, self.tool))
+
+    @cached_property
+    def seen(self) -> Frame:
+        """What is measured."""
+        tcp = self.tcp
+        return Frame(tcp.joint, tcp.R @ self.target.R, tcp.p + tcp.R @ self.target.p)
+
+    def coordinates(self, q: Floats) -> Floats:
+        """(N, J) coordinates of all joints at commands q (N, n): the others follow, or rest at zero."""
+        x = np.zeros((len(q), len(self.joints)))
+        x[:, list(self.robot.counted)] = q
+        for j, joint in enumerate(self.joints):
+            if joint.follows is not None:
+                leader, factor, offset = joint.follows
+                x[:, j] = factor * x[:, leader] + offset
+        return x
+
+    def bodies(self, q: Floats, deviation: ArmDeviation | None = None) -> tuple[Placed, Floats | None]:
+        """The bodies at commands q (N, n), and their ends' deviation, as in :class:`~gtpin.plant.arms.tree.Bending`."""
+        if deviation is None:
+            return placed(self.joints, self.coordinates(q)), None
+        bending = Bending(self._on_all(deviation.axis), self._on_all(deviation.tip))
+        return placed(self.joints, self.coordinates(q + deviation.travel), bending), bending.tip
+
+    def _on_all(self, counted: Floats) -> Floats | None:
+        if not counted.any():
+            return None
+        whole = np.zeros((len(counted), len(self.joints), 6))
+        whole[:, list(self.robot.counted)] = counted
+        return whole
+
+    def forward(self, q: Floats) -> Poses:
+        """Poses of the target at commands q (N, n), base frame, without any effect."""
+        return self.bodies(q)[0].at(self.seen)
+
+    def unbent(self, visits: int) -> ArmDeviation:
+        """A deviation of zero at a number of visits."""
+        return ArmDeviation.none(visits, self.n_carts)
+
+    def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> ArmDeviation:
+        """What joints of a repeatability (n,), rad or m, add at every visit."""
+        deviation = self.unbent(visits)
+        deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
+        return deviation
+
+    # ------------------------------------------------------------------------------------------------- commands
+
+    @cached_property
+    def region(self) -> tuple[Floats, Floats]:
+        """(n,) middles and half widths of the commands that it is sent to."""
+        lower, upper = self.robot.lower, self.robot.upper
+        open_ended = ~np.isfinite(upper - lower)
+        middle = np.where(open_ended, 0.0, (np.where(open_ended, 0.0, lower) + np.where(open_ended, 0.0, upper)) / 2.0)
+        half = np.where(open_ended, np.where(self.robot.slides, 0.5, np.pi), np.where(open_ended, 0.0, upper - middle))
+        return middle, np.where(self.robot.slides, RANGE * half, np.minimum(RANGE * half, WIDEST))
+
+    def places(self, q: Floats) -> Floats:
+        """(N, n) where commands (N, n) are in the region that is used: from -REACH to REACH."""
+        middle, half = self.region
+        return np.asarray(REACH * (q - middle) / half)
+
+    # ---------------------------------------------------------------------------------------------- derivatives
+
+    def command_jacobian(self, q: Floats) -> Floats:
+        """(N, 6, n) derivative of the target's pose by the commands: position and rotation vector, base frame."""
+        steps = NUDGE * np.eye(self.n_carts)
+        pairs = [(self.forward(q + step), self.forward(q - step)) for step in steps]
+        return np.stack([one.minus(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
+
+    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, p) derivative of the target's poses by all that a calibration identifies, in units of its tolerances.
+
+        All placements and the tool; where they are free, the instrument's frame and the target.
+        """
+        columns = []
+        for i in range(self.n_carts + 1):
+            for c in range(6):
+                step = np.zeros((self.n_carts + 1, 6))
+                step[i, c] = NUDGE
+                pair = [
+                    replace(self, twists=self.twists + s * step[:-1], tool=self.tool + s * step[-1]).forward(q)
+                    for s in (1.0, -1.0)
+                ]
+                columns.append(pair[0].minus(pair[1]) / (2.0 * NUDGE) * self.robot.tolerance[c])
+        found = [np.stack(columns, axis=2)]
+        if self.free[0]:
+            turning = np.zeros((len(q), 6, 6))
+            turning[:] = np.eye(6)
+            turning[:, :3, 3:] = np.cross(np.eye(3), poses.T[:, None]).transpose(0, 2, 1)
+            found.append(turning * FRAME_FREE)
+        if self.free[1]:
+            own = np.zeros((len(q), 6, 6))
+            own[:, :3, :3] = own[:, 3:, 3:] = poses.R
+            found.append(own * TARGET_FREE)
+        return np.concatenate(found, axis=2)

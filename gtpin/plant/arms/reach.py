@@ -1,0 +1,48 @@
+"""Which commands an arm is sent to: in front of its base, above its floor, neither folded nor stretched out."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.arms.machine import ArmMachine
+
+Floats = npt.NDArray[np.float64]
+
+NEAR, FAR = 0.25, 0.92
+"""Distances of the TCP from the base's first axis and origin, in lengths of the stretched chain."""
+FLOOR = 0.02
+"""Lowest height of joints and TCP over the base against gravity, in the same lengths."""
+FRONT = 2.0
+"""Half the angle of the sector in front of the base, rad."""
+RESOLUTION = 1e-6
+"""Commands are rounded to this, rad or m."""
+TRIES = 200
+
+
+def in_front(machine: ArmMachine, count: int, rng: np.random.Generator) -> Floats:
+    """(count, n) commands within the middle of the ranges; any of them where the arm can't be in front of its base."""
+    middle, half = machine.region
+    found, spare = np.zeros((0, machine.n_carts)), np.zeros((0, machine.n_carts))
+    for _ in range(TRIES):
+        q = middle + half * rng.uniform(-1.0, 1.0, (count, machine.n_carts))
+        q = np.round(q / RESOLUTION) * RESOLUTION
+        spare = q
+        found = np.vstack([found, q[_sound(machine, q)]])
+        if len(found) >= count:
+            return found[:count]
+    return spare
+
+
+def _sound(machine: ArmMachine, q: Floats) -> npt.NDArray[np.bool_]:
+    robot = machine.robot
+    bodies = machine.bodies(q)[0]
+    tcp = bodies.at(machine.tcp).T
+    whole = robot.reach_from(robot.way[0]) if robot.way else 1.0
+    up = -robot.gravity / (float(np.linalg.norm(robot.gravity)) or 1.0)
+    heights = np.column_stack([bodies.p[:, j] @ up for j in robot.way[1:]] + [tcp @ up])
+    distance = np.linalg.norm(tcp, axis=1)
+    sideways = tcp - np.outer(tcp @ up, up)
+    ahead = np.abs(np.arctan2(sideways[:, 1], sideways[:, 0])) <= FRONT
+    clear = np.linalg.norm(sideways, axis=1) >= NEAR * whole
+    return np.asarray((heights > FLOOR * whole).all(axis=1) & (distance < FAR * whole) & clear & ahead)

@@ -1,0 +1,148 @@
+"""An arm as its URDF says it is: which joints are commanded, where its TCP is, what it may carry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import RobotError
+from gtpin.plant.arms.urdf import Frame, Joint, Urdf, read_urdf
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+TOLERANCE = 5e-4
+"""1 sigma of every placement, m and rad, where the URDF gives none."""
+CARRIES = 0.2
+"""Payload over moving mass: a UR5 carries 5 kg at 18 kg, a Panda 3 kg at 16 kg, a UR10 10 kg at 27 kg (their data sheets)."""
+SHORTEST = 0.05
+"""Links count as this long at least, m: a wrist's offsets are no measure of its housing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """The nominal robot: an open chain.
+
+    Parameters
+    ----------
+    name
+    joints
+        All its moving joints, parents first.
+    counted
+        Indices of the commanded joints, in the order of q.
+    tcp
+        The TCP frame.
+    gravity
+        (3,) base frame, m/s^2.
+    tolerance
+        (6,) 1 sigma of the placement of each joint and of the tool, m and rad.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    counted: tuple[int, ...]
+    tcp: Frame
+    gravity: Floats
+    tolerance: Floats
+
+    @staticmethod
+    def of(robot: Robot) -> Arm:
+        """The arm of a robot without loops: names and choices are the package's, numbers those of the URDF's text.
+
+        Raises
+        ------
+        RobotError
+            If it has loops.
+        """
+        if robot.description.loops:
+            raise RobotError(
+                f"{robot.name} has loops that are no rods", hint="the plant makes open chains and six rods"
+            )
+        urdf: Urdf = read_urdf(robot.description.xml)
+        told = robot.tolerance
+        tolerance = [told.get("placement_position", TOLERANCE)] * 3 + [told.get("placement_rotation", TOLERANCE)] * 3
+        return Arm(
+            robot.name,
+            urdf.joints,
+            tuple(urdf.index(actuator.joint) for actuator in robot.actuators),
+            urdf.links[robot.tcp_frame],
+            np.array(robot.description.gravity),
+            np.array(tolerance),
+        )
+
+    @property
+    def n_actuators(self) -> int:
+        """Number of commands."""
+        return len(self.counted)
+
+    @cached_property
+    def sites(self) -> tuple[str, ...]:
+        """Names of the commanded joints."""
+        return tuple(self.joints[j].name for j in self.counted)
+
+    @cached_property
+    def link_sites(self) -> tuple[str, ...]:
+        """Names of the links that they move."""
+        return tuple(self.joints[j].link for j in self.counted)
+
+    @cached_property
+    def lower(self) -> Floats:
+        """(n,) lower ends of the ranges."""
+        return np.array([self.joints[j].lower for j in self.counted])
+
+    @cached_property
+    def upper(self) -> Floats:
+        """(n,) upper ends of the ranges."""
+        return np.array([self.joints[j].upper for j in self.counted])
+
+    @cached_property
+    def slides(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether a joint slides instead of turning."""
+        return np.array([self.joints[j].slides for j in self.counted])
+
+    @cached_property
+    def way(self) -> tuple[int, ...]:
+        """Indices of all joints from the base to the TCP."""
+        found, joint = [], self.tcp.joint
+        while joint >= 0:
+            found.append(joint)
+            joint = self.joints[joint].parent
+        return tuple(reversed(found))
+
+    @cached_property
+    def acting(self) -> tuple[int, ...]:
+        """Which of the commands move the TCP."""
+        return tuple(c for c, j in enumerate(self.counted) if j in self.way)
+
+    def next_frame(self, joint: int) -> Frame:
+        """Where the body of a joint on the way ends: at the next joint, the last at the TCP. Frame on that body."""
+        place = self.way.index(joint)
+        if place + 1 == len(self.way):
+            return self.tcp
+        following = self.joints[self.way[place + 1]]
+        return Frame(joint, following.R, following.p)
+
+    def length(self, joint: int) -> float:
+        """Length of the body of a joint on the way, m."""
+        return max(float(np.linalg.norm(self.next_frame(joint).p)), SHORTEST)
+
+    def reach_from(self, joint: int) -> float:
+        """Length of the stretched chain from a joint on the way to the TCP, m."""
+        return sum(self.length(j) for j in self.way[self.way.index(joint) :])
+
+    @cached_property
+    def capacity(self) -> float:
+        """What it carries, kg: by its moving mass, in steps of 0.5 kg."""
+        mass = sum(joint.mass for joint in self.joints)
+        return max(0.5, round(2.0 * CARRIES * mass) / 2.0)
+
+    def usual_moment(self, joint: int) -> float:
+        """What a joint on the way usually holds, N m: 0.4 of what it holds with chain and payload stretched out."""
+        g, moment, way = float(np.linalg.norm(self.gravity)) or 9.81, 0.0, 0.0
+        for j in self.way[self.way.index(joint) :]:
+            moment += self.joints[j].mass * (way + 0.5 * self.length(j))
+            way += self.length(j)
+        return 0.4 * g * (moment + self.capacity * way)

@@ -1,0 +1,128 @@
+"""What an arm is in at every visit: posture, loads and motion. Effects depend on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.arms.deviation import ArmDeviation
+from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.arms.tree import Placed
+from gtpin.plant.poses import Poses
+from gtpin.plant.visits import Visits
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmSituation:
+    """N postures, in the order of time.
+
+    Parameters
+    ----------
+    machine, visits
+        What was moved, and how.
+    bodies
+        Where its bodies are.
+    tcp, poses
+        The TCP's poses, and those of the target, base frame.
+    """
+
+    machine: ArmMachine
+    visits: Visits
+    bodies: Placed
+    tcp: Poses
+    poses: Poses
+
+    @staticmethod
+    def of(machine: ArmMachine, visits: Visits, deviation: ArmDeviation | None = None) -> ArmSituation:
+        """The postures with some deviation."""
+        bodies, tip = machine.bodies(visits.q, deviation)
+        tcp = bodies.at(machine.tcp, tip)
+        target = machine.target
+        seen = Poses(tcp.T + tcp.R @ target.p, tcp.R @ target.R)
+        return ArmSituation(machine, visits, bodies, tcp, seen)
+
+    def settled_by(self, deviation: ArmDeviation) -> ArmSituation:
+        """The postures with another deviation."""
+        return ArmSituation.of(self.machine, self.visits, deviation)
+
+    def __len__(self) -> int:
+        return len(self.visits)
+
+    @property
+    def q(self) -> Floats:
+        """(N, n) commands, rad or m."""
+        return self.visits.q
+
+    @cached_property
+    def places(self) -> Floats:
+        """(N, n) where the commands are: see :meth:`~gtpin.plant.arms.machine.ArmMachine.places`."""
+        return self.machine.places(self.q)
+
+    def unbent(self) -> ArmDeviation:
+        """No deviation, to be filled in."""
+        return self.machine.unbent(len(self))
+
+    @cached_property
+    def _loads(self) -> tuple[Floats, Floats]:
+        """(N, J, 3) forces on all that each joint carries, N, and their moments about the base's origin, N m; base frame."""
+        machine, robot, visits = self.machine, self.machine.robot, self.visits
+        force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
+        for j in range(len(machine.joints)):
+            centre = self.bodies.p[:, j] + self.bodies.R[:, j] @ machine.centres[j]
+            force[:, j] = machine.masses[j] * robot.gravity
+            moment[:, j] = np.cross(centre, force[:, j])
+        on_tool = visits.payload[:, None] * robot.gravity + visits.force
+        if robot.tcp.joint >= 0:
+            force[:, robot.tcp.joint] += on_tool
+            moment[:, robot.tcp.joint] += np.cross(self.tcp.T, on_tool)
+        for j in reversed(range(len(machine.joints))):
+            parent = machine.joints[j].parent
+            if parent >= 0:
+                force[:, parent] += force[:, j]
+                moment[:, parent] += moment[:, j]
+        return force, moment
+
+    def borne(self, cart: int) -> tuple[Floats, Floats]:
+        """(N, 3) force, N, and moment about the joint's origin, N m, base frame, of all that a commanded joint carries."""
+        j = self.machine.robot.counted[cart]
+        force, moment = self._loads
+        return force[:, j], moment[:, j] - np.cross(self.bodies.p[:, j], force[:, j])
+
+    def axis(self, cart: int) -> Floats:
+        """(N, 3) unit vector of a commanded joint's axis, base frame."""
+        j = self.machine.robot.counted[cart]
+        return np.asarray(self.bodies.seats[:, j] @ self.machine.joints[j].axis)
+
+    def load(self, cart: int) -> Floats:
+        """(N,) what pushes a commanded joint along its coordinate: torque, N m, or force, N."""
+        force, moment = self.borne(cart)
+        along = force if self.machine.robot.slides[cart] else moment
+        return np.asarray(np.einsum("ni,ni->n", along, self.axis(cart)))
+
+    def tip_load(self, cart: int) -> tuple[Floats, Floats]:
+        """(N, 3) force, N, and moment, N m, at the end of the link of a commanded joint on the way, by what hangs on it.
+
+        In the link's frame.
+        """
+        robot, j = self.machine.robot, self.machine.robot.counted[cart]
+        place = robot.way.index(j)
+        if place + 1 < len(robot.way):
+            k = robot.way[place + 1]
+            force, moment = self._loads[0][:, k], self._loads[1][:, k]
+            moment = moment - np.cross(self.bodies.p[:, k], force)
+        else:
+            force = self.visits.payload[:, None] * robot.gravity + self.visits.force
+            moment = np.zeros_like(force)
+        R = self.bodies.R[:, j]
+        return np.einsum("nji,nj->ni", R, force), np.einsum("nji,nj->ni", R, moment)
+
+    @cached_property
+    def motion(self) -> Floats:
+        """(N, 3) unit vectors of the target's last move, base frame."""
+        step = np.einsum("nij,nj->ni", self.machine.command_jacobian(self.q)[:, :3], self.q - self.visits.before)
+        return np.asarray(step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12))

@@ -1,0 +1,1 @@
+"""Causes of error of open chains."""

@@ -1,0 +1,135 @@
+"""Errors of a joint's coordinate: what its encoder, gear and servo get wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.arms.deviation import ArmDeviation
+from gtpin.plant.arms.machine import REACH
+from gtpin.plant.arms.situation import ArmSituation
+from gtpin.plant.causes.cause import Cause, Site
+from gtpin.plant.fields import Field, curve, uneven_curve
+
+Floats = npt.NDArray[np.float64]
+
+SLIDING = 0.3
+"""m of a sliding joint for one rad of a turning one: at 0.3 m from the axis they move the TCP alike."""
+
+
+def turned(now: ArmSituation, site: Site, angle: Floats) -> ArmDeviation:
+    """A joint that is off by an angle (N,), rad; a sliding one by the length that goes with it."""
+    deviation = now.unbent()
+    deviation.travel[:, site.cart] = angle * (SLIDING if now.machine.robot.slides[site.cart] else 1.0)
+    return deviation
+
+
+def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
+    """100 ppm of the angle, a few of them not constant: a pitch error of a belt stage, or counts lost on a sliding joint."""
+    uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.01, 0.03)
+    sign = rng.choice([-1.0, 1.0])
+
+    def cause(now: ArmSituation) -> ArmDeviation:
+        q, place = now.q[:, site.cart], now.places[:, site.cart]
+        deviation = now.unbent()
+        deviation.travel[:, site.cart] = sign * 1e-4 * (q + part * uneven(place))
+        return deviation
+
+    return cause
+
+
+def linearity(site: Site, rng: np.random.Generator) -> Cause:
+    """0.1 mrad: smooth over the range, with rough patches, at times a step (absolute encoders: 20 to 100 arc seconds)."""
+    error = uneven_curve(rng, -REACH, REACH)
+    return lambda now: turned(now, site, 1e-4 * error(now.places[:, site.cart]))
+
+
+def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
+    """0.1 mrad: one to three lines of 1 to 100 periods a turn, the first of them a whole number every other time.
+
+    Strain-wave gears have kinematic errors of 0.1 to 0.5 mrad at two a turn of the input and its neighbours, eccentric
+    encoders one a turn. Amplitudes swell and fade a little over the range, and a line has a weak harmonic.
+    """
+    lines = int(rng.integers(1, 4))
+    periods = np.exp(rng.uniform(0.0, np.log(100.0), lines))
+    if rng.random() < 0.5:
+        periods = np.maximum(np.round(periods), 1.0)
+    sizes = np.array([1.0, *rng.uniform(0.3, 0.9, lines - 1)])
+    phases, second = rng.uniform(0.0, 2.0 * np.pi, (2, lines)), rng.uniform(0.0, 0.12, lines)
+    swell, depth = curve(rng, -REACH, REACH, 0.4, "twice"), rng.uniform(0.03, 0.15)
+
+    def cause(now: ArmSituation) -> ArmDeviation:
+        q = now.q[:, site.cart] * (10.0 if now.machine.robot.slides[site.cart] else 1.0)  # a turn: 0.63 m of a rack
+        angle = np.multiply.outer(q, periods)
+        wave = np.sin(angle + phases[0]) + second * np.sin(2.0 * angle + phases[1])
+        return turned(now, site, 1e-4 * (wave @ sizes) * (1.0 + depth * swell(now.places[:, site.cart])))
+
+    return cause
+
+
+def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
+    """0.1 mrad from session to session (homing, a battery changed, a crash), of which some per cent settle."""
+    shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
+
+    def cause(now: ArmSituation) -> ArmDeviation:
+        session, time = now.visits.session, now.visits.time
+        since = time - np.array([time[session == s].min() for s in session])
+        return turned(now, site, 1e-4 * shifts[session] * (1.0 - settling * np.exp(-since / 600.0)))
+
+    return cause
+
+
+def backlash(site: Site, rng: np.random.Generator) -> Cause:
+    """0.07 mrad to either side (lost motion of strain-wave gears is below 1 arc minute, 0.3 mrad, end to end).
+
+    The side is that of the last move's friction and of the load together, so a joint that gravity loads hard stays on the
+    load's side; a vertical axis has friction alone. The gap is wider where the teeth are worn.
+    """
+    drag, soft = rng.uniform(1.0, 4.0), rng.uniform(0.05, 0.2)
+    wear, worn = rng.uniform(0.03, 0.15), curve(rng, -REACH, REACH, 0.35)
+    taken = rng.uniform(0.003, 0.006)  # rad of motion until the friction has turned
+
+    def cause(now: ArmSituation) -> ArmDeviation:
+        cart, q = site.cart, now.q[:, site.cart]
+        usual = now.machine.usual_load(cart)
+        friction = drag * now.visits.approach[:, cart] * np.tanh(np.abs(q - now.visits.before[:, cart]) / taken)
+        # Friction resists the move: the output stays behind, where the last move came from.
+        side = np.tanh((now.load(cart) / usual - friction) / soft)
+        return turned(now, site, 7e-5 * side * (1.0 + wear * worn(now.places[:, cart])))
+
+    return cause
+
+
+def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
+    """0.5 ms of the speed, a part of the acceleration, and less at high speed, where feed-forward helps."""
+    saturation, inertia = rng.uniform(0.0, 0.8), rng.uniform(0.5e-5, 2e-5)
+    uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.0, 0.12)
+
+    def cause(now: ArmSituation) -> ArmDeviation:
+        speed, acceleration = now.visits.speed[:, site.cart], now.visits.acceleration[:, site.cart]
+        lag = 5e-4 * speed / (1.0 + saturation * np.abs(speed)) * (1.0 + part * uneven(now.places[:, site.cart]))
+        deviation = now.unbent()
+        deviation.travel[:, site.cart] = -lag - inertia * acceleration
+        return deviation
+
+    return cause
+
+
+def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
+    """0.1 mrad with the joints next to this one: wrist gears that pass through each other, belts along the forearm.
+
+    Mostly in proportion to the neighbours' angles, with a smooth part and one that goes with this joint's angle.
+    """
+    slopes, field = rng.standard_normal(2), Field.draw(rng, [0.6, 0.6])
+    own, part = Field.draw(rng, [0.6, 0.6, 0.6]), rng.uniform(0.05, 0.2)
+
+    def cause(now: ArmSituation) -> ArmDeviation:
+        places, cart = now.places, site.cart
+        count = places.shape[1]
+        near = sorted((j for j in range(count) if j != cart), key=lambda j: (abs(j - cart), -j))[:2]
+        others = np.zeros((len(now), 2))
+        others[:, : len(near)] = places[:, near]
+        both = np.column_stack([others, places[:, cart]])
+        return turned(now, site, 1e-4 * (others @ slopes + 0.5 * field(others) + part * own(both)))
+
+    return cause

@@ -1,0 +1,150 @@
+"""A tree of joints whose loops close at points: the passive joints follow by Newton's method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import RobotError
+from gtpin.plant.arms.tree import Placed, moved, placed
+from gtpin.plant.arms.urdf import Frame, Joint, read_urdf
+from gtpin.plant.poses import Poses
+from gtpin.plant.rotations import exp
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+STRIDES = 24
+"""In which commands go from home to where they are wanted."""
+STEPS = 8
+CLOSED = 1e-12
+"""Gap, m, at which a loop counts as closed."""
+STARTS = 40
+"""Postures that are tried at home."""
+NUDGE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """A tree of J joints, some of them driven, with L pairs of points that coincide.
+
+    Parameters
+    ----------
+    joints
+        The joints where they really are, parents first.
+    driven, passive
+        Indices of the commanded joints, and of those that follow.
+    pairs
+        Points (R of the frames is not used) that coincide.
+    tcp
+        The TCP frame.
+    home_q
+        (n,) commands at home.
+    home
+        The pose there that the URDF tells, or None.
+    """
+
+    joints: tuple[Joint, ...]
+    driven: tuple[int, ...]
+    passive: tuple[int, ...]
+    pairs: tuple[tuple[Frame, Frame], ...]
+    tcp: Frame
+    home_q: Floats
+    home: Poses | None
+
+    @staticmethod
+    def of(robot: Robot, twists: dict[str, Floats]) -> Loops:
+        """The loops of a robot whose joints are off by twists (6,), m and rad."""
+        urdf = read_urdf(robot.description.xml)
+        if any(joint.follows for joint in urdf.joints):
+            raise RobotError("a <mimic> joint in a robot with loops", hint="the plant can't close these")
+        names = [joint.name for joint in urdf.joints]
+        joints = tuple(_off(joint, twists.get(joint.name)) for joint in urdf.joints)
+        driven = tuple(names.index(actuator.joint) for actuator in robot.actuators)
+        pairs = []
+        for loop in robot.description.loops:
+            ends = []
+            for anchor in (loop.anchor1, loop.anchor2):
+                on = urdf.links[anchor.link]
+                ends.append(Frame(on.joint, on.R, on.p + on.R @ np.array(anchor.xyz)))
+            pairs.append((ends[0], ends[1]))
+        tcp, told = urdf.links[robot.tcp_frame], robot.description.home
+        home = None if told is None else Poses(np.array(told.tcp_xyz)[None], exp(told.tcp_rotvec)[None])
+        passive = tuple(j for j in range(len(joints)) if j not in driven)
+        return Loops(joints, driven, passive, tuple(pairs), tcp, robot.home_q, home)
+
+    def forward(self, q: Floats) -> Poses:
+        """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close."""
+        x = np.zeros((len(q), len(self.joints)))
+        home = self._home()
+        open_at = np.full(len(q), home is None)
+        if home is not None:
+            x[:] = home
+            for s in np.arange(1, STRIDES + 1) / STRIDES:
+                x[:, self.driven] = self.home_q + s * (q - self.home_q)
+                x, closed = self._closed(x)
+                open_at |= ~closed
+        bodies = placed(self.joints, np.nan_to_num(x))
+        poses = bodies.at(self.tcp)
+        poses.T[open_at], poses.R[open_at] = np.nan, np.nan
+        return poses
+
+    def command_jacobian(self, q: Floats) -> Floats:
+        """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
+        steps = NUDGE * np.eye(q.shape[1])
+        return np.stack([self.forward(q + s).minus(self.forward(q - s)) / (2.0 * NUDGE) for s in steps], axis=2)
+
+    def _home(self) -> Floats | None:
+        """(J,) coordinates at home: the first closed ones found, next to the pose that the URDF tells."""
+        rng, best, nearest = np.random.default_rng(0), None, np.inf
+        starts = rng.uniform(-np.pi, np.pi, (STARTS, len(self.joints)))
+        starts[0] = 0.0
+        starts[:, self.driven] = self.home_q
+        x = starts
+        for _ in range(20):
+            x, closed = self._closed(x)
+        for row in np.flatnonzero(closed):
+            if self.home is None:
+                return np.asarray(x[row])
+            off = np.abs(placed(self.joints, x[[row]]).at(self.tcp).minus(self.home)).sum()
+            if off < nearest - 1e-6:
+                best, nearest = np.asarray(x[row]), off
+        return best
+
+    def _closed(self, x: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
+        """Coordinates (N, J) with the passive joints moved to close the loops, and (N,) whether they do."""
+        x = x.copy()
+        for _ in range(STEPS):
+            bodies = placed(self.joints, x)
+            gaps, slopes = self._gaps(bodies), self._slopes(bodies)
+            step = np.clip(-(np.linalg.pinv(slopes) @ gaps[..., None])[..., 0], -0.5, 0.5)
+            x[:, self.passive] += step
+        return x, np.asarray(np.abs(self._gaps(placed(self.joints, x))).max(axis=1) < CLOSED)
+
+    def _gaps(self, bodies: Placed) -> Floats:
+        """(N, 3 L) from each second point to the first, base frame, m."""
+        return np.hstack([bodies.at(one).T - bodies.at(other).T for one, other in self.pairs])
+
+    def _slopes(self, bodies: Placed) -> Floats:
+        """(N, 3 L, p) derivative of the gaps by the passive joints."""
+        count = len(bodies.p)
+        slopes = np.zeros((count, 3 * len(self.pairs), len(self.passive)))
+        for i, pair in enumerate(self.pairs):
+            for sign, point in zip((1.0, -1.0), pair, strict=True):
+                at, joint = bodies.at(point).T, point.joint
+                while joint >= 0:
+                    if joint in self.passive:
+                        axis = bodies.seats[:, joint] @ self.joints[joint].axis
+                        slope = axis if self.joints[joint].slides else np.cross(axis, at - bodies.p[:, joint])
+                        slopes[:, 3 * i : 3 * i + 3, self.passive.index(joint)] += sign * slope
+                    joint = self.joints[joint].parent
+        return slopes
+
+
+def _off(joint: Joint, twist: Floats | None) -> Joint:
+    if twist is None:
+        return joint
+    R, p = moved(joint.R, joint.p, twist)
+    return replace(joint, R=R, p=p)

@@ -1,0 +1,123 @@
+"""A robot with a geometry of its own and no effect: where its TCP really is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import ModelError
+from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.arms.robot import Arm
+from gtpin.plant.loops import Loops
+from gtpin.plant.poses import Poses
+from gtpin.plant.rods import Rods
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+
+
+class TrueRobot(Protocol):
+    """What a simulation asks of a robot; all in the base frame."""
+
+    @property
+    def geometry(self) -> Geometry:
+        """Its true geometry."""
+
+    def predict(self, q: Floats) -> Poses:
+        """Poses at commands q (N, n); NaN where it can't go."""
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, n) derivative of the poses by the commands: position and rotation vector."""
+
+
+def true_robot(geometry: Geometry) -> TrueRobot:
+    """The robot of a geometry: on rods, an open chain, or with loops of another kind.
+
+    Raises
+    ------
+    ModelError
+        If it has rods, but not six.
+    """
+    robot = geometry.robot
+    if robot.rods:
+        if len(robot.rods) != 6:
+            raise ModelError(f"{robot.name} has {len(robot.rods)} rods", hint="six hold a platform")
+        return OnRods(geometry)
+    return Looped(geometry) if robot.description.loops else Open(geometry)
+
+
+@dataclass(frozen=True)
+class OnRods:
+    """A platform on six rods."""
+
+    geometry: Geometry
+
+    @cached_property
+    def _rods(self) -> Rods:
+        return Rods(self.geometry)
+
+    def predict(self, q: Floats) -> Poses:
+        """See :class:`TrueRobot`."""
+        return self._rods.forward(q)
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """See :class:`TrueRobot`."""
+        return self._rods.command_jacobian(q, poses)
+
+
+@dataclass(frozen=True)
+class Open:
+    """An open chain."""
+
+    geometry: Geometry
+
+    @cached_property
+    def machine(self) -> ArmMachine:
+        """The chain with its joints where the geometry puts them."""
+        robot = Arm.of(self.geometry.robot)
+        off = twists(self.geometry)
+        counted = np.array([off.get(name, np.zeros(6)) for name in robot.sites])
+        return ArmMachine.nominal(robot).with_twists(counted, off.get("platform", np.zeros(6)))
+
+    def predict(self, q: Floats) -> Poses:
+        """See :class:`TrueRobot`."""
+        return self.machine.forward(q)
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """See :class:`TrueRobot`."""
+        return self.machine.command_jacobian(q)
+
+
+@dataclass(frozen=True)
+class Looped:
+    """A chain with loops that are no rods."""
+
+    geometry: Geometry
+
+    @cached_property
+    def _loops(self) -> Loops:
+        return Loops.of(self.geometry.robot, twists(self.geometry))
+
+    def predict(self, q: Floats) -> Poses:
+        """See :class:`TrueRobot`."""
+        return self._loops.forward(q)
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """See :class:`TrueRobot`."""
+        return self._loops.command_jacobian(q)
+
+
+def twists(geometry: Geometry) -> dict[str, Floats]:
+    """Twist (6,), m and rad, of each joint whose placement is off, by its name; ``platform`` is the tool's."""
+    axes = ("x", "y", "z", "rx", "ry", "rz")
+    found: dict[str, Floats] = {}
+    for parameter, value in zip(geometry.parameters, geometry.deviation, strict=True):
+        place, _, axis = parameter.name.rpartition(".")
+        name = place.removeprefix("placement[").removesuffix("]")
+        if axis in axes and (place == "platform" or place.startswith("placement[")):
+            found.setdefault(name, np.zeros(6))[axes.index(axis)] = value
+    return found
