@@ -8,6 +8,7 @@ import numpy as np
 
 import gtpin
 from gtpin.plant.simulate import draw_commands, draw_machine
+from gtpin.plant.true_robot import true_robot
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ def without_scales(model: gtpin.Model) -> gtpin.Model:
 def draw(name: str) -> Drawn:
     """A shipped robot with a geometry of its own, and fifty commands."""
     rng = np.random.default_rng(len(name))
-    model = without_scales(draw_machine(gtpin.load_robot(name), rng))
-    q = draw_commands(model, 50, rng)
+    machine = draw_machine(gtpin.load_robot(name), rng)
+    model = without_scales(gtpin.Model(machine.geometry))
+    q = draw_commands(true_robot(model.geometry), 50, rng)
     return Drawn(model, q, model.predict(q))

@@ -53,8 +53,8 @@ def test_guideways_err_only_where_there_are_any(name: str) -> None:
     levers = any(sum(rod.carrier == robot.sites.index(site) for rod in robot.rods) > 1 for site in sliding)
     names = {k.name for k in possible(CATALOGUE, robot)}
     assert GUIDES - names == (set() if levers else {"cart_rotation"} if sliding else GUIDES)
-    assert list(kind("straightness").sites(robot)) == sliding
-    assert kind("linearity").sites(robot) == robot.sites
+    assert list(kind("straightness", robot).sites(robot)) == sliding
+    assert kind("linearity", robot).sites(robot) == robot.sites
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -29,7 +29,7 @@ PLANT = a_plant()
 
 
 def cause(name: str, site: str, seed: int = 0):
-    return kind(name).at(ROBOT, site, np.random.default_rng(seed))
+    return kind(name, ROBOT).at(ROBOT, site, np.random.default_rng(seed))
 
 
 def travel(name: str, plant: Plant, seed: int = 0) -> np.ndarray:

@@ -95,7 +95,7 @@ class ArmMachine:
         return np.where(self.robot.slides, 1.0, PER_METRE)
 
     def usual_load(self, cart: int) -> float:
-        """What a commanded joint usually holds, N m: a scale for its stiffness; that of the first for one not on the way."""
+        """What a commanded joint usually holds, N m or N: a scale for its stiffness; the first's for one not on the way."""
         return float(self._usual[cart])
 
     @cached_property

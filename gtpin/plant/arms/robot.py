@@ -140,8 +140,11 @@ class Arm:
         return max(0.5, round(2.0 * CARRIES * mass) / 2.0)
 
     def usual_moment(self, joint: int) -> float:
-        """What a joint on the way usually holds, N m: 0.4 of what it holds with chain and payload stretched out."""
+        """What a joint on the way usually holds, N m (N where it slides): 0.4 of what it holds with all stretched out."""
         g, moment, way = float(np.linalg.norm(self.gravity)) or 9.81, 0.0, 0.0
+        if self.joints[joint].slides:
+            behind = sum(self.joints[j].mass for j in self.way[self.way.index(joint) :])
+            return 0.4 * g * (behind + self.capacity)
         for j in self.way[self.way.index(joint) :]:
             moment += self.joints[j].mass * (way + 0.5 * self.length(j))
             way += self.length(j)
