@@ -107,7 +107,8 @@ def test_a_placement_moves_by_the_exponential_of_its_twist(size: float) -> None:
 
 def test_a_mimicking_joint_follows_and_one_that_is_not_commanded_rests() -> None:
     links = "".join(f'<link name="{name}"/>' for name in ("base", "a", "b", "c"))
-    joint = '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>{3}</joint>'
+    joint = '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/>'
+    joint += '<origin xyz="1 0 0"/><axis xyz="0 0 1"/>{3}</joint>'
     xml = (
         f'<robot name="m">{links}'
         + joint.format("ja", "base", "a", "")

@@ -23,14 +23,13 @@ def whole_energy(case: Case, displacement: np.ndarray) -> float:
     """E by the book: the whole matrix I + B B', its B by finite differences of the whole chain."""
     machine, q = case.machine, case.visits.q
     sigma = np.array([POSITION] * 3 + [TURN] * 3)
-    at = machine.kinematics.forward(q)
     geometry = machine.geometry
     columns = []
     for j, tolerance in enumerate(geometry.tolerance):
         step = np.zeros(len(geometry.values))
         step[j] = 1e-2 * tolerance
         moved = [type(machine.kinematics)(geometry.with_values(geometry.values + s * step)) for s in (1, -1)]
-        there, back = (kinematics.forward(q, start=at) for kinematics in moved)
+        there, back = (kinematics.forward(q) for kinematics in moved)
         columns.append((there.minus(back) / 2e-2 / sigma).ravel())
     B = np.array(columns).T
     d = (displacement / sigma).ravel()
