@@ -29,13 +29,15 @@ class _Section(BaseModel):
 class Instrument(_Section):
     """What measured the poses, and in which frame.
 
-    Sigmas are per axis, m and rad, None where they are to be estimated; `station` is where it stands, m.
+    Sigmas are per axis, m and rad, None where they are to be estimated; `station` is where it stands, m. A `frame` or a
+    `target` that is free is identified: where the robot's base is in the instrument's frame, and where the target sits on the
+    platform.
     """
 
     position_sigma: _Positive | None = None
     orientation_sigma: _Positive | None = None
     frame: Literal["robot", "free"] = "robot"
-    target: Literal["free"] | None = None
+    target: Literal["tcp", "free"] = "tcp"
     station: Annotated[tuple[_Finite, _Finite, _Finite], Field(strict=False)] | None = None
 
 
@@ -89,12 +91,17 @@ def write_description(file: Path, description: Description) -> None:
     values = {
         "schema": SCHEMA,
         "robot": description.robot,
-        "instrument": description.instrument.model_dump(exclude_none=True),
+        "instrument": _written(description.instrument),
         "conditions": description.conditions.model_dump(),
         "tolerance": description.tolerance,
     }
     text = tomli_w.dumps({key: value for key, value in values.items() if value != {}})
     file.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _written(instrument: Instrument) -> dict[str, Any]:
+    """The keys of [instrument], without the target where it is at the TCP, which needs no saying."""
+    return instrument.model_dump(exclude_none=True, exclude={"target"} if instrument.target == "tcp" else None)
 
 
 def _explained(file: Path | None, error: ValidationError) -> DatasetError:

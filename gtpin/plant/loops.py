@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.errors import RobotError
 from gtpin.plant.arms.tree import Placed, moved, placed
-from gtpin.plant.arms.urdf import Frame, Joint, read_urdf
+from gtpin.plant.arms.urdf import Frame, Joint, read_urdf, turn
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
 from gtpin.robot.robot import Robot
@@ -37,7 +37,9 @@ class Loops:
     driven, passive
         Indices of the commanded joints, and of those that follow.
     pairs
-        Points (R of the frames is not used) that coincide.
+        Points that coincide.
+    across
+        (L, 3, 3) what closes of each gap, in the first frame of its pair: all of it, or what lies in a planar loop's plane.
     tcp
         The TCP frame.
     home_q
@@ -50,6 +52,7 @@ class Loops:
     driven: tuple[int, ...]
     passive: tuple[int, ...]
     pairs: tuple[tuple[Frame, Frame], ...]
+    across: Floats
     tcp: Frame
     home_q: Floats
     home: Poses | None
@@ -68,12 +71,16 @@ class Loops:
             ends = []
             for anchor in (loop.anchor1, loop.anchor2):
                 on = urdf.links[anchor.link]
-                ends.append(Frame(on.joint, on.R, on.p + on.R @ np.array(anchor.xyz)))
+                ends.append(Frame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ np.array(anchor.xyz)))
             pairs.append((ends[0], ends[1]))
         tcp, told = urdf.links[robot.tcp_frame], robot.description.home
         home = None if told is None else Poses(np.array(told.tcp_xyz)[None], exp(told.tcp_rotvec)[None])
-        passive = tuple(j for j in range(len(joints)) if j not in driven)
-        return Loops(joints, driven, passive, tuple(pairs), tcp, robot.home_q, home)
+        closing = {j for pair in pairs for end in pair for j in _on_the_way(joints, end.joint)}
+        passive = tuple(sorted(closing - set(driven)))
+        # Bearings' play takes up what a planar loop's gap has across its plane, where the package finds planes.
+        planes = getattr(robot, "planes", (None,) * len(pairs))
+        across = np.array([np.eye(3) if n is None else np.eye(3) - np.outer(n, n) for n in planes])
+        return Loops(joints, driven, passive, tuple(pairs), across, tcp, robot.home_q, home)
 
     def forward(self, q: Floats) -> Poses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close."""
@@ -124,23 +131,35 @@ class Loops:
         return x, np.asarray(np.abs(self._gaps(placed(self.joints, x))).max(axis=1) < CLOSED)
 
     def _gaps(self, bodies: Placed) -> Floats:
-        """(N, 3 L) from each second point to the first, base frame, m."""
-        return np.hstack([bodies.at(one).T - bodies.at(other).T for one, other in self.pairs])
+        """(N, 3 L) from each second point to the first, as far as it closes, in the first one's frame, m."""
+        ends = [(bodies.at(one), bodies.at(other)) for one, other in self.pairs]
+        gaps = [np.einsum("nji,nj->ni", one.R, one.T - other.T) for one, other in ends]
+        return np.hstack([gap @ part for gap, part in zip(gaps, self.across, strict=True)])
 
     def _slopes(self, bodies: Placed) -> Floats:
-        """(N, 3 L, p) derivative of the gaps by the passive joints."""
+        """(N, 3 L, p) derivative of the gaps by the passive joints where they are closed; near enough elsewhere."""
         count = len(bodies.p)
         slopes = np.zeros((count, 3 * len(self.pairs), len(self.passive)))
         for i, pair in enumerate(self.pairs):
+            frame = bodies.at(pair[0]).R
             for sign, point in zip((1.0, -1.0), pair, strict=True):
-                at, joint = bodies.at(point).T, point.joint
-                while joint >= 0:
+                at = bodies.at(point).T
+                for joint in _on_the_way(self.joints, point.joint):
                     if joint in self.passive:
                         axis = bodies.seats[:, joint] @ self.joints[joint].axis
                         slope = axis if self.joints[joint].slides else np.cross(axis, at - bodies.p[:, joint])
-                        slopes[:, 3 * i : 3 * i + 3, self.passive.index(joint)] += sign * slope
-                    joint = self.joints[joint].parent
+                        own = np.einsum("nji,nj->ni", frame, sign * slope) @ self.across[i]
+                        slopes[:, 3 * i : 3 * i + 3, self.passive.index(joint)] += own
         return slopes
+
+
+def _on_the_way(joints: tuple[Joint, ...], joint: int) -> list[int]:
+    """Indices of the joints from one to the base."""
+    found = []
+    while joint >= 0:
+        found.append(joint)
+        joint = joints[joint].parent
+    return found
 
 
 def _off(joint: Joint, twist: Floats | None) -> Joint:

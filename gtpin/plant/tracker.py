@@ -75,7 +75,7 @@ class Noise(BaseModel):
     def instrument(self) -> Instrument:
         """What the dataset states of the instrument."""
         frame: Literal["robot", "free"] = "free" if self.free else "robot"
-        target: Literal["free"] | None = "free" if self.free_target else None
+        target: Literal["tcp", "free"] = "free" if self.free_target else "tcp"
         if not self.declared:
             return Instrument(frame=frame, target=target)
         turns = self.orientation_sigma if self.orientations else None

@@ -150,7 +150,7 @@ def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_pat
     plain, free = (make_case(3, noise=Noise(free=f, free_target=f), **asked) for f in (False, True))
     assert free.dataset.instrument.frame == "free"
     assert free.dataset.instrument.target == "free"
-    assert plain.dataset.instrument.target is None
+    assert plain.dataset.instrument.target == "tcp"
     assert free.effects[0].energy == pytest.approx(500.0, rel=2e-3)
     # One constant placement on either side of the TCP's poses: X_free = A X_plain B, effects apart.
     machine, q = free.machine, free.visits.q

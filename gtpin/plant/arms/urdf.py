@@ -156,11 +156,15 @@ def _numbers(element: Element | None, key: str, otherwise: tuple[float, ...]) ->
 
 
 def _origin(element: Element) -> tuple[Floats, Floats]:
-    """Rotation (3, 3) and translation (3,) of an ``<origin>``; roll, pitch and yaw turn about fixed axes."""
+    """Rotation (3, 3) and translation (3,) of an ``<origin>``."""
     origin = element.find("origin")
-    roll, pitch, yaw = _numbers(origin, "rpy", (0.0, 0.0, 0.0))
-    R = exp([0.0, 0.0, yaw]) @ exp([0.0, pitch, 0.0]) @ exp([roll, 0.0, 0.0])
-    return R, _numbers(origin, "xyz", (0.0, 0.0, 0.0))
+    return turn(_numbers(origin, "rpy", (0.0, 0.0, 0.0))), _numbers(origin, "xyz", (0.0, 0.0, 0.0))
+
+
+def turn(rpy: npt.ArrayLike) -> Floats:
+    """(3, 3) rotation of roll, pitch and yaw (3,), rad, about fixed axes."""
+    roll, pitch, yaw = np.asarray(rpy, dtype=float)
+    return np.asarray(exp([0.0, 0.0, yaw]) @ exp([0.0, pitch, 0.0]) @ exp([roll, 0.0, 0.0]))
 
 
 def _inertia(inertial: Element | None) -> tuple[float, Floats]:
