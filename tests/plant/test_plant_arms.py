@@ -9,11 +9,19 @@ import pytest
 from arm_urdf import a_plant, nominal, urdf_file
 
 import gtpin
+<<<<<<< HEAD
+=======
+from gtpin.blind.draw import drafts, made, truth_of
+>>>>>>> plant
 from gtpin.plant import make_case, simulate
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.arms.robot import Arm
 from gtpin.plant.arms.tree import moved
 from gtpin.plant.arms.urdf import read_urdf
+<<<<<<< HEAD
+=======
+from gtpin.plant.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED
+>>>>>>> plant
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.rotations import exp, log
 from gtpin.plant.tracker import Noise
@@ -182,3 +190,23 @@ def test_a_simulated_arm_without_effects_is_where_its_geometry_says() -> None:
     off = made.dataset.position - gtpin.Model(made.machine.geometry).predict(made.dataset.q).T
     assert np.abs(off).max() < 6.0 * 1.5e-5
     np.testing.assert_allclose(made.truth.T, gtpin.Model(made.machine.geometry).predict(made.commands.q).T, atol=1e-9)
+<<<<<<< HEAD
+=======
+
+
+def test_a_check_draws_arms_with_their_own_effects_and_makes_them(tmp_path: Path) -> None:
+    file = str(urdf_file(tmp_path))
+    drawn = list(drafts(300, 1, file))
+    singles = [draft.effects[0] for draft in drawn if draft.kind == "one"]
+    assert set(singles) == {k.name for k in ARM_CATALOGUE}
+    assert {draft.effects[0] for draft in drawn if draft.kind == "unlisted"} == {k.name for k in ARM_UNLISTED}
+    for kind in ("one", "rough", "two", "unlisted"):
+        draft = next(draft for draft in drawn if draft.kind == kind)
+        case = made(draft)
+        truth = truth_of(case, draft.kind)
+        assert len(case.dataset) == len(case.visits)
+        for effect in truth.effects:
+            assert effect.displacement is not None
+            assert len(effect.displacement) == len(case.dataset)
+            assert effect.site in {*nominal()[1].sites, *nominal()[1].link_sites, "arm", "platform", "frame"}
+>>>>>>> plant
