@@ -9,19 +9,13 @@ import pytest
 from arm_urdf import a_plant, nominal, urdf_file
 
 import gtpin
-<<<<<<< HEAD
-=======
 from gtpin.blind.draw import drafts, made, truth_of
->>>>>>> plant
 from gtpin.plant import make_case, simulate
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.arms.robot import Arm
 from gtpin.plant.arms.tree import moved
 from gtpin.plant.arms.urdf import read_urdf
-<<<<<<< HEAD
-=======
 from gtpin.plant.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED
->>>>>>> plant
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.rotations import exp, log
 from gtpin.plant.tracker import Noise
@@ -190,8 +184,6 @@ def test_a_simulated_arm_without_effects_is_where_its_geometry_says() -> None:
     off = made.dataset.position - gtpin.Model(made.machine.geometry).predict(made.dataset.q).T
     assert np.abs(off).max() < 6.0 * 1.5e-5
     np.testing.assert_allclose(made.truth.T, gtpin.Model(made.machine.geometry).predict(made.commands.q).T, atol=1e-9)
-<<<<<<< HEAD
-=======
 
 
 def test_a_check_draws_arms_with_their_own_effects_and_makes_them(tmp_path: Path) -> None:
@@ -209,4 +201,3 @@ def test_a_check_draws_arms_with_their_own_effects_and_makes_them(tmp_path: Path
             assert effect.displacement is not None
             assert len(effect.displacement) == len(case.dataset)
             assert effect.site in {*nominal()[1].sites, *nominal()[1].link_sites, "arm", "platform", "frame"}
->>>>>>> plant
