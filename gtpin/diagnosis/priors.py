@@ -32,6 +32,8 @@ class Priors:
     """Further odds against a smooth term: the catalogue lists what is common. Assumed, 1 to 150."""
     third: float = 4.0
     """Further odds against a third cause, and each more. Assumed, 1 to 55: so many at once are rare."""
+    line: float = 4.0
+    """Further odds against each further line of one periodic error. Assumed, 1 to 55: a gear that has one often has others."""
     same: float = 0.08
     """Share of a stronger cause's evidence that another at its site over its coordinates must bring, because causes depart from
     their cores. Measured: docs/priors.md."""

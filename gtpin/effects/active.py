@@ -35,6 +35,8 @@ class ActiveEffect:
         (m,) and (m, m), in the effect's own units.
     references
         What its covariates are counted from.
+    further
+        More values of the nonlinear parameter, each with coefficients of its own.
     """
 
     effect: Effect
@@ -43,6 +45,12 @@ class ActiveEffect:
     coefficients: Floats
     covariance: Floats
     references: References
+    further: tuple[float, ...] = ()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values of its nonlinear parameter."""
+        return () if self.nonlinear is None else (self.nonlinear, *self.further)
 
     @property
     def name(self) -> str:
@@ -58,7 +66,7 @@ class ActiveEffect:
             If a covariate is missing that it needs, or its coefficients are not the effect's.
         """
         try:
-            basis = self.effect.basis(at, self.site, self.nonlinear)
+            basis = self.effect.basis_of(at, self.site, self.values)
         except ModelError as error:
             raise ModelError(f"{error.what}, which {self.name} needs", column=error.column, hint=error.hint) from None
         if len(basis) != len(self.coefficients):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,21 @@ class Basis:
         if self.twist is not None:
             total += self.twist
         return total
+
+
+def side_by_side(bases: Sequence[Basis]) -> Basis:
+    """The columns of several bases of one actuator's travel.
+
+    Raises
+    ------
+    ValueError
+        If one displaces something else.
+    """
+    commands = [basis.command for basis in bases if basis.command is not None]
+    if len(commands) < len(bases) or len({actuator for actuator, _ in commands}) > 1:
+        raise ValueError("only displacements of one actuator's travel stand side by side")
+    columns = np.hstack([travel for _, travel in commands])
+    return Basis(np.concatenate([basis.sigma for basis in bases]), command=(commands[0][0], columns))
 
 
 def along_track(at: Situation, site: str, columns: Floats, sigma: Floats) -> Basis:

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.effects.basis import Basis
+from gtpin.effects.basis import Basis, side_by_side
 from gtpin.effects.sites import number, turns
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
@@ -105,6 +105,8 @@ class Effect(ABC):
     """By parameter, what physics allows: a cause with a parameter outside by more than three standard deviations is dropped."""
     usual: ClassVar[Mapping[str, Range]] = {}
     """By parameter, the expected range: a cause with a parameter outside is still named, with a warning to check it."""
+    most_values: ClassVar[int] = 1
+    """How often it may act at one site with another value of its nonlinear parameter each: lines of a gear."""
     between_visits: ClassVar[bool] = False
     """Whether it differs between visits of one pose, and so looks like a lack of repeatability."""
     of_travel: ClassVar[bool] = False
@@ -192,6 +194,24 @@ class Effect(ABC):
         if not (self.of_travel and turns(robot, site)):
             return found
         return {name: (value, TURNING.get(unit, unit)) for name, (value, unit) in found.items()}
+
+    def basis_of(self, at: Situation, site: str, values: Sequence[float]) -> Basis:
+        """Displacements for several values of the nonlinear parameter, side by side; without values, :meth:`basis` itself."""
+        if len(values) < 2:
+            return self.basis(at, site, *values)
+        return side_by_side([self.basis(at, site, value) for value in values])
+
+    def parameters_of(
+        self, robot: Robot, site: str, coefficients: Floats, values: Sequence[float]
+    ) -> dict[str, tuple[float, str]]:
+        """Physical parameters for several values: those of the second value are called ``NAME_2``, and so on."""
+        if len(values) < 2:
+            return self.parameters_at(robot, site, coefficients, values[0] if len(values) else None)
+        found: dict[str, tuple[float, str]] = {}
+        for i, (part, value) in enumerate(zip(np.split(coefficients, len(values)), values, strict=True)):
+            own = self.parameters_at(robot, site, part, value)
+            found |= {f"{name}_{i + 1}" if i else name: parameter for name, parameter in own.items()}
+        return found
 
 
 TURNING = {"m": "rad", "m/m": "rad/rad"}

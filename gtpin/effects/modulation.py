@@ -21,6 +21,9 @@ class Modulation:
     """Scale of a drive along the track: a mean over its whole length varies less than its parts. Assumed."""
     period: float = 0.25
     """Period's change of amplitude from the middle of the track to its ends, and its first harmonic. Assumed."""
+    line: float = 0.1
+    """The same change of amplitude of a line of a turning joint: gears are round, and the drift would pass for another period.
+    Assumed."""
     slope: float = 0.3
     """Slope beyond a step, over the whole range: the second rack has a scale of its own. Assumed."""
     own_track: float = 0.3

@@ -32,6 +32,9 @@ class RackPeriodic(Effect):
     Parameters: ``period`` p, m (rad of an arm); ``amplitude`` A > 0 at mid-range, m; ``phase`` phi, rad: a crest lies at
     q = p phi / (2 pi); ``harmonic``, amplitude of the second harmonic, m. The period is its nonlinear parameter.
 
+    At a turning joint of a robot without rods, several lines are one cause: gears and encoders have several periods a turn.
+    Their parameters are called ``period_2``, ``amplitude_2``, ``phase_2`` and so on. A ``harmonic`` is a line of its own.
+
     Typical size 20 um. Dressler et al. 2010, section III.C: the manufacturer expects variations with a period of the length
     between the rack's teeth. Precision rack drives are said to run true to 10 um (Machine Design, see ``encoder_scale``).
     """
@@ -43,6 +46,7 @@ class RackPeriodic(Effect):
     coefficient = ("cosine", "m")
     of_travel = True
     core = (0, 1)
+    most_values = 6
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""
@@ -60,20 +64,24 @@ class RackPeriodic(Effect):
         return [float(1.0 / f) for f in frequencies]
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Cosine and sine of the period, their drift along the track, and the first harmonic."""
+        """Cosine and sine of the period, their drift along the track, and the first harmonic where it is no line of its own."""
         assert nonlinear is not None
         j = at.robot.sites.index(site)
         phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
-        columns = np.stack([c, s, x * c, x * s, np.cos(2.0 * phase), np.sin(2.0 * phase)], axis=1)
-        return along_track(at, site, columns, drive_sizes(at, site, [1.0, 1.0, *[MODULATION.period] * 4], 2e-5))
+        columns, sizes = [c, s, x * c, x * s], [1.0, 1.0, *[MODULATION.line] * 2]
+        if at.robot.rods:
+            columns += [np.cos(2.0 * phase), np.sin(2.0 * phase)]
+            sizes = [1.0, 1.0, *[MODULATION.period] * 4]
+        return along_track(at, site, np.stack(columns, axis=1), drive_sizes(at, site, sizes, 2e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Period, amplitude, phase and harmonic."""
         c, s = coefficients[:2]
-        return {
+        found = {
             "period": (float(nonlinear or 0.0), "m"),
             "amplitude": (float(np.hypot(c, s)), "m"),
             "phase": (float(np.arctan2(s, c)), "rad"),
-            "harmonic": (float(np.hypot(*coefficients[4:6])), "m"),
         }
+        harmonic = coefficients[4:6]
+        return found | ({"harmonic": (float(np.hypot(*harmonic)), "m")} if harmonic.size else {})

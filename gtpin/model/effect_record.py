@@ -92,9 +92,15 @@ class EffectRecord(Record):
     effect: str
     site: str
     setting: Finite | None
+    further_settings: list[Finite] = []
     coefficients: list[Finite]
     covariance: list[list[Finite]]
     references: ReferencesRecord
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Further settings are written where there are some."""
+        return {key: value for key, value in write(self).items() if key != "further_settings" or value}
 
 
 def record(active: ActiveEffect) -> EffectRecord:
@@ -113,6 +119,7 @@ def record(active: ActiveEffect) -> EffectRecord:
         effect=active.effect.id,
         site=active.site,
         setting=None if active.nonlinear is None else float(active.nonlinear),
+        further_settings=list(map(float, active.further)),
         coefficients=active.coefficients.tolist(),
         covariance=active.covariance.tolist(),
         references=ReferencesRecord(
@@ -165,6 +172,8 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
         )
     if effect.has_nonlinear != (stored.setting is not None):
         raise ModelError(f"{effect.id} {'needs' if effect.has_nonlinear else 'has no'} setting", column="setting")
+    if stored.further_settings and len(stored.further_settings) >= effect.most_values:
+        raise ModelError(f"{effect.id} has {effect.most_values} settings at most", column="further_settings")
     active = ActiveEffect(
         effect,
         stored.site,
@@ -172,6 +181,7 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
         np.array(stored.coefficients, dtype=float),
         np.zeros((0, 0)),
         _references(stored.references, robot, effect.covariates(robot, stored.site)),
+        tuple(stored.further_settings),
     )
     _try(active, kinematics)
     return replace(active, covariance=_covariance(stored))

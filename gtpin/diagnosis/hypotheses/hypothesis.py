@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from gtpin.effects.basis import Basis
@@ -27,12 +28,32 @@ class Hypothesis:
         Value of the nonlinear parameter (a period, a place); None where the effect has none, or where it is not yet estimated.
     sigma
         Its standard deviation; no part of what the hypothesis is.
+    further, further_sigma
+        More values of it, each with coefficients of its own, and their standard deviations: lines of one gear are one
+        hypothesis.
     """
 
     effect: Effect
     site: str
     nonlinear: float | None = None
     sigma: float = field(default=0.0, compare=False)
+    further: tuple[float, ...] = ()
+    further_sigma: tuple[float, ...] = field(default=(), compare=False)
+
+    @property
+    def lines(self) -> tuple[tuple[float, float], ...]:
+        """All values of its nonlinear parameter, each with its standard deviation."""
+        return tuple(zip(self.values, (self.sigma, *self.further_sigma), strict=False))
+
+    def with_lines(self, lines: Sequence[tuple[float, float]]) -> Hypothesis:
+        """The hypothesis with other values, each with its standard deviation."""
+        values, sigmas = zip(*lines, strict=True)
+        return Hypothesis(self.effect, self.site, values[0], sigmas[0], tuple(values[1:]), tuple(sigmas[1:]))
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values of its nonlinear parameter."""
+        return () if self.nonlinear is None else (self.nonlinear, *self.further)
 
     @property
     def place(self) -> tuple[str, str]:
@@ -50,7 +71,7 @@ class Hypothesis:
 
     def basis(self, at: Situation) -> Basis:
         """Displacements for unit coefficients."""
-        return self.effect.basis(at, self.site, self.nonlinear)
+        return self.effect.basis_of(at, self.site, self.values)
 
     def covariates(self, robot: Robot) -> tuple[str, ...]:
         """Covariates that the effect needs at the site."""

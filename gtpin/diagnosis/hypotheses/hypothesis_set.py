@@ -96,7 +96,11 @@ class HypothesisSet:
 
     def _add(self, hypothesis: Hypothesis) -> None:
         basis = hypothesis.basis(self.design.situation)
-        self.groups.add(hypothesis, self.design.columns(basis), hypothesis.effect.core)
+        core = hypothesis.effect.core
+        if hypothesis.further:
+            width = len(basis) // len(hypothesis.values)
+            core = tuple(i + k * width for k in range(len(hypothesis.values)) for i in core)
+        self.groups.add(hypothesis, self.design.columns(basis), core)
 
     def cost(self, term: Term) -> float:
         """Log prior odds against an explanation, given nothing else: the gain in log evidence that it must bring."""
@@ -115,9 +119,9 @@ class HypothesisSet:
         found = {}
         for term in terms:
             stronger = [self.share(term, t) * alone[t] for t in terms if alone[t] > alone[term]]
-            found[term] = (
-                self.cost(term) + max(stronger, default=0.0) + (self.priors.third if len(stronger) > 1 else 0.0)
-            )
+            lines = self.priors.line * len(term.further) if isinstance(term, Hypothesis) else 0.0
+            third = self.priors.third if len(stronger) > 1 else 0.0
+            found[term] = self.cost(term) + max(stronger, default=0.0) + third + lines
         return found
 
     def alone(self, term: Term) -> float:
@@ -163,6 +167,42 @@ class HypothesisSet:
             )
         best = self._scans[hypothesis].best(model, self.columns(model))
         return Gain(best.gain, Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma))
+
+    def widened(self, model: Model) -> Model | None:
+        """A model with one more line of one of its periodic errors: the one that gains most; None where none gains."""
+        best: tuple[float, Hypothesis, Hypothesis] | None = None
+        if self.design.situation.robot.rods:
+            return None
+        for term in causes(model):
+            if not 0 < len(term.values) < term.effect.most_values or term.template not in self.scanned:
+                continue
+            line = self._scanned(term.template, model)
+            if line.value > max(self.priors.line, best[0] if best else 0.0) and isinstance(line.term, Hypothesis):
+                wider = term.with_lines((*term.lines, *line.term.lines))
+                best = (line.value, term, wider)
+        if best is None:
+            return None
+        _, old, wider = best
+        return self._with_lines(self._replaced(model, old, wider), wider)
+
+    def _with_lines(self, model: Model, term: Hypothesis) -> Model:
+        """The model with each line of a hypothesis estimated again given the others, or left out where it is not worth it."""
+        for old in term.lines:
+            less = term.with_lines([line for line in term.lines if line != old])
+            without_it = self._replaced(model, term, less)
+            line = self._scanned(term.template, without_it).term
+            assert isinstance(line, Hypothesis)
+            again = less.with_lines((*less.lines, *line.lines))
+            for candidate, trial in ((again, self._replaced(model, term, again)), (less, without_it)):
+                if len(candidate.values) > 1 and self.worth(trial) > self.worth(model) + 1e-6:
+                    model, term = trial, candidate
+        return model
+
+    def _replaced(self, model: Model, old: Hypothesis, new: Hypothesis) -> Model:
+        """The model with one hypothesis in the place of another, all scales estimated again."""
+        if new not in self.groups.columns:
+            self._add(new)
+        return tuned(self.groups, tuple(new if term == old else term for term in model.terms), model.scale)
 
     def extended(self, model: Model, term: Term) -> Model:
         """A model with one more explanation, all scales estimated again."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
@@ -20,25 +22,26 @@ def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, 
     """One cause, with the coefficients that the fitted model has for it; its share of the gap is not known yet."""
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in members if m.hypothesis.place == hypothesis.place)
-    parameters = _parameters(model.robot, active, hypothesis.sigma)
+    parameters = _parameters(model.robot, active, [sigma for _, sigma in hypothesis.lines])
     reported = tuple(Member(*m.hypothesis.place, m.probability, m.recorded) for m in members)
     return Cause(*hypothesis.place, own.probability, reported, parameters, 0.0)
 
 
-def _parameters(robot: Robot, active: ActiveEffect, nonlinear_sigma: float) -> dict[str, Estimate]:
+def _parameters(robot: Robot, active: ActiveEffect, nonlinear_sigmas: Sequence[float]) -> dict[str, Estimate]:
     """Named parameters with sigmas: middle and half width of the central 68 % over draws from the coefficients' posterior.
 
     A size, such as a curve's root mean square, is no linear function of coefficients: noise alone makes it larger than zero.
     """
     values, vectors = np.linalg.eigh(active.covariance)
-    unit = np.random.default_rng(0).standard_normal((DRAWS, len(values) + 1))
+    unit = np.random.default_rng(0).standard_normal((DRAWS, len(values) + max(len(active.values), 1)))
     drawn = []
     for z in np.vstack([unit, -unit]):
-        c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[:-1])
-        nonlinear = None if active.nonlinear is None else active.nonlinear + nonlinear_sigma * float(z[-1])
-        drawn.append([value for value, _ in active.effect.parameters_at(robot, active.site, c, nonlinear).values()])
+        c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[: len(values)])
+        own = zip(active.values, nonlinear_sigmas, z[len(values) :], strict=False)
+        places = [value + sigma * float(draw) for value, sigma, draw in own]
+        drawn.append([v for v, _ in active.effect.parameters_of(robot, active.site, c, places).values()])
     low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
-    said = active.effect.parameters_at(robot, active.site, active.coefficients, active.nonlinear)
+    said = active.effect.parameters_of(robot, active.site, active.coefficients, active.values)
     return {
         name: Estimate(float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
         for i, (name, (_, unit)) in enumerate(said.items())

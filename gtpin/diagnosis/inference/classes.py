@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, Term
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
 from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.diagnosis.linear.evidence import without
 from gtpin.diagnosis.priors import CLASS_SHARE, Priors
@@ -19,8 +19,11 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = hypotheses.gains(rest, hypotheses.named)
     mine = cause.template
-    own = max(gains[mine].value, 0.0)
     priors = hypotheses.priors
+    if cause.further:  # all its lines together, against what others gain
+        lines = model.log_evidence - rest.log_evidence - priors.line * len(cause.further)
+        gains[mine] = Gain(max(gains[mine].value, lines), cause)
+    own = max(gains[mine].value, 0.0)
     heat = temperature(own, priors)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
     found[mine] = cause

@@ -130,6 +130,8 @@ class JointProblem:
             place = own.stop
             spread = covariance[own, own] * np.outer(size, size)
             found.append(
-                ActiveEffect(cause.effect, cause.site, cause.nonlinear, x[own] * size, spread, self.references)
+                ActiveEffect(
+                    cause.effect, cause.site, cause.nonlinear, x[own] * size, spread, self.references, cause.further
+                )
             )
         return tuple(found)

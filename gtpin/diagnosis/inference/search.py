@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
 from gtpin.diagnosis.linear.evidence import NOTHING, without
 
 BEAM = 3
 """Beginnings that are grown side by side: the best single explanation need not be one of the best pair."""
 MOST = 5
-"""Explanations that a model has at most."""
+"""Explanations that a model of a robot with rods has at most; of another, as many and one for each joint."""
+
+
+def most(hypotheses: HypothesisSet) -> int:
+    """Number of explanations that a model has at most."""
+    robot = hypotheses.design.situation.robot
+    return MOST if robot.rods else MOST + robot.n_actuators
 
 
 def rough_guess(hypotheses: HypothesisSet) -> Model:
@@ -48,17 +56,23 @@ def search(
 
 
 def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
-    while len(model.terms) < MOST:
-        gains = hypotheses.net_gains(model, terms)
+    while True:
+        wider = hypotheses.widened(model)
+        gains = hypotheses.net_gains(model, terms) if len(model.terms) < most(hypotheses) else {}
         best = max(gains.values(), key=lambda g: g.value, default=None)
-        if best is None or best.value < 0.0:
-            return model
-        larger = hypotheses.extended(model, best.term)
-        larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
+        ahead = -np.inf if wider is None else hypotheses.worth(wider) - hypotheses.worth(model)
+        if wider is not None and ahead > max(1e-9, best.value if best else 0.0):
+            model = _pruned(hypotheses, wider)
+            continue
+        larger = model
+        if best is not None and best.value >= 0.0:
+            larger = hypotheses.extended(model, best.term)
+            larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
         if hypotheses.worth(larger) <= hypotheses.worth(model) + 1e-9:
-            return model
+            if wider is None or ahead <= 1e-9:
+                return model
+            larger = _pruned(hypotheses, wider)
         model = larger
-    return model
 
 
 def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
@@ -70,7 +84,9 @@ def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> 
             found = hypotheses.gains(rest, terms)
             gains = {t: gain.value - hypotheses.cost(t) for t, gain in found.items()}
             own, other = hypotheses.without_value(term), max(gains, key=lambda t: gains[t])
-            if other != own and gains[other] > gains[own] + 0.5:
+            # Further lines of a periodic error are not in the gain of a single one.
+            mine = max(gains[own], hypotheses.worth(model) - hypotheses.worth(rest))
+            if other != own and gains[other] > mine + 0.5:
                 trial = hypotheses.extended(rest, found[other].term)
                 if hypotheses.worth(trial) > hypotheses.worth(model):
                     model = trial
