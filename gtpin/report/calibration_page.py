@@ -6,6 +6,7 @@ import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.report.drawing import drawing
 from gtpin.report.evidence import Bar
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.maps import maps
@@ -14,8 +15,6 @@ from gtpin.report.provenance import provenance
 from gtpin.report.quality import cannot_judge, quality, scatters
 from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, selection
 from gtpin.report.residuals import Residuals
-from gtpin.report.skeleton import skeleton
-from gtpin.report.sketch import sketch
 from gtpin.report.words import counted, length, percent, quantity, whole
 
 CONTENTS = (
@@ -37,7 +36,6 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
     seen, component = components(residuals, residuals.component_names[0])
     against = against_columns(residuals, {}, seen, (component, ONE_LAYER))
     views = maps(residuals, ONE_LAYER)
-    machine = skeleton(calibration.model)
     moved, parameters = geometry_tables(calibration)
     tone, badge, headline, advice = _verdict(calibration)
     return render(
@@ -54,7 +52,7 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
         headline=headline,
         advice=advice,
         numbers=_numbers(calibration),
-        sketch=sketch(machine, robot.rod_sites, {}, {}) if machine else None,
+        sketch=drawing(calibration.model),
         views=views,
         component=component,
         selection=selection(residuals),

@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-
-from gtpin.report.skeleton import Skeleton
 
 Floats = npt.NDArray[np.float64]
 
 WIDTH, HEIGHT, MARGIN = 560.0, 400.0, 46.0
 """Size of a sketch, pixels."""
 ELEVATION = np.deg2rad(24.0)
+
+
+class Drawable(Protocol):
+    """A machine as lines in space."""
+
+    @property
+    def points(self) -> Floats:
+        """(m, 3) all points."""
+
+    @property
+    def lines(self) -> tuple[Floats, Floats]:
+        """(m, 3) where the lines that shall not hide each other begin, and where they end."""
+
+    @property
+    def up(self) -> Floats:
+        """(3,) unit vector against gravity."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +40,7 @@ class Camera:
     scale: float
 
     @staticmethod
-    def of(machine: Skeleton) -> Camera:
+    def of(machine: Drawable) -> Camera:
         """From a little above, from the side where the rods hide each other the least."""
         best = max(
             (_axes(machine.up, a) for a in np.deg2rad(np.arange(0.0, 360.0, 10.0))), key=lambda v: _open(machine, v)
@@ -50,9 +65,9 @@ def _axes(up: Floats, azimuth: float) -> Floats:
     return np.array([right, np.cos(ELEVATION) * up + np.sin(ELEVATION) * into])
 
 
-def _open(machine: Skeleton, axes: Floats) -> float:
+def _open(machine: Drawable, axes: Floats) -> float:
     """How far apart the rods' ends and middles are in a picture, over its size."""
-    seats, joints = machine.seats @ axes.T, machine.joints @ axes.T
+    seats, joints = (ends @ axes.T for ends in machine.lines)
     flat = np.vstack([seats, (seats + joints) / 2.0])
     apart = np.linalg.norm(flat[:, None] - flat[None, :], axis=2)[np.triu_indices(len(flat), 1)]
     size = np.ptp(machine.points @ axes.T, axis=0)

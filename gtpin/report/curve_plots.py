@@ -75,8 +75,16 @@ def reach(found: Sequence[Curve]) -> str:
         ranges = {curve.name: curve.range for curve in found if curve.unit == unit and curve.seen}
         if ranges:
             most = max(ranges, key=lambda name: ranges[name])
-            words.append(f"{most}: {quantity(ranges[most], unit)} peak to peak")
+            words.append(f"{most}: {quantity(ranges[most], unit)} peak to peak{_at_tcp(found, most)}")
     return "; ".join(words)
+
+
+def _at_tcp(found: Sequence[Curve], name: str) -> str:
+    """What a quantity moves the TCP by, of a robot without rods; nothing where that says the same again."""
+    curve = next(curve for curve in found if curve.name == name)
+    if curve.lever is None or curve.name.startswith("shift along"):
+        return ""
+    return f", {quantity(curve.lever * curve.range, 'm')} at the TCP"
 
 
 def _columns(line: Line, factor: float) -> Mapping[str, Any]:

@@ -13,6 +13,7 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.diagnosis_json import gap_method
+from gtpin.report.drawing import drawing
 from gtpin.report.effect_curves import Curve, curves
 from gtpin.report.embedded import Choice, Plot
 from gtpin.report.evidence import Bar, evidence_bars, named_causes, testable_count, untestable
@@ -25,8 +26,6 @@ from gtpin.report.quality import quality
 from gtpin.report.residual_columns import View, commanded, leading
 from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_columns, components, over_two, selection
 from gtpin.report.residuals import Residuals
-from gtpin.report.skeleton import skeleton
-from gtpin.report.sketch import sketch
 from gtpin.report.verdict import verdict
 from gtpin.report.words import coordinate_words, joined, length, percent, short, site_words, typeset, whole
 
@@ -125,12 +124,9 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
 
 
 def _sketch(d: Diagnosis) -> str | None:
-    machine = skeleton(d.model)
-    if machine is None:
-        return None
-    none = d.verdict == "none"
-    site, rod = ({}, {}) if none else (d.where.site, d.where.rod)
-    return sketch(machine, d.model.robot.rod_sites, site, rod, [c.site for c in d.causes])
+    if d.verdict == "none":
+        return drawing(d.model)
+    return drawing(d.model, d.where.site, d.where.rod, [c.site for c in d.causes])
 
 
 def _left(d: Diagnosis, residuals: Residuals, views: Mapping[str, View], component: Choice) -> Plot | None:

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
 from gtpin.estimate import WIDE
-from gtpin.report.effect_motions import Motion, motions
+from gtpin.report.effect_motions import motions
+from gtpin.report.motion import Motion
 from gtpin.report.residuals import Residuals, fine
 from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
 
@@ -58,6 +59,8 @@ class Curve:
         Whether x is text.
     straightened
         Whether a straight line was subtracted, not only the mean.
+    lever
+        Of a robot without rods: how far the TCP moves by one unit of the quantity, mean of the poses, m per unit.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Curve:
     smooth: bool
     straightened: bool = False
     categories: bool = False
+    lever: float | None = None
 
     @property
     def seen(self) -> bool:
@@ -185,7 +189,8 @@ def _swept(active: ActiveEffect, residuals: Residuals, x_name: str, levels: list
             lines.append(Line(level.label, level.x, y, sigma, x, _between(level.x, y, x) + left[level.rows]))
         title = with_unit(coordinate_words(x_name), covariate_unit(x_name, _angular(residuals, x_name)))
         sessions = x_name == "session"
-        found.append(Curve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions))
+        lever = _lever(residuals, at_poses[name])
+        found.append(Curve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions, lever))
     return tuple(found)
 
 
@@ -195,11 +200,11 @@ def _at_the_poses(active: ActiveEffect, residuals: Residuals, own: tuple[str, ..
     for number, motion in enumerate(motions(active, at)):
         (columns,) = _less_geometry([motion.columns], None)
         y, sigma = _with_sigma(active, columns)
-        left = residuals.along(residuals.after, motion.tcp)
+        left, lever = residuals.along(residuals.after, motion.tcp), _lever(residuals, motion)
         for x_name, unit, x in _places(active, at, motion, number, own):
             order = np.argsort(x, kind="stable")
             line = Line("", x[order], y[order], sigma[order], x[order], (y + left)[order])
-            found.append(Curve(motion.name, motion.unit, with_unit(x_name, unit), (line,), smooth=False))
+            found.append(Curve(motion.name, motion.unit, with_unit(x_name, unit), (line,), smooth=False, lever=lever))
     return tuple(found)
 
 
@@ -207,9 +212,12 @@ def _places(
     active: ActiveEffect, at: Situation, motion: Motion, number: int, own: tuple[str, ...]
 ) -> list[tuple[str, str, Floats]]:
     """Coordinates against which an effect of forces, directions or positions is shown."""
+    if "load" in own and motion.carried is not None:
+        carried = motion.carried
+        return [(carried.words, carried.unit, at.joint_loads[:, carried.index] @ carried.way)]
     if "load" in own and motion.rod is not None:
         return [(f"force in {at.robot.rods[motion.rod].site}", "N", at.force[:, motion.rod])]
-    if "load" in own and active.site in at.robot.sites:
+    if "load" in own and active.site in at.robot.sites and at.robot.rods:
         j = at.robot.sites.index(active.site)
         rods = [i for i, rod in enumerate(at.robot.rods) if rod.carrier == j]
         force = (at.force[:, rods, None] * at.along[:, rods]).sum(axis=1) @ at.robot.actuators[j].axis
@@ -219,6 +227,11 @@ def _places(
         return [(f"tilt of {at.robot.rods[motion.rod].site}, {k + 1} of 2", "°", angles[:, k]) for k in range(2)]
     axis = number % 3
     return [(f"TCP along {'xyz'[axis]}", "m", at.poses.T[:, axis])]
+
+
+def _lever(residuals: Residuals, motion: Motion) -> float | None:
+    robot = residuals.model.robot
+    return None if robot.rods else float(np.linalg.norm(motion.tcp[:, :3], axis=1).mean())
 
 
 def _measured(active: ActiveEffect, residuals: Residuals) -> Situation:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import Basis, along_track, of_lengths
 from gtpin.effects.situation import Situation
+from gtpin.report import chain_effect_motions as of_chain
+from gtpin.report.motion import Motion
 from gtpin.robot.parameters import rotation_axes
 
 Floats = npt.NDArray[np.float64]
@@ -21,45 +21,22 @@ SMALLEST = 1e-9
 """Displacement by a coefficient of typical size, m or rad, up to which it is rounding."""
 
 
-@dataclass(frozen=True)
-class Motion:
-    """One quantity that an effect displaces, at N poses.
-
-    Parameters
-    ----------
-    name, unit
-        Its name, such as ``travel of cart1``, and ``m`` or ``rad``.
-    columns
-        (N, m) its displacement for a value of 1 of each of the effect's m coefficients.
-    tcp
-        (N, 6) displacement of the TCP by one unit of it, base frame, m and rad.
-    rod
-        Index of the rod whose length it is; None for other quantities.
-    straightened
-        Whether geometry absorbs a straight line of it along the track, not only its mean.
-    """
-
-    name: str
-    unit: str
-    columns: Floats
-    tcp: Floats
-    rod: int | None = None
-    straightened: bool = False
-
-
 def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
     """All quantities that an effect displaces by more than rounding."""
     basis = active.basis(at)
-    found = [
-        *_travel(active, at, basis),
-        *_carrier_joints(active, at, basis),
-        *_lengths(at, basis),
-        *_twist(active, at, basis),
-    ]
+    found = [*(_of_rods(active, at, basis) if at.robot.rods else _of_chain(active, at, basis)), *_twist(at, basis)]
     return [motion for motion in found if np.abs(motion.columns * basis.sigma).max(initial=0.0) > SMALLEST]
 
 
-def _travel(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+def _of_rods(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+    return [*_travel(at, basis), *_carrier_joints(active, at, basis), *_lengths(at, basis)]
+
+
+def _of_chain(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+    return [*of_chain.travel(at, basis), *of_chain.placements(at, active.site, basis)]
+
+
+def _travel(at: Situation, basis: Basis) -> list[Motion]:
     if basis.command is None:
         return []
     actuator, columns = basis.command
@@ -111,7 +88,7 @@ def _lengths(at: Situation, basis: Basis) -> list[Motion]:
     return found
 
 
-def _twist(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+def _twist(at: Situation, basis: Basis) -> list[Motion]:
     if basis.twist is None:
         return []
     return [

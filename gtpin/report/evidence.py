@@ -15,6 +15,7 @@ from gtpin.report.page import Table
 from gtpin.report.phrases import clause, sentence
 from gtpin.report.reasons import reason_words
 from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
+from gtpin.robot.robot import Robot
 
 SHOWN = 12
 """Number of candidates with a bar; the others are in a table."""
@@ -75,17 +76,17 @@ def named_causes(d: Diagnosis, reach: Mapping[tuple[str, str], str]) -> list[Nam
     """
     estimable = d.gap.before > d.gap.floor
     return [
-        _named(f"cause-{k + 1}", c, d.effect(c.effect), reach.get((c.effect, c.site), ""), estimable)
+        _named(f"cause-{k + 1}", c, d.model.robot, d.effect(c.effect), reach.get((c.effect, c.site), ""), estimable)
         for k, c in enumerate(d.causes)
     ]
 
 
-def _named(key: str, c: Cause, effect: Effect, reach: str, estimable: bool) -> NamedCause:
+def _named(key: str, c: Cause, robot: Robot, effect: Effect, reach: str, estimable: bool) -> NamedCause:
     rows = [[name.replace("_", " "), quantity(e.value, e.unit, e.sigma)] for name, e in c.parameters.items()]
     members = tuple(
         Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == (c.effect, c.site)) for m in c.members
     )
-    words = sentence(clause(effect, c.site))
+    words = sentence(clause(effect, c.site, robot))
     shrinkage = percent(c.shrinkage) if estimable else "not estimable"
     return NamedCause(
         key,

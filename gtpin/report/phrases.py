@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 from gtpin.effects.effect import Effect
+from gtpin.report.chain_words import chain_words
 from gtpin.report.words import site_words
+from gtpin.robot.robot import Robot
 
 
-def clause(effect: Effect, site: str) -> str:
-    """An effect at a site as a clause, from its class: ``cart1 has backlash``; from its title if it has no clause."""
-    words = effect.plural_clause if site == "arm" and effect.plural_clause else effect.clause
+def clause(effect: Effect, site: str, robot: Robot | None = None) -> str:
+    """An effect at a site as a clause, from its class: ``cart1 has backlash``; from its title if it has no clause.
+
+    Parameters
+    ----------
+    robot
+        The robot, for words that fit joints and links where it has no rods.
+    """
+    own = chain_words(effect, robot)
+    one, many = own.clause or effect.clause, own.plural or effect.plural_clause
+    words = many if site == "arm" and many else one
     return (words or f"{effect.title} at {{site}}").replace("{site}", site_words(site))
+
+
+def remedy(effect: Effect, robot: Robot) -> str:
+    """What an engineer can do about an effect, as a sentence."""
+    return chain_words(effect, robot).remedy or effect.remedy
 
 
 def sentence(words: str) -> str:

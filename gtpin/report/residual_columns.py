@@ -12,7 +12,7 @@ from gtpin.errors import DatasetError
 from gtpin.report.embedded import escaped
 from gtpin.report.fit_along import Along, fit_along
 from gtpin.report.residuals import AXES, Residuals
-from gtpin.report.words import covariate_unit, typeset, with_unit
+from gtpin.report.words import covariate_unit, travel_words, typeset, with_unit
 
 Floats = npt.NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def view(residuals: Residuals, name: str) -> View:
         raise DatasetError(f"residuals have no component {name!r}", hint=hint)
     before, after = residuals.component(name, residuals.before), residuals.component(name, residuals.after)
     factor, unit = scale_of(before, residuals.unit(name))
-    title = f"{name} ({unit})" if name in AXES else f"travel of {name} ({unit})"
+    title = f"{name} ({unit})" if name in AXES else f"{travel_words(residuals.model.robot, name)} ({unit})"
     return View(name, title, factor * before, factor * after, factor)
 
 

@@ -16,7 +16,6 @@ from gtpin.data import Dataset
 from gtpin.data.names import command_names
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -97,9 +96,8 @@ class Residuals:
         return self.model.kinematics.command_jacobian(self.dataset.q, self.poses)
 
     def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
-        """Commands and measurement conditions at the model's geometry, of a robot with rods."""
+        """Commands and measurement conditions at the model's geometry."""
         kinematics = self.model.kinematics
-        assert isinstance(kinematics, RodKinematics)
         temperature = self.dataset.conditions.reference_temperature
         return Situation(kinematics, q, kinematics.forward(q), dict(covariates), fixed, temperature)
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.steps import PARAMETERS
+from gtpin.report.drawing import drawing
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
-from gtpin.report.skeleton import skeleton
-from gtpin.report.sketch import sketch
 from gtpin.report.words import quantity
 from gtpin.report.workspace_maps import slices
 
@@ -43,7 +42,6 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
     """
     model, values = found.model, found.to_json()
     quantities, plots = slices(found)
-    machine = skeleton(model)
     return render(
         "sensitivity.html",
         title=f"Accuracy of {model.robot.name}",
@@ -55,7 +53,7 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
         headline=_headline(values),
         advice=[_greatest(found)],
         numbers=_numbers(values),
-        sketch=sketch(machine, model.robot.rod_sites, {}, {}) if machine else None,
+        sketch=drawing(model),
         quantities=quantities,
         table=step_table(found),
         shares=_shares(found),

@@ -51,6 +51,11 @@ class Skeleton:
         ends = [*self.tracks.values(), *(a[None] for a in self.anchors.values())]
         return np.vstack([self.seats, self.joints, self.tcp[None], *ends])
 
+    @property
+    def lines(self) -> tuple[Floats, Floats]:
+        """(k, 3) where the rods begin, and where they end."""
+        return self.seats, self.joints
+
 
 def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
     """The skeleton at a command (n,), by default mid-range; None without rods, or if the pose can't be reached."""

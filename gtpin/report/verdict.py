@@ -9,7 +9,7 @@ from gtpin.diagnosis.inference.findings import Cause, Question
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.doubts import doubt_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
-from gtpin.report.phrases import clause, sentence
+from gtpin.report.phrases import clause, remedy, sentence
 from gtpin.report.quality import scatters
 from gtpin.report.sure_causes import sure_and_doubtful
 from gtpin.report.words import (
@@ -138,7 +138,7 @@ def _next(d: Diagnosis, separates: set[str]) -> list[str]:
 
 def _either(d: Diagnosis, cause: Cause) -> str:
     """The members of the class of an ambiguous cause."""
-    named = [f"{clause(d.effect(m.effect), m.site)} ({chance(m.probability)})" for m in cause.members]
+    named = [f"{clause(d.effect(m.effect), m.site, d.model.robot)} ({chance(m.probability)})" for m in cause.members]
     if len(named) == 1:
         return f"probably {named[0]}, but these data don't decide it"
     others = f"one of {len(named) - 3} others" if len(named) > 4 else "another"
@@ -147,18 +147,18 @@ def _either(d: Diagnosis, cause: Cause) -> str:
 
 
 def _clauses(d: Diagnosis, causes: Iterable[Cause]) -> list[str]:
-    return [clause(d.effect(c.effect), c.site) for c in causes]
+    return [clause(d.effect(c.effect), c.site, d.model.robot) for c in causes]
 
 
 def _remedies(d: Diagnosis, causes: tuple[Cause, ...] | list[Cause]) -> list[str]:
     if len(causes) == 1:
-        return [d.effect(causes[0].effect).remedy]
-    return [sentence(f"{site_words(c.site)}: {_lower(d.effect(c.effect).remedy)}") for c in causes]
+        return [remedy(d.effect(causes[0].effect), d.model.robot)]
+    return [sentence(f"{site_words(c.site)}: {_lower(remedy(d.effect(c.effect), d.model.robot))}") for c in causes]
 
 
-def _lower(remedy: str) -> str:
+def _lower(words: str) -> str:
     """A remedy as the second part of a sentence."""
-    return remedy[:1].lower() + remedy[1:].rstrip(".")
+    return words[:1].lower() + words[1:].rstrip(".")
 
 
 def _explained_gap(d: Diagnosis) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 
+from gtpin.robot.robot import Robot
+
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n"}
 """Prefix for thousandths of each unit."""
 SITES = {"arm": "all links", "frame": "the instrument", "platform": "the platform"}
@@ -31,6 +33,12 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")
 def site_words(site: str) -> str:
     """A site: ``cart2``, ``the instrument``."""
     return SITES.get(site, site)
+
+
+def travel_words(robot: Robot, site: str) -> str:
+    """The motion of an actuator: ``travel of cart2``, ``angle of elbow_joint``."""
+    turning = not robot.rods and robot.actuators[robot.sites.index(site)].revolute
+    return f"{'angle' if turning else 'travel'} of {site}"
 
 
 def coordinate_words(name: str) -> str:

@@ -1,0 +1,69 @@
+"""What an effect moves at a robot without rods: a joint along or about its axis, the axis itself, a link's tip."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.chain_motions import joint_frame, reach
+from gtpin.effects.sites import links_at
+from gtpin.effects.situation import Situation
+from gtpin.report.motion import Carried, Motion
+from gtpin.report.words import travel_words
+from gtpin.robot.chain import joint_axis
+from gtpin.robot.parameters import rotation_axes
+
+Floats = npt.NDArray[np.float64]
+
+
+def travel(at: Situation, basis: Basis) -> list[Motion]:
+    """The motion of a joint along or about its own axis."""
+    if basis.command is None:
+        return []
+    number, columns = basis.command
+    robot = at.robot
+    site, actuator = robot.sites[number], robot.actuators[number]
+    one = along_track(at, site, np.ones((len(at), 1)), np.ones(1)).displacement(at)[:, :, 0]
+    place = "about its axis" if actuator.revolute else "along its axis"
+    carried = Carried(f"{site} {place}", actuator.joint_id - 1, joint_axis(robot.model, actuator.joint_id))
+    unit = "rad" if actuator.revolute else "m"
+    return [Motion(travel_words(robot, site), unit, columns, one, carried=carried)]
+
+
+def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
+    """Motions of a joint's axis, or of the tips of links, those first that move the TCP the most."""
+    found = []
+    for index, twists in basis.placements:
+        owner, ways = _ways(at, site, index)
+        for place, way in ways:
+            motion, unit = ("shift", "m") if way[:3].any() else ("turn", "rad")
+            tcp = at.bodies.by_twist(index, np.broadcast_to(way[None, :, None], (len(at), 6, 1)))[:, :, 0]
+            columns = np.einsum("nim,i->nm", twists, way)
+            found.append(
+                Motion(
+                    f"{motion} of {owner} {place}", unit, columns, tcp, carried=Carried(f"{owner} {place}", index, way)
+                )
+            )
+    return sorted(found, key=lambda motion: -_at_tcp(motion, basis.sigma))
+
+
+def _at_tcp(motion: Motion, sigma: Floats) -> float:
+    return float(np.abs((motion.columns * sigma)[:, None] * motion.tcp[:, :3, None]).max(initial=0.0))
+
+
+def _ways(at: Situation, site: str, index: int) -> tuple[str, list[tuple[str, Floats]]]:
+    """Of what a placement frame is displaced, and six directions with their names."""
+    if site in at.robot.sites:
+        frame = joint_frame(at, site)
+        owner, along, (a, b), it = f"the axis of {site}", frame.axis, frame.across, "itself"
+    else:
+        link = next(link for link in links_at(at.robot, site) if link.tip == index)
+        length = reach(at, link)
+        size = float(np.linalg.norm(length))
+        along = length / size if size > 0.0 else np.eye(3)[0]
+        owner, (a, b), it = f"the tip of {link.name}", rotation_axes(along)[:2], "the link"
+    names = (("along", it, along), ("across it, along", "a", a), ("across it, along", "b", b))
+    shifts = [(f"{how} {what}", np.concatenate([axis, np.zeros(3)])) for how, what, axis in names]
+    turns = [(f"about {what}", np.concatenate([np.zeros(3), axis])) for _, what, axis in names]
+    return owner, shifts + turns

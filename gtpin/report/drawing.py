@@ -1,0 +1,33 @@
+"""The drawing of any machine on a report's page."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from markupsafe import Markup
+
+from gtpin.model.model import Model
+from gtpin.report.chain_skeleton import chain_skeleton
+from gtpin.report.chain_sketch import chain_sketch
+from gtpin.report.skeleton import skeleton
+from gtpin.report.sketch import sketch
+
+
+def drawing(
+    model: Model,
+    site_share: Mapping[str, float] | None = None,
+    rod_share: Mapping[str, float] | None = None,
+    causes: Collection[str] = (),
+) -> Markup | None:
+    """A machine with its parts in the colours of their shares of the gap; None if its pose can't be reached.
+
+    Parameters
+    ----------
+    site_share, rod_share, causes
+        See :func:`~gtpin.report.sketch.sketch`; left out, no part has a share.
+    """
+    machine = skeleton(model)
+    if machine is not None:
+        return sketch(machine, model.robot.rod_sites, site_share or {}, rod_share or {}, causes)
+    chain = chain_skeleton(model)
+    return None if chain is None else chain_sketch(chain, site_share or {}, causes)

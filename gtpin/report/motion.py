@@ -1,0 +1,66 @@
+"""One quantity that an effect displaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What pulls at a quantity of a robot without rods: the load that does work along it.
+
+    Parameters
+    ----------
+    what
+        On what it acts, and in which direction.
+    index, way
+        Placement frame, as in :class:`~gtpin.kinematics.bodies.Bodies`, and (6,) the direction as a twist in its axes.
+    """
+
+    what: str
+    index: int
+    way: Floats
+
+    @property
+    def words(self) -> str:
+        """Its name."""
+        return f"{'moment' if self.way[3:].any() else 'force'} on {self.what}"
+
+    @property
+    def unit(self) -> str:
+        """``N`` or ``N m``."""
+        return "N m" if self.way[3:].any() else "N"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One quantity that an effect displaces, at N poses.
+
+    Parameters
+    ----------
+    name, unit
+        Its name, such as ``travel of cart1``, and ``m`` or ``rad``.
+    columns
+        (N, m) its displacement for a value of 1 of each of the effect's m coefficients.
+    tcp
+        (N, 6) displacement of the TCP by one unit of it, base frame, m and rad.
+    rod
+        Index of the rod whose length it is; None for other quantities.
+    straightened
+        Whether geometry absorbs a straight line of it along the track, not only its mean.
+    carried
+        What pulls at it, of a robot without rods.
+    """
+
+    name: str
+    unit: str
+    columns: Floats
+    tcp: Floats
+    rod: int | None = None
+    straightened: bool = False
+    carried: Carried | None = None
