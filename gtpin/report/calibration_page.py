@@ -52,7 +52,7 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
         headline=headline,
         advice=advice,
         numbers=_numbers(calibration),
-        sketch=drawing(calibration.model),
+        sketch=drawing(calibration.model, dataset.q.mean(axis=0)),
         views=views,
         component=component,
         selection=selection(residuals),

@@ -84,10 +84,11 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         poses=len(dataset),
         verdict=verdict(diagnosis),
         numbers=_numbers(diagnosis),
-        sketch=_sketch(diagnosis),
+        sketch=_sketch(diagnosis, dataset),
         causes=named,
         notes={cause.key: curve_notes(own_curves.get((cause.effect, cause.site), ())) for cause in named},
         where=_where_bars(diagnosis.where),
+        rods=bool(diagnosis.where.rod),
         regions=_regions(diagnosis.where),
         component=component,
         selection=selection(residuals),
@@ -123,10 +124,11 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
     return numbers
 
 
-def _sketch(d: Diagnosis) -> str | None:
+def _sketch(d: Diagnosis, dataset: Dataset) -> str | None:
+    q = dataset.q.mean(axis=0)
     if d.verdict == "none":
-        return drawing(d.model)
-    return drawing(d.model, d.where.site, d.where.rod, [c.site for c in d.causes])
+        return drawing(d.model, q)
+    return drawing(d.model, q, d.where.site, d.where.rod, [c.site for c in d.causes])
 
 
 def _left(d: Diagnosis, residuals: Residuals, views: Mapping[str, View], component: Choice) -> Plot | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
+import numpy as np
+import numpy.typing as npt
 from markupsafe import Markup
 
 from gtpin.model.model import Model
@@ -12,9 +14,12 @@ from gtpin.report.chain_sketch import chain_sketch
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
 
+Floats = npt.NDArray[np.float64]
+
 
 def drawing(
     model: Model,
+    q: Floats | None = None,
     site_share: Mapping[str, float] | None = None,
     rod_share: Mapping[str, float] | None = None,
     causes: Collection[str] = (),
@@ -23,11 +28,13 @@ def drawing(
 
     Parameters
     ----------
+    q
+        (n,) commands at which a robot without rods is drawn, by default home; one with rods stands mid-range.
     site_share, rod_share, causes
         See :func:`~gtpin.report.sketch.sketch`; left out, no part has a share.
     """
     machine = skeleton(model)
     if machine is not None:
         return sketch(machine, model.robot.rod_sites, site_share or {}, rod_share or {}, causes)
-    chain = chain_skeleton(model)
+    chain = chain_skeleton(model, q)
     return None if chain is None else chain_sketch(chain, site_share or {}, causes)

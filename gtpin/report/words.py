@@ -15,7 +15,7 @@ COORDINATES = {
     "time": "time",
     "session": "the session",
     "payload": "the payload",
-    "load": "the links' forces",
+    "load": "the load",
     "direction": "the link's direction",
     "position": "the TCP's position",
     "temp_frame": "the frame's temperature",
