@@ -86,7 +86,7 @@ def _corrected(model: Model, commands: Path, controller: str | None, output: Pat
         given = Commands.read(commands, model.robot.n_actuators)
         meant = predict(_controller(model, controller), Commands(given.pose, given.q, row=given.row, file=given.file))
         rotations = meant.R if model.robot.n_actuators >= 6 else None
-        replace(given, q=compensate(model, meant.T, given.covariates, rotations=rotations)).write(new)
+        replace(given, q=compensate(model, meant.T, given.covariates, rotations=rotations, start=given.q)).write(new)
     return output
 
 

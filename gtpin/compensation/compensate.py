@@ -42,6 +42,7 @@ def compensate(
     covariates: Mapping[str, Column] | None = None,
     *,
     rotations: npt.ArrayLike | None = None,
+    start: npt.ArrayLike | None = None,
 ) -> Floats:
     """Commands that bring the TCP to wanted poses, by Newton's method on the complete prediction.
 
@@ -56,6 +57,9 @@ def compensate(
     rotations
         (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more. By default, the
         orientation is free.
+    start
+        (N, n) commands to start from, by default home: a robot without rods often has several postures for a pose, and gets
+        the one that is near.
 
     Returns
     -------
@@ -81,7 +85,7 @@ def compensate(
         )
     machine = machine_of(model)
     kinematics = machine.kinematics
-    q, poses = commands_for(kinematics, T, R)
+    q, poses = commands_for(kinematics, T, R, None if start is None else np.array(start, dtype=float))
     _all_there(q, machine)
     for _ in range(STEPS):
         error = _errors(machine.predict(q, covariates), T, R)
@@ -113,5 +117,6 @@ def _all_there(values: Floats, model: Model) -> None:
     lost = np.flatnonzero(~np.isfinite(values).all(axis=1))
     if lost.size:
         raise UnreachableError(
-            f"{model.robot.name} can't bring its TCP to position {lost[0] + 1}", hint="stay inside the workspace"
+            f"{model.robot.name} can't bring its TCP to position {lost[0] + 1}",
+            hint="stay inside the workspace, or give other commands to start from",
         )

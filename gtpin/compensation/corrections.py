@@ -12,7 +12,6 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.sites import number
 from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ModelError
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -61,9 +60,19 @@ def correctable(model: Model, session: str | None = None) -> tuple[ActiveEffect,
         if active.site in robot.sites:
             i = number(robot, active.site)
             own = {f"q{i}", f"approach{i}", *known}
-            if set(active.effect.coordinates(robot, active.site)) <= own:
+            if set(active.effect.coordinates(robot, active.site)) <= own and _moves_along(model, active):
                 found.append(active)
     return tuple(found)
+
+
+def _moves_along(model: Model, active: ActiveEffect) -> bool:
+    """Whether an effect moves its actuator in the actuator's own direction, as straightness does not."""
+    q = model.robot.home_q[None]
+    known: dict[str, Column] = {name: np.zeros(1) for name in active.references.covariates if name != "session"}
+    if active.references.sessions:
+        known["session"] = np.array(active.references.sessions[:1], dtype=object)
+    at = Situation(model.kinematics, q, model.kinematics.forward(q), known, active.references)
+    return active.basis(at).command is not None
 
 
 def corrections(model: Model, *, session: str | None = None, most: int = MOST) -> tuple[Correction, ...]:
@@ -145,7 +154,6 @@ def _deviations(
     if not effects:
         return below, above
     kinematics = model.kinematics
-    assert isinstance(kinematics, RodKinematics)
     commands = np.tile(model.robot.home_q, (len(q), 1))
     commands[:, index] = q
     poses = kinematics.forward(commands)

@@ -14,6 +14,8 @@ from gtpin.kinematics.rotations import log
 Floats = npt.NDArray[np.float64]
 
 MAX_STEPS = 40
+LARGEST = 1.0
+"""Largest step of a turning actuator, rad: near a singularity a step by the Jacobian may be many turns."""
 TOLERANCE = 1e-12
 """Error, m and rad, at which the TCP counts as being there."""
 
@@ -128,6 +130,8 @@ def commands_for(
             break
         jacobian = kinematics.command_jacobian(q[rows], poses[rows])[:, : error.shape[1]]
         step = np.einsum("nij,nj->ni", np.linalg.pinv(jacobian), error)
+        turned = np.abs(step * kinematics.geometry.robot.revolute).max(axis=1, keepdims=True)
+        step /= np.maximum(1.0, turned / LARGEST)
         trial = q[rows] + stride[rows, None] * step
         moved = kinematics.forward(trial)
         better = np.zeros(len(rows), dtype=bool)
