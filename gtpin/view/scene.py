@@ -15,7 +15,9 @@ from gtpin.errors import GtpinError
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.model.model import Model
 from gtpin.report.camera import Camera
+from gtpin.report.chain_skeleton import chain_skeleton
 from gtpin.report.skeleton import skeleton
+from gtpin.view.chain_display import ChainDisplay
 from gtpin.view.gap import Gap
 from gtpin.view.gap_panel import GapPanel
 from gtpin.view.parts import Part, parts
@@ -88,6 +90,10 @@ class Scene:
         return ""
 
     def _load(self) -> Any:
+        if not self.robot.rods:
+            display = ChainDisplay(self.server, self.robot)
+            display.display(self.posture.configuration)
+            return display
         from pinocchio.visualize import ViserVisualizer
 
         share = {} if self.gap is None else self.gap.share
@@ -107,7 +113,7 @@ class Scene:
 
     def _look(self) -> None:
         """From where the rods hide each other the least, at the middle of the machine."""
-        machine = skeleton(self.model)
+        machine = skeleton(self.model) or chain_skeleton(self.model)
         if machine is None:
             return
         middle = (machine.points.max(axis=0) + machine.points.min(axis=0)) / 2.0

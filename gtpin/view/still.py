@@ -12,7 +12,8 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.model.model import Model
 from gtpin.output.figure import new_figure
 from gtpin.output.results import result_file
-from gtpin.report.camera import ELEVATION, Camera
+from gtpin.report.camera import ELEVATION, Camera, Drawable
+from gtpin.report.chain_skeleton import ChainSkeleton, chain_skeleton
 from gtpin.report.skeleton import Skeleton, skeleton
 from gtpin.robot.robot import Robot
 from gtpin.view.colors import GREY, of_errors, of_share
@@ -30,21 +31,25 @@ MOST = 400
 
 
 def still(model: Model, gap: Gap | None = None) -> Figure:
-    """A picture of a machine with rods, the errors magnified, the rods coloured by their share of the gap.
+    """A picture of a machine, the errors magnified, rods coloured by their share of the gap.
 
     Raises
     ------
     ModelError
-        If the robot has no rods.
+        If the machine can't be drawn.
     GtpinError
         If matplotlib is missing.
     """
-    machine = skeleton(model, None if gap is None else gap.q[int(np.argmax(gap.length))])
+    worst = None if gap is None else gap.q[int(np.argmax(gap.length))]
+    machine = skeleton(model, worst) or chain_skeleton(model, worst)
     if machine is None:
-        raise ModelError(f"{model.robot.name} has no rods", hint="still images are of robots with rods; leave -o out")
+        raise ModelError(f"{model.robot.name} can't be drawn: it does not reach its home", hint="check its geometry")
     figure = new_figure(9.0, 7.0)
     axes: Any = figure.add_subplot(projection="3d")
-    _machine(axes, machine, model.robot, {} if gap is None else gap.share)
+    if isinstance(machine, Skeleton):
+        _machine(axes, machine, model.robot, {} if gap is None else gap.share)
+    else:
+        _chain(axes, machine, model.robot)
     title = model.robot.name
     if gap is not None:
         title += f": position errors {gap.whose}\n{_errors(axes, gap)}"
@@ -98,6 +103,18 @@ def _machine(axes: Any, machine: Skeleton, robot: Robot, share: dict[str, float]
     _name(axes, machine.tcp, f"  {platform_name(robot)}")
 
 
+def _chain(axes: Any, machine: ChainSkeleton, robot: Robot) -> None:
+    for ends in machine.fixed:
+        axes.plot(*ends.T, color=GREY, linewidth=3.0, alpha=0.6)
+    for ends in machine.links.values():
+        axes.plot(*ends.T, color="0.35", linewidth=4.0, solid_capstyle="round")
+    for site, origin in machine.joints.items():
+        axes.plot(*origin, "o", color="0.2", markersize=7)
+        _name(axes, origin, f"  {site}", fontsize=8)
+    axes.plot(*machine.tcp, "o", color="white", markeredgecolor="black", markersize=5)
+    _name(axes, machine.tcp, f"  {platform_name(robot)}")
+
+
 def _name(axes: Any, at: Floats, words: str, **style: Any) -> None:
     """Words in front of everything, with a white rim against what lies under them."""
     from matplotlib.patheffects import withStroke
@@ -117,7 +134,7 @@ def _errors(axes: Any, gap: Gap) -> str:
     return f"{1e6 * gap.rms:,.0f} µm RMS at {len(gap.q)} poses, drawn {factor:,.0f} times larger"
 
 
-def _frame(axes: Any, machine: Skeleton, points: Floats) -> None:
+def _frame(axes: Any, machine: Drawable, points: Floats) -> None:
     """Equal scales, seen from where the rods hide each other the least; gravity down if it is along an axis."""
     from matplotlib.ticker import MaxNLocator
 

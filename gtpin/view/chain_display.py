@@ -1,0 +1,87 @@
+"""A robot without rods in the 3-D page: its meshes by yourdfpy, or lines from joint to joint."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from defusedxml.ElementTree import fromstring
+
+from gtpin.robot.robot import Robot
+from gtpin.view.meshes import with_its_meshes
+
+Floats = npt.NDArray[np.float64]
+
+LINE, POINT = (90, 105, 125), (200, 40, 30)
+"""Colours of links and of joints, 0 to 255."""
+
+
+class ChainDisplay:
+    """What :class:`~gtpin.view.scene.Scene` shows of a robot without rods.
+
+    Parameters
+    ----------
+    server
+        The page's viser server.
+    robot
+        What is shown.
+
+    Attributes
+    ----------
+    data : pinocchio.Data
+        Where the joints are.
+
+    Warns
+    -----
+    GtpinWarning
+        Of meshes that are missing: their shapes are left out; without any shape, lines are drawn.
+    """
+
+    def __init__(self, server: Any, robot: Robot) -> None:
+        self.robot, self.data = robot, robot.model.createData()
+        self._server = server
+        self._meshes = self._load()
+
+    def display(self, configuration: Floats) -> None:
+        """Bring it to a Pinocchio configuration."""
+        pin.forwardKinematics(self.robot.model, self.data, configuration)
+        if self._meshes is None:
+            self._lines()
+        else:
+            self._meshes.update_cfg(np.array([self._angle(name, configuration) for name in self._names]))
+
+    def _load(self) -> Any:
+        """A viewer of the URDF with its shapes; None where there are none."""
+        xml = with_its_meshes(self.robot.description)
+        if not fromstring(xml).findall("link/visual"):
+            return None
+        import yourdfpy
+        from viser.extras import ViserUrdf
+
+        urdf = yourdfpy.URDF.load(BytesIO(xml.encode()), filename_handler=str)
+        self._names = tuple(urdf.actuated_joint_names)
+        return ViserUrdf(self._server, urdf)
+
+    def _angle(self, name: str, configuration: Floats) -> float:
+        """The position of a joint by its name in the URDF, m or rad; 0 of one that the model has not."""
+        model = self.robot.model
+        if not model.existJointName(name):
+            return 0.0
+        j = model.getJointId(name)
+        at = model.idx_qs[j]
+        if model.nqs[j] == 2:
+            return float(np.arctan2(configuration[at + 1], configuration[at]))
+        return float(configuration[at])
+
+    def _lines(self) -> None:
+        model = self.robot.model
+        origins = [self.data.oMi[j].translation for j in range(model.njoints)]
+        ends = [(origins[model.parents[j]], origins[j]) for j in range(1, model.njoints)]
+        tcp = (self.data.oMi[self.robot.tcp_joint] * self.robot.tcp_placement).translation
+        lines = np.array([*ends, (origins[self.robot.tcp_joint], tcp)])
+        scene = self._server.scene
+        scene.add_line_segments("/chain/links", lines, colors=LINE, line_width=5.0)
+        scene.add_point_cloud("/chain/joints", lines[:, 1], colors=POINT, point_size=0.02, point_shape="circle")
