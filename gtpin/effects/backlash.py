@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_load, drive_sizes
-from gtpin.effects.effect import Effect, Floats, Range
+from gtpin.effects.effect import ChainWords, Effect, Floats, Range
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
@@ -34,6 +34,9 @@ class Backlash(Effect):
     id = "backlash"
     title = "deviation that follows the direction of approach"
     clause = "{site} has backlash"
+    of_chains = ChainWords(
+        remedy="Check the play of the gear and its preload; approach from one side, or set the drive's backlash compensation."
+    )
     remedy = "Check the preload of pinion and gear; approach from one side, or set the drive's backlash compensation."
     coefficient = ("half_width", "m")
     of_travel = True

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
-from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.effect import ChainWords, Effect, Floats
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
@@ -40,6 +40,10 @@ class CrossCoupling(Effect):
     id = "cross_coupling"
     title = "deviation along the track that depends on where the other carts are"
     clause = "{site} shifts along its track with where the other carts are"
+    of_chains = ChainWords(
+        clause="{site} departs from its command with where the other joints are",
+        remedy="Look at what couples the joints: the gears of a wrist, belts, cables; or use the corrected model.",
+    )
     remedy = "Look at what loads or twists the track when the carts move apart: mounting, rack, cart stiffness."
     coefficient = ("first_wave", "m")
     of_travel = True

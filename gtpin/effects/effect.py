@@ -26,6 +26,22 @@ class Range(NamedTuple):
     why: str
 
 
+class ChainWords(NamedTuple):
+    """What an effect is called at joints and links of robots without rods; what is empty is as for carts and rods.
+
+    Parameters
+    ----------
+    clause, plural
+        As ``clause`` and ``plural_clause`` of an :class:`Effect`.
+    remedy
+        As its ``remedy``.
+    """
+
+    clause: str = ""
+    plural: str = ""
+    remedy: str = ""
+
+
 class Effect(ABC):
     """A cause of deviations that the geometry does not model: a field of displacements, linear in its coefficients.
 
@@ -97,6 +113,8 @@ class Effect(ABC):
     """The same where the site is ``arm``, all links together."""
     remedy: ClassVar[str] = "Use the corrected model, or take the effect away at its source."
     """What an engineer can do about it, as a sentence."""
+    of_chains: ClassVar[ChainWords] = ChainWords()
+    """Words for joints and links of robots without rods, where the others speak of carts, tracks and rods."""
     core: ClassVar[tuple[int, ...]] = ()
     """Indices of the columns of B that are its core; the others modulate it (a backlash that varies along
     the track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation alone

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
@@ -28,6 +28,10 @@ class EncoderScale(Effect):
     id = "encoder_scale"
     title = "travel per count is off by a constant factor"
     clause = "travel per count of {site} is off by a constant factor"
+    of_chains = ChainWords(
+        clause="the motion of {site} per count is off by a constant factor",
+        remedy="Set the drive's scale factor to the value below, and check the gear ratio.",
+    )
     remedy = "Set the drive's scale factor to the value below, and check gear ratio or rack pitch."
     coefficient = ("scale", "m/m")
     of_travel = True

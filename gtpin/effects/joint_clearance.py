@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.drives import drive_sizes, own_load
-from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
 from gtpin.effects.joint_compliance import loaded
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, links
@@ -39,6 +39,9 @@ class JointClearance(Effect):
     id = "joint_clearance"
     title = "play in a spherical joint, taken up by the sign of the force"
     clause = "a joint of {site} has play"
+    of_chains = ChainWords(
+        clause="{site} has play, which its load takes up", remedy="Replace the gear or bearing, or preload it."
+    )
     remedy = "Replace or preload the joint."
     coefficient = ("half_play", "m")
     core = (0,)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
-from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.effect import ChainWords, Effect, Floats
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
@@ -28,6 +28,10 @@ class Linearity(Effect):
     id = "linearity"
     title = "smooth deviation along the track (EXX)"
     clause = "{site} departs smoothly from where it should be along its track"
+    of_chains = ChainWords(
+        clause="{site} departs smoothly from its command",
+        remedy="Load the curve below as a compensation table of the joint, and check how its encoder is mounted.",
+    )
     remedy = "Load the curve below as an axis compensation table, or have the rack aligned."
     coefficient = ("first_wave", "m")
     of_travel = True

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import bending, of_tips, reach, tip_loads, torsion
-from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
 from gtpin.effects.hysteresis import approach
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links, links_at
@@ -51,6 +51,11 @@ class LinkCompliance(Effect):
     title = "links stretch under load"
     clause = "{site} stretches under load"
     plural_clause = "{site} stretch under load"
+    of_chains = ChainWords(
+        clause="{site} bends under load",
+        plural="{site} bend under load",
+        remedy="Use the corrected model with the payload given; check the links' masses in the URDF.",
+    )
     remedy = "Check links and their joints for stiffness; use the corrected model with the payload given."
     coefficient = ("compliance", "m/N")
     exported_as = "link_spring"

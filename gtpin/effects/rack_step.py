@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.effect import ChainWords, Effect, Floats, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import tracks
 from gtpin.effects.situation import Situation
@@ -30,6 +30,9 @@ class RackStep(Effect):
     id = "rack_step"
     title = "step where two rack segments meet"
     clause = "{site} steps where two rack segments meet"
+    of_chains = ChainWords(
+        clause="the travel of {site} has a step", remedy="Check the scale or rack at the place below, and its joint."
+    )
     remedy = "Check the joint of the rack's segments at the place below, and its gap gauge."
     coefficient = ("step", "m")
     of_travel = True

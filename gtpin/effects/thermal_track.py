@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import tracks
 from gtpin.effects.situation import Situation
@@ -30,6 +30,7 @@ class ThermalTrack(Effect):
     id = "thermal_track"
     title = "the guideway grows with the frame's temperature"
     clause = "the guideway of {site} grows with the frame's temperature"
+    of_chains = ChainWords(clause="the travel of {site} grows with the frame's temperature")
     remedy = "Let the machine warm up, or use the corrected model with the frame's temperature measured."
     coefficient = ("expansion", "1/K")
     core = (0, 1)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from gtpin.effects.effect import Effect
-from gtpin.report.chain_words import chain_words
+from gtpin.effects.effect import ChainWords, Effect
 from gtpin.report.words import site_words
 from gtpin.robot.robot import Robot
 
@@ -16,7 +15,7 @@ def clause(effect: Effect, site: str, robot: Robot | None = None) -> str:
     robot
         The robot, for words that fit joints and links where it has no rods.
     """
-    own = chain_words(effect, robot)
+    own = effect.of_chains if robot is not None and not robot.rods else ChainWords()
     one, many = own.clause or effect.clause, own.plural or effect.plural_clause
     words = many if site == "arm" and many else one
     return (words or f"{effect.title} at {{site}}").replace("{site}", site_words(site))
@@ -24,7 +23,8 @@ def clause(effect: Effect, site: str, robot: Robot | None = None) -> str:
 
 def remedy(effect: Effect, robot: Robot) -> str:
     """What an engineer can do about an effect, as a sentence."""
-    return chain_words(effect, robot).remedy or effect.remedy
+    own = "" if robot.rods else effect.of_chains.remedy
+    return own or effect.remedy
 
 
 def sentence(words: str) -> str:
