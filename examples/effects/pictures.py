@@ -175,7 +175,7 @@ def draw(name: str, folder: Path) -> Path:
 def main(folder: Path, names: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "gtpin", "font.family": "sans-serif"})
-    for name in names or effects_by_id():
+    for name in names or [name for name, effect in effects_by_id().items() if effect.sites(ROBOT)]:
         path = draw(name, folder)
         print(f"{path.name:24s} {path.stat().st_size / 1024.0:.0f} kB")
 

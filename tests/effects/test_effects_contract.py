@@ -125,7 +125,8 @@ def test_columns_do_not_depend_on_the_order_of_the_rows_of_the_fit(name: str, si
 
 
 @pytest.mark.parametrize(
-    "name", [name for name, effect in EFFECTS.items() if effect.core and name != "cart_compliance"]
+    "name",
+    [name for name, effect in EFFECTS.items() if effect.core and effect.sites(ROBOT) and name != "cart_compliance"],
 )
 def test_the_core_of_an_effect_is_its_largest_columns(name: str) -> None:
     found, core = basis(name, second(name), FIT), list(EFFECTS[name].core)

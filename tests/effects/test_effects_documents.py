@@ -8,7 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import chain_places
 import pytest
+from chain_places import ARM
 from effect_places import EFFECTS, FIT, ROBOT, SETTINGS, some
 
 ROOT = Path(__file__).parents[2]
@@ -17,12 +19,13 @@ LARGEST = 60_000
 
 
 def told(name: str) -> dict[str, str]:
-    """Units of all parameters at all sites."""
-    return {
-        re.sub(r"\[\d+\]", "[k]", parameter): unit
-        for site in EFFECTS[name].sites(ROBOT)
-        for parameter, (_, unit) in EFFECTS[name].parameters(some(name, site, FIT), SETTINGS.get(name)).items()
-    }
+    """Units of all parameters at all sites of the Gantry-Tau; of an arm where it has none."""
+    effect = EFFECTS[name]
+    if not effect.sites(ROBOT):
+        found = [effect.parameters(chain_places.some(name, s, chain_places.FIT), None) for s in effect.sites(ARM)]
+    else:
+        found = [effect.parameters(some(name, s, FIT), SETTINGS.get(name)) for s in effect.sites(ROBOT)]
+    return {re.sub(r"\[\d+\]", "[k]", parameter): unit for one in found for parameter, (_, unit) in one.items()}
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -40,6 +43,9 @@ def test_the_index_lists_every_effect_with_its_covariate() -> None:
     rows = dict(re.findall(r"^\| \[`(\w+)`\]\(\w+\.md\) (\|.*)$", index, re.MULTILINE))
     assert list(rows) == list(EFFECTS)
     for name, effect in EFFECTS.items():
+        if not effect.sites(ROBOT):
+            assert "joints of robots without rods" in rows[name]
+            continue
         site = effect.sites(ROBOT)[0]
         assert f"`{site}`" in rows[name]
         for covariate in effect.covariates(ROBOT, site):
@@ -52,12 +58,15 @@ def test_every_page_has_its_picture() -> None:
         assert 1_000 < (PAGES / f"{name}.svg").stat().st_size < LARGEST
 
 
-def test_the_script_draws_pictures_anew(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("script", "some_names"),
+    [("pictures.py", ["backlash", "joint_clearance", "frame_shift"]), ("chain_pictures.py", ["axis_motion"])],
+)
+def test_the_script_draws_pictures_anew(script: str, some_names: list[str], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    some_names = ["backlash", "joint_clearance", "frame_shift"]
-    script = ROOT / "examples" / "effects" / "pictures.py"
+    program = ROOT / "examples" / "effects" / script
     subprocess.run(
-        [sys.executable, str(script), str(tmp_path), *some_names],
+        [sys.executable, str(program), str(tmp_path), *some_names],
         check=True,
         capture_output=True,
         env={**os.environ, "MPLBACKEND": "agg"},

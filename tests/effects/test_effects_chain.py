@@ -1,0 +1,201 @@
+"""Effects at joints and links of robots without rods: signatures, signs, units, and what can't be tested."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chain_places import (
+    ARM,
+    ARM_FILE,
+    FIT,
+    PLACES,
+    active,
+    basis,
+    beam,
+    drawn,
+    moved,
+    robot_of,
+    setting,
+    situation,
+    some,
+)
+from effect_places import EFFECTS
+
+import gtpin
+from gtpin.effects.chain_motions import joint_frame
+from gtpin.effects.situation import Situation
+from gtpin.effects.untestable import Untestable
+from gtpin.kinematics.chain_kinematics import ChainKinematics
+
+G = 9.81
+
+
+def of_beam(length: float, axis: str = "0 0 1", payload: float = 0.0, mass: float = 0.0) -> Situation:
+    kinematics = ChainKinematics(gtpin.Geometry.nominal(beam(length, axis, mass)))
+    q = np.zeros((2, 1))
+    return Situation(kinematics, q, kinematics.forward(q), {"payload": np.array([payload, 2.0 * payload])})
+
+
+@pytest.mark.parametrize(("name", "site"), PLACES)
+def test_the_signature_is_the_derivative_of_the_exact_application(name: str, site: str) -> None:
+    at = situation(6, seed=1, fixed=FIT.references)
+    c = 0.3 * some(name, site, at)
+    predicted = basis(name, site, at).displacement(at) @ c
+    exact = (moved(at, active(name, site, c)) - moved(at, active(name, site, -c))) / 2.0
+    assert np.abs(predicted).max() > 0.0
+    np.testing.assert_allclose(exact, predicted, rtol=0, atol=1e-5 * np.abs(predicted).max() + 1e-13)
+
+
+@pytest.mark.parametrize(("name", "site"), PLACES)
+def test_coefficients_of_zero_change_nothing(name: str, site: str) -> None:
+    at = situation(4, seed=1, fixed=FIT.references)
+    np.testing.assert_allclose(
+        moved(at, active(name, site, 0.0 * basis(name, site, at).sigma)), 0.0, rtol=0, atol=1e-13
+    )
+
+
+def test_a_payload_pulls_a_horizontal_arm_down_by_compliance_moment_and_lever() -> None:
+    length, payload, compliance = 0.8, 5.0, 2e-5
+    at = of_beam(length, "0 1 0", payload)
+    c = np.array([compliance, 0.0, 0.0])
+    down = moved(at, active("joint_compliance", "hinge", c, at.references))[:, 2]
+    turn = compliance * np.array([payload, 2.0 * payload]) * G * length
+    np.testing.assert_allclose(down, -length * np.sin(turn), rtol=1e-4)
+
+
+def test_the_sign_of_a_compliance_does_not_depend_on_the_direction_of_the_axis() -> None:
+    c = np.array([2e-5, 0.0, 0.0])
+    downs = []
+    for axis in ("0 1 0", "0 -1 0"):
+        at = of_beam(0.8, axis, 5.0)
+        downs.append(moved(at, active("joint_compliance", "hinge", c, at.references))[:, 2])
+    np.testing.assert_allclose(downs[0], downs[1], rtol=1e-9)
+
+
+def test_a_bearing_of_a_vertical_axis_lets_a_payload_tilt_the_arm_down() -> None:
+    length, payload, tilt = 0.8, 5.0, 4e-6
+    at = of_beam(length, "0 0 1", payload)
+    c = np.array([tilt, 0.0, tilt, 0.0])
+    down = moved(at, active("bearing_compliance", "hinge", c, at.references))[:, 2]
+    angle = tilt * np.array([payload, 2.0 * payload]) * G * length
+    np.testing.assert_allclose(down, -length * angle, rtol=1e-4)
+
+
+def test_the_last_link_bends_under_a_payload_as_a_cantilever_does() -> None:
+    length, payload, flexibility = 0.8, 5.0, 1.2e-5
+    at = of_beam(length, "0 0 1", payload)
+    c = np.array([flexibility, 0.0, 0.0])
+    found = moved(at, active("link_compliance", "rod", c, at.references))
+    force = G * np.array([payload, 2.0 * payload])
+    np.testing.assert_allclose(found[:, 2], -force * length**3 / 3.0 * flexibility, rtol=1e-6)  # F l^3 / (3 E I)
+    # A tip that hangs down along -z is turned about +y where the beam is along +x.
+    np.testing.assert_allclose(found[:, 4], force * length**2 / 2.0 * flexibility, rtol=1e-6)  # F l^2 / (2 E I)
+
+
+def test_a_beams_own_weight_bends_it_as_an_evenly_spread_load_does() -> None:
+    length, mass, flexibility = 0.8, 4.0, 1.2e-5
+    at = of_beam(length, "0 0 1", mass=mass)
+    found = moved(at, active("link_compliance", "rod", np.array([flexibility, 0.0, 0.0]), at.references))[:, 2]
+    np.testing.assert_allclose(
+        found, -(mass * G / length) * length**4 / 8.0 * flexibility, rtol=1e-6
+    )  # w l^4 / (8 E I)
+
+
+def test_a_warm_link_is_longer_by_its_expansion() -> None:
+    kinematics = ChainKinematics(gtpin.Geometry.nominal(beam(0.8)))
+    q = np.zeros((2, 1))
+    at = Situation(kinematics, q, kinematics.forward(q), {"temp_link": np.array([20.0, 30.0])})
+    c = np.zeros(len(EFFECTS["thermal_links"].basis(at, "rod")))
+    c[0] = 1.2e-5
+    found = moved(at, active("thermal_links", "rod", c, at.references))
+    np.testing.assert_allclose(found[:, 0], [0.0, 0.8 * 1.2e-5 * 10.0], rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("site", ARM.sites)
+def test_the_motion_of_an_axis_is_the_same_after_a_turn(site: str) -> None:
+    at = situation(5, seed=2, fixed=FIT.references)
+    turned = at.q.copy()
+    turned[:, ARM.sites.index(site)] += 2.0 * np.pi
+    again = Situation(at.kinematics, turned, at.poses, at.covariates, FIT.references)
+    c = some("axis_motion", site, at)
+    one, other = (basis("axis_motion", site, where).displacement(where) @ c for where in (at, again))
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-12)
+    assert np.ptp(one, axis=0).max() > 1e-6
+
+
+def test_the_axis_of_a_joint_does_not_turn_the_joint_itself() -> None:
+    at = situation(5, seed=2, fixed=FIT.references)
+    for site in ARM.sites:
+        frame = joint_frame(at, site)
+        ((index, twist),) = basis("axis_motion", site, at).placements
+        assert index == frame.index
+        np.testing.assert_allclose(np.einsum("nim,i->nm", twist[:, 3:], frame.axis), 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "name", ["encoder_scale", "linearity", "zero_shift", "backlash", "joint_clearance", "cross_coupling"]
+)
+def test_travel_of_a_turning_joint_is_told_in_radians(name: str) -> None:
+    found = EFFECTS[name].parameters_at(ARM, "elbow", some(name, "elbow", FIT), setting(name))
+    assert {unit for _, unit in found.values()} <= {"rad", "rad/rad"}
+
+
+def test_sliding_joints_have_units_of_length_and_motions_of_a_slide() -> None:
+    slide = robot_of(
+        ARM_FILE.read_text(encoding="utf-8").replace('name="elbow" type="revolute"', 'name="elbow" type="prismatic"')
+    )
+    at = situation(30, kinematics=drawn(slide))
+    units = {
+        name: EFFECTS[name].parameters_at(slide, "elbow", some(name, "elbow", at), None)
+        for name in ("linearity", "joint_compliance", "axis_motion")
+    }
+    assert {unit for _, unit in units["linearity"].values()} == {"m"}
+    assert {unit for _, unit in units["joint_compliance"].values()} == {"m/N"}
+    assert {name: unit for name, (_, unit) in units["axis_motion"].items()} == {"straightness": "m", "rotation": "rad"}
+
+
+@pytest.mark.parametrize("name", ["joint_compliance", "joint_clearance"])
+def test_a_vertical_first_joint_carries_nothing_under_gravity_alone(name: str) -> None:
+    kinematics = ChainKinematics(gtpin.Geometry.nominal(ARM))
+    alone = situation(20, kinematics=kinematics, without=("fx", "fy", "fz"))
+    assert EFFECTS[name].untestable(alone, "waist") == Untestable("no_load")
+    assert EFFECTS[name].untestable(alone, "shoulder") in (None, Untestable("one_sign"))
+    assert EFFECTS[name].untestable(situation(20, kinematics=kinematics), "waist") is None  # pushed at
+
+
+def test_without_masses_and_loads_no_effect_of_loads_can_be_tested() -> None:
+    light = robot_of(re.sub(r"<inertial>.*?</inertial>", "", ARM_FILE.read_text(encoding="utf-8")))
+    at = situation(20, kinematics=drawn(light), without=("fx", "fy", "fz", "payload"))
+    for name in ("joint_compliance", "bearing_compliance", "joint_clearance", "link_compliance"):
+        for site in EFFECTS[name].sites(light):
+            assert EFFECTS[name].untestable(at, site) == Untestable("no_load"), (name, site)
+
+
+def test_a_load_that_keeps_its_sign_shows_no_play() -> None:
+    at = of_beam(0.8, "0 1 0", 5.0)
+    assert EFFECTS["joint_clearance"].untestable(at, "hinge") == Untestable("one_sign")
+
+
+def test_effects_of_a_chain_are_read_back_as_they_were_written(tmp_path: Path) -> None:
+    kinematics = drawn()
+    references = situation(120, seed=7, kinematics=kinematics).references
+    at = situation(9, seed=3, kinematics=kinematics, fixed=references)
+    effects = tuple(
+        active(name, site, some(name, site, at), references)
+        for name, site in (
+            ("joint_compliance", "shoulder"),
+            ("bearing_compliance", "waist"),
+            ("axis_motion", "elbow"),
+            ("link_compliance", "arm"),
+            ("linearity", "wrist1"),
+            ("thermal_links", "forearm"),
+        )
+    )
+    model = gtpin.Model(kinematics.geometry, effects=effects)
+    gtpin.write_model(model, tmp_path / "model")
+    again = gtpin.read_model(tmp_path / "model")
+    one, other = (m.predict(at.q, at.covariates) for m in (model, again))
+    np.testing.assert_allclose(other.minus(one), 0.0, rtol=0, atol=1e-12)
