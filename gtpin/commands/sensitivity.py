@@ -8,13 +8,14 @@ from typing import Annotated
 
 import typer
 
+from gtpin.accuracy.chain_sensitivity import chain_sensitivity
 from gtpin.accuracy.files import FILES, write_sensitivity
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, Tcp, progress_of, tell
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
-from gtpin.report.accuracy_text import accuracy_text
+from gtpin.report.accuracy_text import accuracy_text, expected_text
 from gtpin.report.sensitivity_page import sensitivity_page
 
 WRITTEN = ("sensitivity.csv", "accuracy.json", "report.html")
@@ -44,7 +45,16 @@ def sensitivity(
             predict(replace(found, effects=()), given)
             q = given.q
         progress("each parameter at each pose", 0, float("nan"))
+        if not found.robot.rods:
+            chain = chain_sensitivity(found, q, seed=seed)
+            chain.write(folder)
+            tell(chain.to_json(), f"{expected_text(chain.to_json())}\nWritten: {_named(output, WRITTEN[:2])}", as_json)
+            return
         accuracy = write_sensitivity(found, q, folder, seed=seed)
         (folder / "report.html").write_text(sensitivity_page(accuracy, seed=seed), encoding="utf-8")
-    written = f"Written: {', '.join(str(output / name) for name in WRITTEN)}\nOpen {output / 'report.html'}"
+    written = f"Written: {_named(output, WRITTEN)}\nOpen {output / 'report.html'}"
     tell(accuracy.to_json(), f"{accuracy_text(accuracy)}\n{written}", as_json)
+
+
+def _named(folder: Path, files: tuple[str, ...]) -> str:
+    return ", ".join(str(folder / name) for name in files)

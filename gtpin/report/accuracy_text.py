@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from gtpin.accuracy.analysis import Accuracy
 
 
 def accuracy_text(accuracy: Accuracy) -> str:
     """Expected errors over the workspace."""
-    values = accuracy.to_json()
+    return expected_text(accuracy.to_json())
+
+
+def expected_text(values: Mapping[str, Any]) -> str:
+    """The same, of the content of accuracy.json."""
     position, orientation = values["expected"]["position"], values["expected"]["orientation"]
     lines = [f"Expected error of {values['robot']} over {values['poses']} poses, from {values['uncertainty']}:"]
     for what, unit, error in (("position", "um", position), ("orientation", "urad", orientation)):

@@ -11,7 +11,8 @@ from defusedxml.ElementTree import fromstring
 from gtpin import Geometry, Model, load_robot, robot_names
 from gtpin.report.camera import HEIGHT, WIDTH, Camera
 from gtpin.report.skeleton import skeleton
-from gtpin.report.sketch import color, sketch
+from gtpin.report.sketch import sketch
+from gtpin.report.sketch_parts import color
 
 ROBOTS = [name for name in robot_names() if load_robot(name).rods]
 
