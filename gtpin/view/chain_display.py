@@ -83,5 +83,5 @@ class ChainDisplay:
         tcp = (self.data.oMi[self.robot.tcp_joint] * self.robot.tcp_placement).translation
         lines = np.array([*ends, (origins[self.robot.tcp_joint], tcp)])
         scene = self._server.scene
-        scene.add_line_segments("/chain/links", lines, colors=LINE, line_width=5.0)
+        scene.add_line_segments("/chain/links", lines, colors=LINE)
         scene.add_point_cloud("/chain/joints", lines[:, 1], colors=POINT, point_size=0.02, point_shape="circle")

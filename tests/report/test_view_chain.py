@@ -1,0 +1,61 @@
+"""3-D views of robots without rods: meshes where they are, lines where they are not."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.errors import GtpinWarning
+from gtpin.view.meshes import mesh_file, missing_meshes
+
+ARM_FILE = Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf"
+
+
+def with_mesh(folder: Path, name: str) -> gtpin.Robot:
+    shape = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+    text = ARM_FILE.read_text(encoding="utf-8").replace('<link name="tool0"/>', f'<link name="tool0">{shape}</link>')
+    (folder / "arm.urdf").write_text(text, encoding="utf-8")
+    return gtpin.load_robot(folder / "arm.urdf")
+
+
+@pytest.mark.parametrize("name", ["meshes/hand.stl", "package://my_arm/meshes/hand.stl"])
+def test_meshes_are_found_beside_and_above_the_urdf(name: str, tmp_path: Path) -> None:
+    home = tmp_path / "my_arm"
+    (home / "meshes").mkdir(parents=True)
+    robot = with_mesh(home, name)
+    assert missing_meshes(robot.description) == ([name], 1)
+    (home / "meshes" / "hand.stl").write_text("solid\nendsolid\n")
+    assert mesh_file(name, robot.description.source) == home / "meshes" / "hand.stl"
+    assert missing_meshes(robot.description) == ([], 1)
+
+
+def scene_of(robot: gtpin.Robot):
+    pytest.importorskip("viser")
+    from gtpin.view.scene import Scene
+
+    return Scene(gtpin.Model(gtpin.Geometry.nominal(robot)), None, port=0)
+
+
+def test_an_arm_whose_mesh_is_missing_is_drawn_by_lines_with_one_warning(tmp_path: Path) -> None:
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        scene = scene_of(with_mesh(tmp_path, "hand.stl"))
+    scene.stop()
+    about = [str(w.message) for w in told if issubclass(w.category, GtpinWarning)]
+    assert about == ["arm is drawn by lines: the mesh hand.stl is missing"]
+
+
+def test_names_of_joints_move_with_the_arm() -> None:
+    scene = scene_of(gtpin.load_robot(ARM_FILE))
+    try:
+        labels = {part.name: label for part, label in scene.labels.items()}
+        scene.show(np.zeros(6))
+        np.testing.assert_allclose(labels["elbow"].position, [0.0, 0.02, 0.52], atol=1e-9)
+        scene.show(np.array([0.0, np.pi / 2.0, 0.0, 0.0, 0.0, 0.0]))
+        np.testing.assert_allclose(labels["elbow"].position, [0.42, 0.02, 0.1], atol=1e-9)
+    finally:
+        scene.stop()
