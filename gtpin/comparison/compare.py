@@ -79,7 +79,7 @@ def compare(
         Of poses that a model's fit sets aside, by name; the model is judged on them all the same.
     """
     given = dataset
-    robot = load_robot(dataset.robot_reference) if robot is None else robot
+    robot = robot_of(dataset) if robot is None else robot
     if not robot.rods:
         raise ModelError(
             f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="use gtpin calibrate"
