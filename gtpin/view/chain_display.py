@@ -61,7 +61,10 @@ class ChainDisplay:
         import yourdfpy
         from viser.extras import ViserUrdf
 
-        urdf = yourdfpy.URDF.load(BytesIO(xml.encode()), filename_handler=str)
+        def handler(fname: str) -> str:
+            return fname  # where it is has been found out
+
+        urdf = yourdfpy.URDF.load(BytesIO(xml.encode()), filename_handler=handler)
         self._names = tuple(urdf.actuated_joint_names)
         return ViserUrdf(self._server, urdf)
 

@@ -47,3 +47,19 @@ def test_names_of_joints_move_with_the_arm() -> None:
         np.testing.assert_allclose(labels["elbow"].position, [0.42, 0.02, 0.1], atol=1e-9)
     finally:
         scene.stop()
+
+
+def test_a_mesh_beside_the_urdf_is_shown_and_goes_where_the_arm_goes(tmp_path: Path) -> None:
+    corners = "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0"
+    facet = f"facet normal 0 0 1\nouter loop\n{corners}\nendloop\nendfacet"
+    (tmp_path / "hand.stl").write_text(f"solid hand\n{facet}\nendsolid hand\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", GtpinWarning)
+        scene = scene_of(with_mesh(tmp_path, "hand.stl"))
+    try:
+        q = np.array([0.3, -0.2, 0.5, 0.1, 0.4, -0.6])
+        scene.show(q)
+        urdf = scene._visualizer._meshes._urdf
+        np.testing.assert_allclose(urdf.get_transform("tool0")[:3, 3], scene.posture.T, rtol=0, atol=1e-9)
+    finally:
+        scene.stop()
