@@ -1,4 +1,4 @@
-"""The sensitivity of a robot without rods: what a small error of each joint's placement, or of the tool, does to the TCP."""
+"""Robots without rods: the effect of a small error of each joint's placement, and of the tool, on the TCP."""
 
 from __future__ import annotations
 

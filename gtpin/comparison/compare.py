@@ -18,7 +18,7 @@ from gtpin.comparison.closure_fit import closure_residual, fit_closures
 from gtpin.comparison.result import Comparison, Cost, Held
 from gtpin.data import Dataset, random
 from gtpin.data.duplicates import counted_once
-from gtpin.errors import DatasetError, GtpinWarning, UnreachableError, warn
+from gtpin.errors import DatasetError, GtpinWarning, ModelError, UnreachableError, warn
 from gtpin.kinematics.euler import zyz_change
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log
@@ -66,6 +66,8 @@ def compare(
 
     Raises
     ------
+    ModelError
+        If the robot is not made for these models.
     DatasetError
         If there are too few poses, or closure residuals are wanted where no orientation was measured in the base frame.
     UnreachableError
@@ -78,6 +80,10 @@ def compare(
     """
     given = dataset
     robot = robot_of(dataset) if robot is None else robot
+    if not robot.rods:
+        raise ModelError(
+            f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="use gtpin calibrate"
+        )
     if (cost == "closure" or choice == "validation") and not _closures_known(dataset):
         raise DatasetError(
             "closure residuals need orientations in the robot's frame",

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from defusedxml.ElementTree import fromstring
 
-from gtpin.errors import warn
 from gtpin.robot.robot import Robot
-from gtpin.view.meshes import mesh_file, missing_meshes
+from gtpin.view.meshes import with_its_meshes
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class ChainDisplay:
     Warns
     -----
     GtpinWarning
-        Once, if meshes are missing: lines are drawn instead.
+        Of meshes that are missing: their shapes are left out; without any shape, lines are drawn.
     """
 
     def __init__(self, server: Any, robot: Robot) -> None:
@@ -54,22 +54,17 @@ class ChainDisplay:
             self._meshes.update_cfg(np.array([self._angle(name, configuration) for name in self._names]))
 
     def _load(self) -> Any:
-        """A viewer of the URDF with all its shapes; None where there are none, or not all."""
-        missing, shapes = missing_meshes(self.robot.description)
-        if missing:
-            more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-            warn(f"{self.robot.name} is drawn by lines: the mesh {missing[0]} is missing{more}")
-        if missing or not shapes:
+        """A viewer of the URDF with its shapes; None where there are none."""
+        xml = with_its_meshes(self.robot.description)
+        if not fromstring(xml).findall("link/visual"):
             return None
         import yourdfpy
         from viser.extras import ViserUrdf
 
-        source = self.robot.description.source
-
         def handler(fname: str) -> str:
-            return str(mesh_file(fname, source) or fname)
+            return fname  # where it is has been found out
 
-        urdf = yourdfpy.URDF.load(BytesIO(self.robot.description.xml.encode()), filename_handler=handler)
+        urdf = yourdfpy.URDF.load(BytesIO(xml.encode()), filename_handler=handler)
         self._names = tuple(urdf.actuated_joint_names)
         return ViserUrdf(self._server, urdf)
 
@@ -91,5 +86,5 @@ class ChainDisplay:
         tcp = (self.data.oMi[self.robot.tcp_joint] * self.robot.tcp_placement).translation
         lines = np.array([*ends, (origins[self.robot.tcp_joint], tcp)])
         scene = self._server.scene
-        scene.add_line_segments("/chain/links", lines, colors=LINE, line_width=5.0)
+        scene.add_line_segments("/chain/links", lines, colors=LINE)
         scene.add_point_cloud("/chain/joints", lines[:, 1], colors=POINT, point_size=0.02, point_shape="circle")
