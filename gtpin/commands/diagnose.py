@@ -22,6 +22,7 @@ from gtpin.commands.terminal import (
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
+from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.output.results import results_folder
 from gtpin.report.corrected import sure_corrections
@@ -44,6 +45,9 @@ def diagnose(
     false_alarm: Annotated[
         float, typer.Option("--false-alarm", help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
+    hold_out: Annotated[
+        HoldOut, typer.Option("--hold-out", help="What is left out together to compute the gap on poses not fitted.")
+    ] = "region",
     tcp: Tcp = None,
     seed: Seed = 0,
     force: Force = False,
@@ -53,7 +57,14 @@ def diagnose(
     with results_folder(output, DIAGNOSIS, force=force) as folder:
         read = with_tcp(Dataset.read(dataset), tcp)
         with progress_of("diagnosing") as progress:
-            found = run_diagnosis(read, exclude=exclude or (), false_alarm=false_alarm, seed=seed, progress=progress)
+            found = run_diagnosis(
+                read,
+                exclude=exclude or (),
+                false_alarm=false_alarm,
+                hold_out=hold_out,
+                seed=seed,
+                progress=progress,
+            )
         result = write_diagnosis(found, folder)
     written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
     text = rendered(

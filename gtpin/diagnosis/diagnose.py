@@ -19,6 +19,7 @@ from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES, readmit_outli
 from gtpin.diagnosis.inference.settle import Settled, settle
 from gtpin.diagnosis.inference.understated_noise import understated_noise, warn_of_noise
 from gtpin.diagnosis.inference.where import where
+from gtpin.diagnosis.linear.hold_out import HoldOut, check_hold_out
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.next_experiment import classes, plan
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
@@ -53,6 +54,7 @@ def diagnose(
     exclude: Collection[str] = (),
     false_alarm: float = FALSE_ALARM,
     priors: Priors = PRIORS,
+    hold_out: HoldOut = "region",
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -75,6 +77,9 @@ def diagnose(
         Chance of naming a cause where there is none.
     priors
         The numbers that move verdicts, each with its source: docs/priors.md.
+    hold_out
+        What is left out together to compute the gap: ``region`` (neighbouring poses), ``session``, ``time`` (stretches of it)
+        or ``random`` (any poses). Nothing but ``gap`` and the causes' shrinkages depends on it.
     seed
         Seed of the random numbers: subsets of large datasets, and the draws from which intervals are computed.
     progress
@@ -83,7 +88,7 @@ def diagnose(
     Raises
     ------
     GtpinError
-        If the dataset does not match this robot, or an excluded effect is not known.
+        If the dataset does not match this robot, an excluded effect is not known, or the data can't be held out so.
 
     Examples
     --------
@@ -94,6 +99,7 @@ def diagnose(
     """
     nominal = robot.robot if isinstance(robot, Model) else robot or robot_of(dataset)
     scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, nominal, priors)
+    check_hold_out(dataset, hold_out)
     _require_memory(dataset)
     rng = np.random.default_rng(seed)
     report = progress or _silent
@@ -102,6 +108,7 @@ def diagnose(
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
         prepared = prepare(prepared.undeclared(small), nominal, progress, priors)
+    check_hold_out(prepared.dataset, hold_out)
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
     rows = readmit_outliers(prepared, scope)
     settled = settle(prepared, rows.admitted, scope, rng)
@@ -110,7 +117,7 @@ def diagnose(
         settled = settle(prepared, rows.sure, scope, rng)
         found = infer(settled)
     report("fitting causes and geometry together", 0, float("nan"))
-    fitted = fit(prepared, settled, found, rng)
+    fitted = fit(prepared, settled, found, rng, hold_out)
     report("what to measure next", 0, float("nan"))
     experiments = plan(
         settled.observed,

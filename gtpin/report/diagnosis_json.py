@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.diagnosis.linear.cross_validation import ASKED, TOGETHER
+from gtpin.diagnosis.linear.cross_validation import ASKED, Gap
+from gtpin.diagnosis.linear.hold_out import TOGETHER
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.reasons import reason_words
 from gtpin.report.words import number_word
@@ -55,7 +56,7 @@ def diagnosis_json(d: Diagnosis) -> dict[str, Any]:
             "noise_floor": d.gap.floor,
             "shrinkage": None if none else d.gap.shrinkage,
             "interval": None if none or d.gap.interval is None else list(d.gap.interval),
-            "method": gap_method(),
+            "method": gap_method(d.gap),
         },
         "unexplained": {
             "share": d.unexplained.share,
@@ -84,9 +85,21 @@ def diagnosis_json(d: Diagnosis) -> dict[str, Any]:
     }
 
 
-def gap_method() -> str:
+def gap_method(gap: Gap) -> str:
     """How the gap on poses that were not fitted was found."""
-    return (
-        f"{number_word(TOGETHER)} neighbouring poses left out in turn; "
-        f"interval: what {ASKED} other poses may show, by the uncertainty of what was fitted"
-    )
+    left_out = {
+        "region": f"{number_word(TOGETHER)} neighbouring poses",
+        "session": f"each of {gap.blocks} sessions",
+        "time": f"each of {gap.blocks} stretches of time",
+        "random": f"{number_word(TOGETHER)} poses drawn at random",
+    }
+    other = f"what {ASKED} other poses may show, by the uncertainty of what was fitted"
+    if gap.hold_out == "session":
+        other = (
+            f"what another session may show, by the uncertainty of what was fitted and how much the {gap.blocks} differ"
+        )
+    only = f"; {ONE_SESSION}" if gap.sessions < 2 else ""
+    return f"{left_out[gap.hold_out]} left out in turn; interval: {other}{only}"
+
+
+ONE_SESSION = "the data are of one session, as far as they tell, so that the interval ignores what another day brings"

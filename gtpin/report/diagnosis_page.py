@@ -107,7 +107,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         moved=moved,
         parameters=parameters,
         quality=quality(dataset, diagnosis.baseline, diagnosis.set_aside_rows),
-        method=gap_method(),
+        method=gap_method(diagnosis.gap),
     )
 
 

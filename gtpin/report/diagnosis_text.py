@@ -53,10 +53,12 @@ def _value(name: str, estimate: Estimate) -> str:
 def _gap(diagnosis: Diagnosis) -> list[str]:
     gap = diagnosis.gap
     before, after, noise = (length(value) for value in (gap.before, gap.after, gap.floor))
+    left_out = "sessions" if gap.hold_out == "session" else "poses"
     if not diagnosis.causes:
-        return [f"Position error on left-out poses, RMS: {before}, of which noise is {noise}."]
+        return [f"Position error on left-out {left_out}, RMS: {before}, of which noise is {noise}."]
     lines = [
-        f"Position error on left-out poses, RMS: {before} by geometry alone -> {after} with the causes; noise floor {noise}."
+        f"Position error on left-out {left_out}, RMS: {before} by geometry alone -> {after} with the causes; "
+        f"noise floor {noise}."
     ]
     if gap.shrinkage is not None and gap.interval is not None:
         low, high = (percent(value) for value in gap.interval)

@@ -172,8 +172,9 @@ def _explained_gap(d: Diagnosis) -> str:
             f"estimated well. The corrected model leaves {after}."
         )
     interval = f" (95\u00a0% interval {_range(gap.interval)})" if gap.interval else ""
+    where = "sessions" if gap.hold_out == "session" else "poses"
     return (
-        f"On poses that it was not fitted to, the corrected model reduces the gap from {before} to {after} (noise alone: "
+        f"On {where} that it was not fitted to, the corrected model reduces the gap from {before} to {after} (noise alone: "
         f"{noise}). It explains {percent(gap.shrinkage)} of the gap's power beyond noise{interval}."
     )
 

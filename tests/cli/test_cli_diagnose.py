@@ -232,3 +232,25 @@ def test_the_samples_are_diagnosed_and_predicted(run, tmp_path, name):
     commands = SAMPLES / name / "commands.csv"
     assert run("predict", tmp_path / "out", commands, "-o", tmp_path / "p.csv").code == 0
     assert len(pd.read_csv(tmp_path / "p.csv")) == len(pd.read_csv(commands))
+
+
+@pytest.mark.parametrize("hold_out", ["session", "time"])
+@pytest.mark.parametrize("recorded", [False, True])
+def test_what_can_t_be_held_out_by_its_column_is_refused_in_one_line(hold_out, recorded, strong, tmp_path, run):
+    """Where the column is missing, and where it has one value only."""
+    data = Dataset.read(strong)
+    covariates = {name: values for name, values in data.covariates.items() if name != hold_out}
+    constant = {hold_out: np.full(len(data), "a", dtype=object) if hold_out == "session" else np.zeros(len(data))}
+    replace(data, covariates=covariates | (constant if recorded else {})).write(tmp_path / "set")
+    error = run("diagnose", tmp_path / "set", "-o", tmp_path / "out", "--hold-out", hold_out).failed()
+    assert f"column {hold_out}" in error
+    assert ("one " in error) == recorded
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_was_held_out_is_in_the_json_and_in_the_report(strong, tmp_path, run):
+    ran = run("diagnose", strong, "-o", tmp_path / "out", "--hold-out", "time", "--seed", 3)
+    assert ran.code == 0, ran.err
+    method = told(tmp_path / "out")["gap"]["method"]
+    assert "stretches of time left out" in method
+    assert method in (tmp_path / "out" / "report.html").read_text()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.digits import with_full_digits
@@ -22,14 +21,15 @@ from gtpin.diagnosis.inference.settle import Settled
 from gtpin.diagnosis.inference.two_groups import with_one_measurement
 from gtpin.diagnosis.inference.two_valued import with_two_valued
 from gtpin.diagnosis.inference.unexplained import unexplained
+from gtpin.diagnosis.inference.unseen_sessions import as_unseen
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import Gap, gap
+from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
-TOGETHER = 4
-"""Neighbouring poses that are left out together."""
+Place = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -60,23 +60,35 @@ class Fitted:
     questions: tuple[Question, ...]
 
 
-def fit(prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.Generator) -> Fitted:
-    """Fit geometry and causes together, and hold the conclusion against plausible parameters and left-out poses."""
+def fit(
+    prepared: Prepared,
+    settled: Settled,
+    found: Conclusion,
+    rng: np.random.Generator,
+    hold_out: HoldOut = "region",
+) -> Fitted:
+    """Fit geometry and causes together, and hold the conclusion against plausible parameters and left-out poses.
+
+    The checks leave neighbouring poses out; ``hold_out`` is what is left out for the gap that is reported.
+    """
     hypotheses, searched = settled.hypotheses, settled.searched
-    found = with_full_digits(without_idle(hypotheses, found, _blocks(searched)), hypotheses, searched)
+    neighbours = blocks_of(searched, "region", rng)
+    found = with_full_digits(without_idle(hypotheses, found, neighbours), hypotheses, searched)
     found = with_one_measurement(found, hypotheses, searched)
     found = with_two_valued(hypotheses, found, settled.observed.noise)
-    found = with_smaller_errors(hypotheses, found, _blocks(searched))
+    found = with_smaller_errors(hypotheses, found, neighbours)
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
     if asked.impossible:
         found = without_impossible(hypotheses, found, asked.impossible)
         model, causes = _fitted(prepared, settled, found)
-    columns = {c.place: hypotheses.groups.columns[c] * found.scale[c] for c in found.classes}
-    whole, shares = _gaps(settled, columns, rng)
+    whole, shares = _gaps(settled, found, "region", rng)
+    checked = whole
+    if hold_out != "region":
+        whole, shares = _gaps(settled, found, hold_out, rng)
     takes = {place: (whole.shrinkage or 0.0) - (share.shrinkage or 0.0) for place, share in shares.items()}
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
-    found = held_out(found, hypotheses, whole)
+    found = held_out(found, hypotheses, checked)
     at, noise = hypotheses.design.situation, prepared.baseline.noise
     hidden = hidden_in_scatter(found, noise, hypotheses.untestable, at, hypotheses.priors)
     found = with_scatter(found, hidden)
@@ -101,22 +113,27 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
     return model, [cause(model, c, found.classes[c]) for c in named]
 
 
-def _blocks(dataset: Dataset) -> list[npt.NDArray[np.bool_]]:
-    """Neighbouring poses that are left out together."""
-    return by_region(dataset, max(2, (int(dataset.visits.max()) + 1) // TOGETHER))
-
-
 def _gaps(
-    settled: Settled, columns: dict[tuple[str, str], Floats], rng: np.random.Generator
-) -> tuple[Gap, dict[tuple[str, str], Gap]]:
+    settled: Settled, found: Conclusion, hold_out: HoldOut, rng: np.random.Generator
+) -> tuple[Gap, dict[Place, Gap]]:
     """How far the gap shrinks with all causes, and with all but each."""
-    design, noise = settled.hypotheses.design, settled.observed.noise
-    blocks = _blocks(settled.searched)
+    hypotheses, noise, searched = settled.hypotheses, settled.observed.noise, settled.searched
+    design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
     covariance = noise.covariance(design.command_jacobian, design.components)
     floor = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
-    none = np.zeros((len(design.y), 0))
-    whole = gap(design, np.hstack([none, *columns.values()]), floor, blocks, rng)
-    if len(columns) == 1:
-        return whole, {place: gap(design, none, floor, blocks, rng) for place in columns}
-    less = {place: np.hstack([none, *(v for p, v in columns.items() if p != place)]) for place in columns}
-    return whole, {place: gap(design, others, floor, blocks, rng) for place, others in less.items()}
+    columns = {c.place: hypotheses.groups.columns[c] * found.scale[c] for c in found.classes}
+    unseen = {
+        c.place: as_unseen(design, c, hypotheses.groups.columns[c], blocks) * found.scale[c] for c in found.classes
+    }
+
+    def shrunk(places: Iterable[Place]) -> Gap:
+        places = tuple(places)
+        none = np.zeros((len(design.y), 0))
+        causes, seen = (np.hstack([none, *(some[p] for p in places)]) for some in (columns, unseen))
+        said = gap(
+            design, causes, floor, blocks, rng, None if np.array_equal(causes, seen) else seen, hold_out == "session"
+        )
+        return replace(said, hold_out=hold_out, blocks=len(blocks), sessions=n_sessions(searched))
+
+    whole = shrunk(columns)
+    return whole, {place: shrunk(p for p in columns if p != place) for place in columns}

@@ -8,14 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.hold_out import HoldOut
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 DRAWS = 400
 """Draws behind an interval."""
-TOGETHER = 4
-"""Neighbouring poses that are left out together."""
 ASKED = 120
 """Poses that a user is supposed to ask for: so many say how far the gap shrank."""
 
@@ -33,7 +32,11 @@ class Gap:
     shrinkage
         Share of the gap's power that goes away, 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there is no gap.
     interval
-        Its 95 % interval: what other poses of the same kind would show.
+        Its 95 % interval: what other poses of the same kind would show; of ``session``, what another session would show.
+    hold_out, blocks
+        What was left out together, and in how many blocks.
+    sessions
+        Number of sessions in the data; 1 where no column tells them apart.
     """
 
     before: float
@@ -41,6 +44,9 @@ class Gap:
     floor: float
     shrinkage: float | None
     interval: tuple[float, float] | None
+    hold_out: HoldOut = "region"
+    blocks: int = 0
+    sessions: int = 1
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ class LeftOut:
     z, root
         (k,) what was fitted, in prior sizes, and (k, k) with root @ root' its covariance.
     columns
-        (N, 3, k) derivative of the positions by it, m.
+        (N, 3, k) derivative of the positions by it, m, as a fit without the pose's block has it.
     """
 
     errors: Floats
@@ -66,7 +72,7 @@ class LeftOut:
     columns: Floats
 
 
-def leave_out(design: Design, causes: Floats, blocks: list[Mask]) -> LeftOut:
+def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats | None = None) -> LeftOut:
     """Fit geometry and causes, and predict each block from the others.
 
     Parameters
@@ -75,6 +81,8 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask]) -> LeftOut:
         (N c, m) whitened displacements of the causes for coefficients of the size that their priors have; m may be 0.
     blocks
         (N,) masks of the poses left out together, a partition.
+    unseen
+        (N c, m) the displacements as a fit without the pose's block has them, where these are others.
     """
     c = design.components
     J = np.hstack([design.B, causes])
@@ -83,22 +91,48 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask]) -> LeftOut:
     root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
     z = root @ (root.T @ (J.T @ design.y))
     left, half = design.y - J @ z, J @ root
+    apart = np.zeros_like(J) if unseen is None else np.hstack([design.B, unseen]) - J
     out, inside = np.empty_like(left), np.empty_like(left)
     for block in blocks:
         rows = np.flatnonzero(np.repeat(block, c))
-        # What a fit without the block leaves of it follows from the fit of all, by the block's leverage.
-        leverage = np.eye(len(rows)) - half[rows] @ half[rows].T
-        out[rows] = np.linalg.solve(leverage, left[rows])
+        out[rows] = _without(half[rows], left[rows])
         inside[rows] = left[rows] * out[rows]
+        if unseen is not None:
+            out[rows] -= apart[rows] @ (z - root @ (half[rows].T @ out[rows]))
     colour = np.linalg.inv(design.whitening)
     errors = np.einsum("nij,nj->ni", colour, out.reshape(-1, c))
     # The product of both residuals has the noise's own variance, whatever the leverage.
     size = np.einsum("nij,nj->n", colour[:, :3] ** 2, inside.reshape(-1, c))
-    columns = np.einsum("nij,njk->nik", colour, J.reshape(-1, c, J.shape[1]))[:, :3]
+    columns = np.einsum("nij,njk->nik", colour, (J if unseen is None else J + apart).reshape(-1, c, J.shape[1]))[:, :3]
     return LeftOut(errors[:, :3], size, z, root, columns)
 
 
-def gap(design: Design, causes: Floats, floor: Floats, blocks: list[Mask], rng: np.random.Generator) -> Gap:
+def _without(half: Floats, left: Floats) -> Floats:
+    """(r,) what a fit without a block leaves of it: (I - H)^-1 left, H = half half' the block's leverage.
+
+    Parameters
+    ----------
+    half
+        (r, k) the block's rows of J @ root.
+    left
+        (r,) what the fit of all leaves of it.
+    """
+    if len(half) <= half.shape[1]:
+        return np.asarray(np.linalg.solve(np.eye(len(half)) - half @ half.T, left))
+    # The same by Woodbury's identity: a session has thousands of rows, and the fit a few hundred coefficients.
+    inner = np.eye(half.shape[1]) - half.T @ half
+    return np.asarray(left + half @ np.linalg.solve(inner, half.T @ left))
+
+
+def gap(
+    design: Design,
+    causes: Floats,
+    floor: Floats,
+    blocks: list[Mask],
+    rng: np.random.Generator,
+    unseen: Floats | None = None,
+    of_blocks: bool = False,
+) -> Gap:
     """Compare a geometry alone with geometry and causes on poses that were left out.
 
     Parameters
@@ -111,20 +145,48 @@ def gap(design: Design, causes: Floats, floor: Floats, blocks: list[Mask], rng: 
         (N,) expected squared length of each pose's position noise, m^2.
     blocks
         (N,) masks of the poses left out together, a partition.
+    unseen
+        As for :func:`leave_out`.
+    of_blocks
+        Whether the interval says what another block would show, by how much these differ, and not other poses alone.
     """
     alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
     b2 = (alone.errors**2).sum(axis=1)
     if not causes.shape[1]:
         return Gap(_root(b2), _root(b2), _root(np.minimum(floor.mean(), b2.mean())), None, None)
-    whole = leave_out(design, causes, blocks)
+    whole = leave_out(design, causes, blocks, unseen)
     a2 = (whole.errors**2).sum(axis=1)
     # These poses' own noise as the fit shows it, where that is no more than chance makes of the noise that is known.
     least = min(float(whole.noise.mean()), float(floor.mean()) * (1.0 + 2.0 * np.sqrt(2.0 / (3.0 * len(floor)))))
     shrinkage = _share(float(b2.mean()), float(a2.mean()), least)
     drawn = _draws(alone, whole, max(float(a2.mean()) - float(whole.noise.mean()), 0.0), a2, rng)
-    low, high = np.percentile(drawn, (2.5, 97.5))
-    interval = (min(float(low), shrinkage), max(float(high), shrinkage))
+    low, high = (float(value) for value in np.percentile(drawn, (2.5, 97.5)))
+    if of_blocks:
+        reach = _reach(np.array([[b2[block].mean(), a2[block].mean()] for block in blocks]) - least, shrinkage)
+        low, high = min(low, max(shrinkage - reach, -1.0)), max(high, min(shrinkage + reach, 1.0))
+    interval = (min(low, shrinkage), max(high, shrinkage))
     return Gap(_root(b2), _root(a2), float(np.sqrt(least)), shrinkage, interval)
+
+
+def _reach(powers: Floats, shrinkage: float) -> float:
+    """How far from the shrinkage that of another block may lie, 95 %, from what K blocks show.
+
+    The shrinkage is a ratio of means, 1 - mean(after) / mean(before), and block k departs from it by
+    e_k = (before_k - after_k - shrinkage before_k) / mean(before) (Cochran, Sampling Techniques, 3rd ed., section 6.3). Another
+    block's departure is Student's t with K - 1 degrees of freedom, times the e_k's scatter, times sqrt(1 + 1 / K).
+
+    Parameters
+    ----------
+    powers
+        (K, 2) each block's mean square error before and after, less the floor, m^2.
+    """
+    from scipy.stats import t
+
+    before, after = powers.T
+    departure = (before - after - shrinkage * before) / max(float(before.mean()), 1e-300)
+    free = len(powers) - 1
+    scatter = float(np.sqrt((departure**2).sum() / free))
+    return float(t.ppf(0.975, free)) * scatter * float(np.sqrt(1.0 + 1.0 / len(powers)))
 
 
 def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: np.random.Generator) -> Floats:

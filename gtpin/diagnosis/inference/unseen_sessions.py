@@ -1,0 +1,70 @@
+"""What a cause with coefficients of its own for each session predicts of a session that it has not seen."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import in_frame
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.linear.design import Design
+from gtpin.effects.situation import Situation
+from gtpin.errors import GtpinWarning
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+
+def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:
+    """Whitened displacements as a model has them that was fitted without the block that a pose is in.
+
+    A session that lies in one block is then one never seen: it gets the mean of the others, as in
+    :func:`~gtpin.effects.sessions.session_columns`, and its own coefficients count for nothing.
+
+    Parameters
+    ----------
+    columns
+        (N c, m) whitened displacements of all poses, for coefficients of typical size.
+    blocks
+        (N,) masks of the poses left out together, a partition.
+    """
+    at = design.situation
+    if "session" not in cause.covariates(at.robot):
+        return columns
+    sessions = np.array([str(name) for name in at.covariates["session"]])
+    found = columns.copy()
+    for block in blocks:
+        lost = set(sessions[block]) - set(sessions[~block])
+        if not lost:
+            continue
+        rows = np.repeat(block, design.components)
+        elsewhere = columns[~rows].any(axis=0)
+        unseen = _columns(design, cause, block, lost)
+        if unseen.shape[1] != elsewhere.sum():
+            continue  # an effect of a user's own whose coefficients are not the sessions' alone
+        found[rows] = 0.0
+        found[np.ix_(rows, elsewhere)] = unseen
+    return found
+
+
+def _columns(design: Design, cause: Hypothesis, block: Mask, lost: set[str]) -> Floats:
+    """(n c, m') whitened displacements of the poses of a block by a fit that did not know some sessions."""
+    at = design.situation
+    known = tuple(name for name in at.references.sessions if name not in lost)
+    some = Situation(
+        at.kinematics,
+        at.q[block],
+        at.poses[block],
+        {name: values[block] for name, values in at.covariates.items()},
+        replace(at.references, sessions=known),
+        at.temperature,
+        at.unusable,
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)  # of the sessions never seen: they are meant
+        basis = cause.basis(some)
+    moved = in_frame(basis.displacement(some) * basis.sigma, design.model.frame)
+    return np.asarray(design.whitening[block] @ moved[:, : design.components]).reshape(-1, moved.shape[2])

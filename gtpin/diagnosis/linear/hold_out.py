@@ -1,0 +1,80 @@
+"""Which poses are left out together when the gap is computed: neighbours, a session, a stretch of time, or any."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Dataset, by_region, random
+from gtpin.errors import DatasetError, ModelError
+
+Mask = npt.NDArray[np.bool_]
+HoldOut = Literal["region", "session", "time", "random"]
+
+TOGETHER = 4
+"""Poses that are left out together, neighbours or drawn at random."""
+STRETCHES = 10
+"""Stretches of time that are left out in turn."""
+
+
+def check_hold_out(dataset: Dataset, hold_out: str) -> None:
+    """Check that a dataset can be split so.
+
+    Raises
+    ------
+    ModelError
+        If there is no such way to split.
+    DatasetError
+        If the column is missing, or has one value only.
+    """
+    if hold_out not in get_args(HoldOut):
+        raise ModelError(f"no hold-out is called {hold_out!r}", hint=f"use {', '.join(get_args(HoldOut))}")
+    if hold_out not in ("session", "time"):
+        return
+    hint = "hold out by region"
+    if hold_out in dataset.unusable:
+        raise DatasetError(f"the column can't be used to hold out by {hold_out}", column=hold_out, hint=hint)
+    if hold_out not in dataset.covariates:
+        raise DatasetError(f"there is no {hold_out} to hold out by", file=dataset.file, column=hold_out, hint=hint)
+    if len(set(dataset.covariates[hold_out])) < 2:
+        raise DatasetError(f"one {hold_out} only: it can't be held out", file=dataset.file, column=hold_out, hint=hint)
+
+
+def blocks_of(dataset: Dataset, hold_out: HoldOut, rng: np.random.Generator) -> list[Mask]:
+    """(N,) masks of the rows that are left out together, a partition.
+
+    Of ``region`` and ``random``, visits to one pose stay together. Of ``session`` and ``time`` they do not: what the same
+    commands bring at another time is what is asked.
+
+    Raises
+    ------
+    DatasetError
+        If the dataset can't be split so.
+    """
+    check_hold_out(dataset, hold_out)
+    if hold_out == "session":
+        return _by_value(np.asarray(dataset.covariates["session"]).astype(str))
+    if hold_out == "time":
+        return _by_value(_stretch(np.asarray(dataset.covariates["time"], dtype=float)))
+    groups = max(2, (int(dataset.visits.max()) + 1) // TOGETHER)
+    if hold_out == "random":
+        return random(dataset, groups, int(rng.integers(2**32)))
+    return by_region(dataset, groups)
+
+
+def n_sessions(dataset: Dataset) -> int:
+    """Number of sessions that are told apart: 1 where no column does."""
+    return len(set(dataset.covariates["session"])) if "session" in dataset.covariates else 1
+
+
+def _stretch(time: npt.NDArray[np.float64]) -> npt.NDArray[np.int_]:
+    """(N,) stretch of time of each row, with equally many rows as far as rows of one time stay together."""
+    _, instant, count = np.unique(time, return_inverse=True, return_counts=True)
+    earlier = np.cumsum(count) - count
+    return np.asarray((earlier * STRETCHES // len(time))[instant])
+
+
+def _by_value(values: npt.NDArray[np.generic]) -> list[Mask]:
+    return [values == value for value in np.unique(values)]
