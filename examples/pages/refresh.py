@@ -15,7 +15,7 @@ from pathlib import Path
 
 from figures import FIGURES, ROOT
 from priors_listed import modulation_listed, priors_listed
-from scores import jugglebot, machine_scores, sealed_score, sealed_sentence
+from scores import jugglebot, machine_scores, real_causes, real_ladder, real_sign, sealed_score, sealed_sentence
 from speed import command_table
 from speed import table as speed_table
 
@@ -26,6 +26,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "sealed_sentence": sealed_sentence,
     "machine_scores": machine_scores,
     "jugglebot": jugglebot,
+    "real_causes": real_causes,
+    "real_ladder": real_ladder,
+    "real_sign": real_sign,
     "modulation_listed": modulation_listed,
     "priors_listed": priors_listed,
     "speed": speed_table,

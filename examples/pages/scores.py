@@ -99,3 +99,47 @@ def jugglebot() -> str:
         lines[-1] += f" or more; {sizes}; the same in {found['same_cause']} of {found['folds']} folds."
     untestable, candidates = found["untestable"]
     return "\n".join([*lines, "", f"{untestable} of {candidates} candidates can't be tested."])
+
+
+STEPS = {"nominal": "nominal, frames fitted", "geometry": "calibrated geometry", "diagnosis": "with the named causes"}
+"""What each step of examples/real/ladder.py is called."""
+
+
+def real_ladder() -> str:
+    """The errors on left-out poses of real arms, as docs/real_arms.md has them."""
+    lines = [
+        "| dataset | robot | poses | regions | " + " | ".join(STEPS.values()) + " |",
+        "|---" * (len(STEPS) + 4) + "|",
+    ]
+    for name, found in _record("real_arms.json").items():
+        cells = [f"{found['left_out'][step]['rms']:.3f} / {found['left_out'][step]['mean']:.3f}" for step in STEPS]
+        lines.append(f"| {name} | `{found['robot']}` | {found['poses']:,} | {found['folds']} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def real_causes() -> str:
+    """What is named on real arms, as docs/real_arms.md has it."""
+    lines = ["| dataset | verdict | noise floor, mm | named, probability | sizes | CPU, s |", "|---" * 6 + "|"]
+    for name, found in _record("real_arms.json").items():
+        begun = f"| {name} | {found['verdict']} | {found['gap'][2]:.3f} |"
+        for cause in found["causes"]:
+            sizes = "; ".join(f"{key} {v:.2g} ± {s:.1g} {unit}" for key, (v, s, unit) in cause["parameters"].items())
+            sure = min(cause["probability"], 0.99)
+            lines.append(
+                f"{begun} `{cause['effect']}` at `{cause['site']}`, {sure:.2f} | {sizes} | {found['seconds']:.0f} |"
+            )
+            begun = "| | | |"
+        if not found["causes"]:
+            lines.append(f"{begun} none | | {found['seconds']:.0f} |")
+    return "\n".join(lines)
+
+
+def real_sign() -> str:
+    """Which sign of the differences in Jacobi's files a fitted geometry explains better."""
+    lines = ["| file | readings with at most six decimals, + / - | geometry leaves, +, mm | -, mm |", "|---" * 4 + "|"]
+    for name, found in _record("real_signs.json").items():
+        plus, minus = found["plus"], found["minus"]
+        lines.append(
+            f"| {name} | {plus['digits']:.0%} / {minus['digits']:.0%} | {plus['rms']:.3f} | {minus['rms']:.3f} |"
+        )
+    return "\n".join(lines)

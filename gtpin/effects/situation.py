@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,13 @@ from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 Column = npt.NDArray[np.float64] | npt.NDArray[np.object_]
+
+_TOOL = ("fx", "fy", "fz", "payload")
+"""Covariates of what acts on the tool."""
+_OF_POSES = ("vectors", "length", "along", "response", "command_jacobian", "bodies", "carrier_joints")
+"""Cached members of a situation that no covariate changes."""
+_OF_LOADS = ("joint_loads", "force")
+"""Cached members that no covariate changes but those of the tool."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +125,13 @@ class Situation:
         """
         return name in (self.covariates if self.fixed is None else self.fixed.covariates)
 
+    def with_covariate(self, name: str, values: Column) -> Situation:
+        """The same poses with one more covariate; what the poses alone determine is not computed again."""
+        changed = replace(self, covariates={**self.covariates, name: values})
+        known = [*_OF_POSES, *(() if name in _TOOL else _OF_LOADS)]
+        changed.__dict__.update({key: self.__dict__[key] for key in known if key in self.__dict__})
+        return changed
+
     def varies(self, name: str) -> bool:
         """Whether a covariate is there and takes more than one value."""
         return name in self.covariates and bool((self.covariates[name] != self.covariates[name][0]).any())
@@ -175,11 +189,7 @@ class Situation:
     def _tool(self) -> tuple[Floats | None, Floats | None]:
         """(N, 3) force on the tool and (N,) payload, where they are given."""
         # Loads that the fit knew must be given; one that it did not know counts where it is given.
-        given = {
-            name: self.covariate(name)
-            for name in ("fx", "fy", "fz", "payload")
-            if self.has(name) or name in self.covariates
-        }
+        given = {name: self.covariate(name) for name in _TOOL if self.has(name) or name in self.covariates}
         payload = given.pop("payload", None)
         none = np.zeros(len(self))
         tool = np.stack([given.get(name, none) for name in ("fx", "fy", "fz")], axis=1) if given else None

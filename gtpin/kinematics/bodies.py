@@ -88,16 +88,16 @@ def driven_twists(robot: Robot) -> Floats:
 
 def _tree(robot: Robot, q: Floats, response: Floats, R: Floats, T: Floats) -> None:
     model, data, tcp = robot.model, robot.data, robot.tcp_placement
-    count = model.njoints - 1
+    count, placed = model.njoints - 1, _placed(robot)
     for i, configuration in enumerate(configurations(robot, q)):
         pin.forwardKinematics(model, data, configuration)
         regressor = pin.computeJointKinematicRegressor(model, data, robot.tcp_joint, pin.LOCAL_WORLD_ALIGNED, tcp)
         response[i, :, :count] = regressor.reshape(6, count, 6)
-        _frames(robot, R[i], T[i])
+        _frames(robot, placed, R[i], T[i])
 
 
 def _loops(robot: Robot, q: Floats, response: Floats, R: Floats, T: Floats) -> None:
-    count = robot.model.njoints - 1
+    count, placed = robot.model.njoints - 1, _placed(robot)
     start = home(robot)
     for i, row in enumerate(q):
         posture = _moved(start, row)
@@ -105,7 +105,7 @@ def _loops(robot: Robot, q: Floats, response: Floats, R: Floats, T: Floats) -> N
             continue
         posture.refresh()
         response[i, :, :count] = Regressors(posture).closed.reshape(6, count, 6)
-        _frames(robot, R[i], T[i])
+        _frames(robot, placed, R[i], T[i])
 
 
 def _moved(start: ClosedPosture, q: Floats) -> ClosedPosture | None:
@@ -115,11 +115,16 @@ def _moved(start: ClosedPosture, q: Floats) -> ClosedPosture | None:
         return None
 
 
-def _frames(robot: Robot, R: Floats, T: Floats) -> None:
+def _placed(robot: Robot) -> list[tuple[int, pin.SE3]]:
+    """Of each placement frame, and of the TCP, the joint that carries it and where it is there."""
+    model = robot.model
+    joints = [(int(model.parents[j]), pin.SE3(model.jointPlacements[j])) for j in range(1, model.njoints)]
+    return [*joints, (robot.tcp_joint, robot.tcp_placement)]
+
+
+def _frames(robot: Robot, placed: list[tuple[int, pin.SE3]], R: Floats, T: Floats) -> None:
     """Placement frames of the posture that Pinocchio's data hold."""
-    model, data = robot.model, robot.data
-    for j in range(1, model.njoints):
-        frame = data.oMi[model.parents[j]] * model.jointPlacements[j]
-        R[j - 1], T[j - 1] = frame.rotation, frame.translation
-    tcp = data.oMi[robot.tcp_joint] * robot.tcp_placement
-    R[-1], T[-1] = tcp.rotation, tcp.translation
+    carriers = robot.data.oMi
+    for index, (joint, placement) in enumerate(placed):
+        frame = carriers[joint] * placement
+        R[index], T[index] = frame.rotation, frame.translation

@@ -41,15 +41,17 @@ def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: F
     still = np.zeros(model.nv)
     external = pin.StdVec_Force()
     external.extend([pin.Force.Zero() for _ in range(model.njoints)])
+    anchors = {joint for c in robot.constraints for joint in (c.joint1_id, c.joint2_id)}
+    placements = [pin.SE3(placement) for placement in model.jointPlacements]
+    on_tcp = robot.tcp_placement.inverse() * robot.load_placement
     for i, (configuration, loops) in enumerate(_postures(robot, q, tool)):
         if configuration is None:
             continue
         pin.forwardKinematics(model, data, configuration)
-        for j in range(model.njoints):
-            external[j] = pin.Force.Zero()
-        carrier = data.oMi[robot.tcp_joint]
-        at_tcp = robot.load_placement.act(pin.Force(_in(carrier * robot.load_placement, tool[i]), np.zeros(3)))
-        external[robot.tcp_joint] = at_tcp
+        for joint in anchors:
+            external[joint] = pin.Force.Zero()
+        hung = pin.Force(_in(data.oMi[robot.tcp_joint] * robot.load_placement, tool[i]), np.zeros(3))
+        external[robot.tcp_joint] = robot.load_placement.act(hung)
         for constraint, pulled in zip(robot.constraints, loops, strict=True):
             for joint, placement, sign in (
                 (constraint.joint1_id, constraint.joint1_placement, -1.0),
@@ -59,11 +61,10 @@ def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: F
                 local = placement.act(pin.Force(_in(frame, sign * pulled), np.zeros(3)))
                 external[joint] = external[joint] + local
         pin.rnea(model, data, configuration, still, still, external)
+        carried, moved = data.f, data.liMi
         for j in range(1, model.njoints):
-            motion = model.jointPlacements[j].actInv(data.liMi[j])
-            loads[i, j - 1] = -motion.act(data.f[j]).vector
-        hung = pin.Force(_in(carrier * robot.load_placement, tool[i]), np.zeros(3))
-        loads[i, -1] = (robot.tcp_placement.inverse() * robot.load_placement).act(hung).vector
+            loads[i, j - 1] = -placements[j].actInv(moved[j]).act(carried[j]).vector
+        loads[i, -1] = on_tcp.act(hung).vector
     return loads
 
 

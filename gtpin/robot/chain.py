@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -156,7 +157,7 @@ class Chain:
         """Number of commands."""
         return len(self.actuators)
 
-    @property
+    @cached_property
     def sites(self) -> tuple[str, ...]:
         """Names of the actuators' sites, in the order of q."""
         return tuple(actuator.site for actuator in self.actuators)

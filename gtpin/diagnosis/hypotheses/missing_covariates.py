@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -103,5 +102,5 @@ def loaded(at: Situation, priors: Priors = PRIORS) -> list[Situation]:
 
 
 def with_column(at: Situation, name: str, values: Column) -> Situation:
-    """The situation with a covariate that was not recorded; what was cached of it is computed again."""
-    return replace(at, covariates={**at.covariates, name: values})
+    """The situation with a covariate that was not recorded."""
+    return at.with_covariate(name, values)

@@ -1,0 +1,108 @@
+"""The examples of real arms: what they read is what was measured; and on the data themselves, where these are at hand."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import gtpin
+from gtpin.data import by_region
+
+REAL = Path(__file__).parents[2] / "examples" / "real"
+DATA = os.environ.get("GTPIN_REAL_DATA", "")
+"""Folder of the files of github.com/pauljac7700/serial_robots_datasets."""
+UR5 = Path(DATA) / "UR5" / "3D_UR5_uncalibrated_grid_cleaned.csv"
+
+# Barrett Technology, WAM Arm User's Manual, D1001, version AH.00, Table 5: a, alpha, d.
+BARRETT = (
+    (0.0, -np.pi / 2, 0.0),
+    (0.0, np.pi / 2, 0.0),
+    (0.045, -np.pi / 2, 0.55),
+    (-0.045, np.pi / 2, 0.0),
+    (0.0, -np.pi / 2, 0.3),
+    (0.0, np.pi / 2, 0.0),
+    (0.0, 0.0, 0.06),
+)
+
+
+def load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, REAL / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def table(joints: int = 6, rows: int = 30) -> pd.DataFrame:
+    rng = np.random.default_rng(0)
+    columns = {"step_order": np.arange(rows)}
+    columns |= {f"{axis}_t": rng.uniform(-500.0, 500.0, rows) for axis in "xyz"}
+    columns |= {f"{axis}_dif": rng.normal(0.0, 2.0, rows) for axis in "xyz"}
+    columns |= {f"joint_{i + 1}": rng.uniform(-60.0, 60.0, rows) for i in range(joints)}
+    return pd.DataFrame(columns)
+
+
+def by_hand(q: np.ndarray) -> np.ndarray:
+    """Pose of the last frame by the distal Denavit-Hartenberg convention."""
+    pose = np.eye(4)
+    for angle, (a, alpha, d) in zip(q, BARRETT, strict=True):
+        c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
+        pose = pose @ [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0.0, sa, ca, d], [0.0, 0.0, 0.0, 1.0]]
+    return pose
+
+
+@pytest.mark.parametrize("joints", [6, 7])
+def test_a_reading_is_the_target_position_and_the_difference(joints: int, tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+    given = table(joints)
+    given.to_csv(file, index=False)
+    load("tsinghua").main([str(file), "-o", str(tmp_path / "dataset")])
+    dataset = gtpin.Dataset.read(tmp_path / "dataset")
+    by_pose = given.set_index(given["step_order"].astype(str)).loc[list(dataset.pose)]
+    for i, axis in enumerate("xyz"):
+        np.testing.assert_allclose(
+            1e3 * dataset.position[:, i], by_pose[f"{axis}_t"] + by_pose[f"{axis}_dif"], rtol=1e-9
+        )
+    np.testing.assert_allclose(np.degrees(dataset.q[:, -1]), by_pose[f"joint_{joints}"], rtol=1e-9)
+    assert (dataset.instrument.frame, dataset.instrument.target) == ("free", "free")
+    assert gtpin.load_robot(dataset.robot_reference).n_actuators == joints
+
+
+def test_a_log_without_a_column_is_refused_in_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+    table().drop(columns="y_dif").to_csv(file, index=False)
+    with pytest.raises(SystemExit) as refused:
+        load("tsinghua").main([str(file), "-o", str(tmp_path / "dataset")])
+    assert "y_dif" in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+    assert not (tmp_path / "dataset").exists()
+
+
+def test_the_wam_of_the_urdf_is_that_of_barrett_s_table() -> None:
+    robot = gtpin.load_robot(REAL / "wam.urdf")
+    model = gtpin.Model(gtpin.Geometry.nominal(robot))
+    q = np.random.default_rng(1).uniform(-0.8, 1.2, (20, 7))
+    predicted = model.predict(q)
+    for row, R, T in zip(q, predicted.R, predicted.T, strict=True):
+        expected = by_hand(row)
+        np.testing.assert_allclose(T, expected[:3, 3], atol=1e-9)
+        np.testing.assert_allclose(R, expected[:3, :3], atol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.skipif(not UR5.is_file(), reason="GTPIN_REAL_DATA names no folder with the measured data")
+def test_geometry_of_a_real_ur5_predicts_left_out_regions_better_than_was_published() -> None:
+    """Jacobi (2025) has a mean error of 0.1549 mm after calibration and a neural network."""
+    dataset = load("tsinghua").dataset_of(pd.read_csv(UR5))
+    off = load("ladder").off
+    errors = [off(gtpin.calibrate(dataset.take(~held)).model, dataset.take(held)) for held in by_region(dataset, 3)]
+    assert np.concatenate(errors).mean() < 0.1549
