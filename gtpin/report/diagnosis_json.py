@@ -57,6 +57,7 @@ def diagnosis_json(d: Diagnosis) -> dict[str, Any]:
             "shrinkage": None if none else d.gap.shrinkage,
             "interval": None if none or d.gap.interval is None else list(d.gap.interval),
             "method": gap_method(d.gap),
+            **_turns(d),
         },
         "unexplained": {
             "share": d.unexplained.share,
@@ -103,3 +104,14 @@ def gap_method(gap: Gap) -> str:
 
 
 ONE_SESSION = "the data are of one session, as far as they tell, so that the interval ignores what another day brings"
+
+
+def _turns(d: Diagnosis) -> dict[str, float]:
+    """Orientation errors on left-out poses, rad, of robots without rods: their wrists turn the tool, and hardly shift it."""
+    if d.gap.turns is None or d.model.robot.rods:
+        return {}
+    return {
+        "orientation_rms_before": d.gap.turns.before,
+        "orientation_rms_after": d.gap.turns.after,
+        "orientation_noise_floor": d.gap.turns.floor,
+    }

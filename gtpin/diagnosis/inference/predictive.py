@@ -8,7 +8,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.cross_validation import leave_out
+from gtpin.diagnosis.linear.cross_validation import LeftOut, leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import without
 
@@ -41,7 +41,7 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
 
 
 def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
-    """The conclusion; doubted, and without causes, where these together make position errors of left-out poses no smaller.
+    """The conclusion; doubted, and without causes, where these together make errors of left-out poses no smaller.
 
     Parameters
     ----------
@@ -51,10 +51,19 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     if not found.classes:
         return found
     columns = np.hstack([hypotheses.groups.columns[cause] * found.scale[cause] for cause in found.classes])
-    alone, whole = (leave_out(hypotheses.design, some, blocks).errors for some in (columns[:, :0], columns))
-    if float((whole**2).sum()) < float((alone**2).sum()):
+    alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (columns[:, :0], columns))
+    nearer = [float((b**2).sum()) < float((a**2).sum()) for a, b in _compared(hypotheses, alone, whole)]
+    if any(nearer):
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
+
+
+def _compared(hypotheses: HypothesisSet, alone: LeftOut, whole: LeftOut) -> list[tuple[Floats, Floats]]:
+    """Errors of positions without and with causes; of a robot without rods, whose wrist turns the tool, of orientations too."""
+    found = [(alone.errors, whole.errors)]
+    if not hypotheses.design.situation.robot.rods and alone.turned.size:
+        found.append((alone.turned, whole.turned))
+    return found
 
 
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:

@@ -20,6 +20,15 @@ ASKED = 120
 
 
 @dataclass(frozen=True)
+class Turns:
+    """Root mean square orientation errors on left-out poses, rad: before and after causes were added, and the noise floor."""
+
+    before: float
+    after: float
+    floor: float
+
+
+@dataclass(frozen=True)
 class Gap:
     """Position errors on left-out poses before and after causes were added.
 
@@ -37,6 +46,8 @@ class Gap:
         What was left out together, and in how many blocks.
     sessions
         Number of sessions in the data; 1 where no column tells them apart.
+    turns
+        The same of orientation; None where it was not measured.
     """
 
     before: float
@@ -47,6 +58,7 @@ class Gap:
     hold_out: HoldOut = "region"
     blocks: int = 0
     sessions: int = 1
+    turns: Turns | None = None
 
 
 @dataclass(frozen=True)
@@ -57,6 +69,8 @@ class LeftOut:
     ----------
     errors
         (N, 3) measured less predicted position, m, each block predicted from the others.
+    turned
+        (N, 3) measured less predicted orientation, rad, likewise; (N, 0) where it was not measured.
     noise
         (N,) squared length, m^2, that each pose's noise has as the fit shows it.
     z, root
@@ -66,6 +80,7 @@ class LeftOut:
     """
 
     errors: Floats
+    turned: Floats
     noise: Floats
     z: Floats
     root: Floats
@@ -104,7 +119,7 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
     # The product of both residuals has the noise's own variance, whatever the leverage.
     size = np.einsum("nij,nj->n", colour[:, :3] ** 2, inside.reshape(-1, c))
     columns = np.einsum("nij,njk->nik", colour, (J if unseen is None else J + apart).reshape(-1, c, J.shape[1]))[:, :3]
-    return LeftOut(errors[:, :3], size, z, root, columns)
+    return LeftOut(errors[:, :3], errors[:, 3:], size, z, root, columns)
 
 
 def _without(half: Floats, left: Floats) -> Floats:
@@ -153,7 +168,8 @@ def gap(
     alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
     b2 = (alone.errors**2).sum(axis=1)
     if not causes.shape[1]:
-        return Gap(_root(b2), _root(b2), _root(np.minimum(floor.mean(), b2.mean())), None, None)
+        turns = _turns(design, alone, alone)
+        return Gap(_root(b2), _root(b2), _root(np.minimum(floor.mean(), b2.mean())), None, None, turns=turns)
     whole = leave_out(design, causes, blocks, unseen)
     a2 = (whole.errors**2).sum(axis=1)
     # These poses' own noise as the fit shows it, where that is no more than chance makes of the noise that is known.
@@ -165,7 +181,16 @@ def gap(
         reach = _reach(np.array([[b2[block].mean(), a2[block].mean()] for block in blocks]) - least, shrinkage)
         low, high = min(low, max(shrinkage - reach, -1.0)), max(high, min(shrinkage + reach, 1.0))
     interval = (min(low, shrinkage), max(high, shrinkage))
-    return Gap(_root(b2), _root(a2), float(np.sqrt(least)), shrinkage, interval)
+    return Gap(_root(b2), _root(a2), float(np.sqrt(least)), shrinkage, interval, turns=_turns(design, alone, whole))
+
+
+def _turns(design: Design, alone: LeftOut, whole: LeftOut) -> Turns | None:
+    if not alone.turned.size:
+        return None
+    before, after = (float(np.sqrt((part.turned**2).sum(axis=1).mean())) for part in (alone, whole))
+    colour = np.linalg.inv(design.whitening)[:, 3:]
+    floor = float(np.sqrt((colour**2).sum(axis=(1, 2)).mean()))
+    return Turns(before, after, min(floor, before))
 
 
 def _reach(powers: Floats, shrinkage: float) -> float:
