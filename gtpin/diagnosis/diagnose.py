@@ -26,6 +26,8 @@ from gtpin.diagnosis.preparation.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.catalogue import catalogue
+from gtpin.effects.driver import driver_effects
+from gtpin.effects.driver_motion import Instrument
 from gtpin.effects.effect import Effect
 from gtpin.memory import require
 from gtpin.model.measured_robot import robot_of
@@ -71,6 +73,7 @@ def diagnose(
         The nominal robot, or a model of it; the one that the dataset names by default.
     effects
         The effects to try; by default the whole catalogue. To add your own effects: ``[*gtpin.catalogue(), MyEffect()]``.
+        The dataset's drivers are tried beside them.
     exclude
         ``effect`` or ``effect@site``: effects, or sites of an effect, that are not tried.
     false_alarm
@@ -98,7 +101,8 @@ def diagnose(
     False
     """
     nominal = robot.robot if isinstance(robot, Model) else robot or robot_of(dataset)
-    scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, nominal, priors)
+    known = tuple(catalogue() if effects is None else effects)
+    scope = Scope.of((*known, *driver_effects(dataset, nominal)), exclude, false_alarm, nominal, priors)
     check_hold_out(dataset, hold_out)
     _require_memory(dataset)
     rng = np.random.default_rng(seed)
@@ -109,6 +113,8 @@ def diagnose(
         warn_of_noise(small)
         prepared = prepare(prepared.undeclared(small), nominal, progress, priors)
     check_hold_out(prepared.dataset, hold_out)
+    if dataset.drivers:
+        scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
     rows = readmit_outliers(prepared, scope)
     settled = settle(prepared, rows.admitted, scope, rng)
@@ -157,6 +163,13 @@ def _diagnosis(
         doubts=found.doubts,
         dataset=prepared.recorded,
     )
+
+
+def _instrument(prepared: Prepared) -> Instrument:
+    """Where the instrument's origin is, and its axes, in the base frame."""
+    frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
+    origin = np.zeros(3) if station is None else np.array(station)
+    return Instrument(frame.R.T @ (origin - frame.T), frame.R.T)
 
 
 def _require_memory(dataset: Dataset) -> None:

@@ -101,21 +101,21 @@ class Effect(ABC):
     array([19.5, 19.8])
     """
 
-    id: ClassVar[str]
+    id: str
     """Its name in files, on the command line and in reports: ``rack_periodic``."""
-    title: ClassVar[str]
+    title: str
     """What it is, in a few words."""
-    coefficient: ClassVar[tuple[str, str]]
+    coefficient: tuple[str, str]
     """Name and unit of the first coefficient as a parameter: the only one, unless :meth:`parameters` gives others."""
-    clause: ClassVar[str] = ""
+    clause: str = ""
     """What it does, as a clause, with ``{site}`` for where: ``{site} has backlash``. Left out, it is made from ``title``."""
     plural_clause: ClassVar[str] = ""
     """The same where the site is ``arm``, all links together."""
-    remedy: ClassVar[str] = "Use the corrected model, or take the effect away at its source."
+    remedy: str = "Use the corrected model, or take the effect away at its source."
     """What an engineer can do about it, as a sentence."""
     of_chains: ClassVar[ChainWords] = ChainWords()
     """Words for joints and links of robots without rods, where the others speak of carts, tracks and rods."""
-    core: ClassVar[tuple[int, ...]] = ()
+    core: tuple[int, ...] = ()
     """Indices of the columns of B that are its core; the others modulate it (a backlash that varies along
     the track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation alone
     is not this effect. Left out, all columns are the core."""

@@ -63,6 +63,10 @@ class Modulation:
     wander: float = 0.05
     """Shift of what is seen where the instrument's scale varies, m times the scale. Assumed: a part of it, some metres away."""
 
+    # What a recorded column moves.
+    curvature: float = 0.2
+    """Motion with a recorded column at the ends of its range, over that in proportion. Assumed."""
+
 
 MODULATION = Modulation()
 """Those of the catalogue."""

@@ -10,10 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
+from gtpin.data.driver import Driver, Motion
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
+from gtpin.effects.driver import PREFIX, Column, DriverEffect
+from gtpin.effects.driver_motion import Instrument, refusal
 from gtpin.effects.effect import Effect
-from gtpin.effects.situation import Column, References, Situation
+from gtpin.effects.situation import Column as Covariate
+from gtpin.effects.situation import References, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.robot import Robot
@@ -86,6 +90,28 @@ class ReferencesRecord(Record):
         return {key: value for key, value in write(self).items() if value is not None}
 
 
+class DriverRecord(Record):
+    """What a recorded column may move; see :class:`~gtpin.data.driver.Driver`."""
+
+    site: str
+    motion: Motion
+    size: Positive
+
+
+class ColumnRecord(Record):
+    """A recorded column that moves sites; see :class:`~gtpin.effects.driver.DriverEffect`.
+
+    ``origin`` (m) and ``axes`` (by rows) are the instrument's in the base frame.
+    """
+
+    name: str
+    mean: Finite
+    range: Positive
+    drivers: Annotated[list[DriverRecord], Field(min_length=1)]
+    origin: Triple
+    axes: Annotated[list[Triple], Field(min_length=3, max_length=3)]
+
+
 class EffectRecord(Record):
     """An effect at a site with its coefficients; see :class:`~gtpin.effects.active.ActiveEffect`."""
 
@@ -96,6 +122,12 @@ class EffectRecord(Record):
     coefficients: list[Finite]
     covariance: list[list[Finite]]
     references: ReferencesRecord
+    column: ColumnRecord | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_column(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The key of effects of recorded columns is written for these alone."""
+        return {key: value for key, value in write(self).items() if key != "column" or value is not None}
 
     @model_serializer(mode="wrap")
     def _without_empty(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
@@ -132,7 +164,30 @@ def record(active: ActiveEffect) -> EffectRecord:
             commands=_commands(known),
             joints=_joints(known),
         ),
+        column=_column(own) if isinstance(own, DriverEffect) else None,
     )
+
+
+def _column(effect: DriverEffect) -> ColumnRecord:
+    column, instrument = effect.column, effect.instrument
+    return ColumnRecord(
+        name=column.name,
+        mean=column.mean,
+        range=column.range,
+        drivers=[DriverRecord(site=d.site, motion=d.motion, size=d.size) for d in effect.drivers],
+        origin=instrument.origin.tolist(),
+        axes=instrument.axes.tolist(),
+    )
+
+
+def _driver_effect(stored: ColumnRecord, robot: Robot) -> DriverEffect:
+    for driver in stored.drivers:
+        why = refusal(robot, driver.site, driver.motion)
+        if why:
+            raise ModelError(why, column="column")
+    drivers = [Driver(stored.name, d.site, d.motion, d.size) for d in stored.drivers]
+    instrument = Instrument(np.array(stored.origin), np.array(stored.axes))
+    return DriverEffect(Column(stored.name, stored.mean, stored.range), drivers, instrument)
 
 
 def _commands(known: References) -> CommandsRecord | None:
@@ -162,6 +217,8 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
     """
     robot = kinematics.geometry.robot
     effect = known.get(stored.effect)
+    if effect is None and stored.column is not None and stored.effect == PREFIX + stored.column.name:
+        effect = _driver_effect(stored.column, robot)
     if effect is None:
         hint = f"install the package that registers it under {GROUP}, or give it: read_model(..., effects=[MyEffect()])"
         raise ModelError(f"no effect is called {stored.effect!r}", column="effect", hint=hint)
@@ -255,7 +312,7 @@ def _try(active: ActiveEffect, kinematics: Kinematics) -> None:
     home, known = kinematics.home, active.references
     if not home.reached.all():
         return
-    some: dict[str, Column] = {name: np.zeros(1) for name in known.covariates}
+    some: dict[str, Covariate] = {name: np.zeros(1) for name in known.covariates}
     if known.sessions:
         some["session"] = np.array(known.sessions[:1], dtype=object)
     at = Situation(kinematics, kinematics.geometry.robot.home_q[None], home, some, fixed=known)

@@ -7,20 +7,24 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from effect_places import EFFECTS, Floats, basis, drawn, situation
+from effect_places import EFFECTS, SETTINGS, Floats, drawn, situation
 
+from gtpin.data import Driver
+from gtpin.effects.driver import Column, DriverEffect
 from gtpin.effects.modulation import MODULATION
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 MACHINES = [situation(10, kinematics=RodKinematics(drawn(name))) for name in ("gantry_tau", "stewart")]
+DRIVEN = DriverEffect(Column("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
+ALL = {**EFFECTS, DRIVEN.id: DRIVEN}
 
 
 def sizes() -> dict[tuple[str, str, str], Floats]:
     """Typical sizes of the coefficients, by robot, effect and site."""
     return {
-        (at.robot.name, name, site): basis(name, site, at).sigma
+        (at.robot.name, name, site): effect.basis(at, site, SETTINGS.get(name)).sigma
         for at in MACHINES
-        for name, effect in EFFECTS.items()
+        for name, effect in ALL.items()
         for site in effect.sites(at.robot)
     }
 
@@ -36,4 +40,4 @@ def test_every_number_changes_the_modulation_of_an_effect_and_no_core(name, monk
     changed = {place: np.flatnonzero(after != before[place]) for place, after in sizes().items()}
     assert any(len(columns) for columns in changed.values())
     for (_, effect, _), columns in changed.items():
-        assert not set(columns) & set(EFFECTS[effect].core)
+        assert not set(columns) & set(ALL[effect].core)

@@ -1,0 +1,128 @@
+"""A recorded column that moves a site: the effect that a line ``[[driver]]`` of a dataset describes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gtpin.data import Dataset
+from gtpin.data.driver import Driver
+from gtpin.effects.basis import Basis
+from gtpin.effects.driver_motion import Instrument, moved, refusal
+from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.modulation import MODULATION
+from gtpin.effects.sites import turns
+from gtpin.effects.situation import Situation
+from gtpin.errors import DatasetError
+from gtpin.robot.robot import Robot
+
+PREFIX = "driver:"
+"""What ids of such effects begin with; the column follows."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A recorded column: its name, and its mean and range in the data that the effect was fitted to."""
+
+    name: str
+    mean: float
+    range: float
+
+
+class DriverEffect(Effect):
+    """u = c (v + s 2 v^2), v = (column - mean) / range: a site moves with a recorded column.
+
+    mean and range, highest less lowest, are of the data that it is fitted to, so that c is the motion over the column's range.
+    u is along or about an axis of the site's frame, positive towards its positive axis; the modulation s says that it rises
+    more at one end of the range than at the other.
+
+    Parameters: by its motion (``x y z``, m; ``rx ry rz``, rad; ``q``, m or rad) c, and with ``_curvature`` c s.
+
+    Typical size: that of the dataset's ``[[driver]]``.
+    """
+
+    def __init__(self, column: Column, drivers: Iterable[Driver], instrument: Instrument | None = None) -> None:
+        """Take a column, what it may move, and where the instrument stands."""
+        self.column, self.drivers, self.instrument = column, tuple(drivers), instrument or Instrument()
+        self.id = PREFIX + column.name
+        self.title = f"moves with the column {column.name}"
+        self.clause = f"{{site}} moves with the column {column.name}"
+        self.remedy = "Use the corrected model with this column recorded, or take away what it measures."
+        self.coefficient = (self.drivers[0].motion, "")
+        counts = {len(self._at(site)) for site in self._places}
+        # Where sites have as many motions each, it is known which coefficients modulate.
+        self.core = tuple(range(0, 2 * counts.pop(), 2)) if len(counts) == 1 else ()
+
+    @property
+    def _places(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(driver.site for driver in self.drivers))
+
+    def _at(self, site: str) -> list[Driver]:
+        return [driver for driver in self.drivers if driver.site == site]
+
+    def sites(self, robot: Robot) -> tuple[str, ...]:
+        """Those that the dataset names."""
+        return self._places
+
+    def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """The column."""
+        return (self.column.name,)
+
+    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+        """The column."""
+        return (self.column.name,)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """For each motion the column, and its square as a modulation."""
+        mine = self._at(site)
+        v = (at.covariate(self.column.name) - self.column.mean) / self.column.range
+        columns = np.tile(np.stack([v, 2.0 * v**2], axis=1)[:, None, :], (1, len(mine), 1))
+        sigma = np.outer([driver.size for driver in mine], [1.0, MODULATION.curvature]).ravel()
+        return moved(at, site, [driver.motion for driver in mine], columns, sigma, self.instrument)
+
+    def parameters_at(
+        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
+    ) -> dict[str, tuple[float, str]]:
+        """Motion over the column's range, and how it curves."""
+        found: dict[str, tuple[float, str]] = {}
+        for driver, (linear, curved) in zip(self._at(site), coefficients.reshape(-1, 2), strict=True):
+            angular = driver.motion.startswith("r") or (driver.motion == "q" and turns(robot, site))
+            unit = "rad" if angular else "m"
+            found |= {driver.motion: (float(linear), unit), f"{driver.motion}_curvature": (float(curved), unit)}
+        return found
+
+
+def driver_effects(dataset: Dataset, robot: Robot, instrument: Instrument | None = None) -> tuple[DriverEffect, ...]:
+    """The effects that a dataset's ``[[driver]]`` tables describe, one for each column.
+
+    Raises
+    ------
+    DatasetError
+        If a site of this robot can't move so, or the column is not recorded.
+    """
+    file: Path | None = None if dataset.path is None else dataset.path / "dataset.toml"
+    for number, driver in enumerate(dataset.drivers):
+        why = refusal(robot, driver.site, driver.motion)
+        if why:
+            hint = "name another site, or take the driver out"
+            raise DatasetError(why, file=file, column=f"driver.{number}.motion", hint=hint)
+        if driver.column not in dataset.covariates:
+            what = f"no column of numbers is called {driver.column!r}"
+            raise DatasetError(
+                what, file=file, column=f"driver.{number}.column", hint="record it, or take the driver out"
+            )
+    return tuple(
+        DriverEffect(
+            _column(dataset, name), [driver for driver in dataset.drivers if driver.column == name], instrument
+        )
+        for name in dict.fromkeys(driver.column for driver in dataset.drivers)
+    )
+
+
+def _column(dataset: Dataset, name: str) -> Column:
+    values = np.asarray(dataset.covariates[name], dtype=float)
+    # The range of a column that does not vary is not used: its effect can't be tested.
+    return Column(name, float(values.mean()), float(np.ptp(values)) or 1.0)

@@ -1,0 +1,105 @@
+"""Motions of a site in its own frame, by unit of what drives them: what a line ``[[driver]]`` of a dataset names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from gtpin.data.driver import MOTIONS
+from gtpin.effects.basis import Basis, along_track, rods_of
+from gtpin.effects.chain_motions import joint_frame, of_joint
+from gtpin.effects.effect import Floats
+from gtpin.effects.sites import sliding_carts
+from gtpin.effects.situation import Situation
+from gtpin.kinematics.rotations import frame_motions
+from gtpin.robot.moving_links import moving_links
+from gtpin.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Instrument:
+    """Where the instrument's origin is in the base frame, (3,) m, and (3, 3) its axes as columns."""
+
+    origin: Floats = field(default_factory=lambda: np.zeros(3))
+    axes: Floats = field(default_factory=lambda: np.eye(3))
+
+
+def refusal(robot: Robot, site: str, motion: str) -> str | None:
+    """Why a site can't move so; None where it can."""
+    if site in ("platform", "frame"):
+        return f"{site} is no joint, so it has no q" if motion == "q" else None
+    if site in robot.sites:
+        if motion == "q" or not robot.rods or site in sliding_carts(robot):
+            return None
+        return f"{site} slides no carrier along a track, so that it has its q only"
+    if robot.rods:
+        return f"{site} is no site that a column can move: of this robot its actuators, platform and frame are"
+    if motion == "q":
+        return f"{site} is no actuator of this dataset, so it has no q"
+    return None if _placement(robot, site) is not None else f"nothing that a column can move is at {site}"
+
+
+def moved(
+    at: Situation, site: str, motions: Sequence[str], columns: Floats, sigma: Floats, instrument: Instrument
+) -> Basis:
+    """Displacements of a site: columns (N, w, c), c for each of w motions, in m or rad.
+
+    ``q`` is along or about the joint's own axis. A joint moves in its placement frame, a moving link at its tip in the tip's
+    frame, a link of the base in its own, a cart in the base frame's axes about the mean of its joints, the platform in the
+    TCP frame, and ``frame`` (what is seen) in the instrument's frame about its origin.
+    """
+    robot = at.robot
+    if all(motion == "q" for motion in motions):
+        return along_track(at, site, columns.reshape(len(at), -1), sigma)
+    ways = np.zeros((6, len(motions)))
+    for w, motion in enumerate(motions):
+        if motion != "q":
+            ways[MOTIONS.index(motion), w] = 1.0
+        elif robot.rods:
+            ways[:3, w] = robot.actuators[robot.sites.index(site)].axis
+        else:
+            turning = robot.actuators[robot.sites.index(site)].revolute
+            ways[3 if turning else 0 : 6 if turning else 3, w] = joint_frame(at, site).axis
+    if site in robot.sites and not robot.rods:
+        return of_joint(at, site, ways, columns, sigma)
+    twist = np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1)
+    if site == "platform":
+        R = at.poses.R
+        return Basis(sigma, twist=np.concatenate([R @ twist[:, :3], R @ twist[:, 3:]], axis=1))
+    if site == "frame":
+        turned = np.concatenate([instrument.axes @ twist[:, :3], instrument.axes @ twist[:, 3:]], axis=1)
+        return Basis(sigma, twist=frame_motions(at.poses.T - instrument.origin) @ turned)
+    if robot.rods:
+        return _of_cart(at, site, twist, sigma)
+    found = _placement(robot, site)
+    assert found is not None
+    return Basis(sigma, placements=tuple((index, action @ twist) for index, action in found))
+
+
+def _of_cart(at: Situation, site: str, twist: Floats, sigma: Floats) -> Basis:
+    """A cart's joints move together, and turn about their mean."""
+    rods = rods_of(at, site)
+    lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
+    turned = np.cross(twist[:, None, 3:], lever[..., None], axisa=2, axisb=2, axisc=2)
+    joints = np.zeros((len(at), len(at.robot.rods), 3, twist.shape[2]))
+    joints[:, rods] = twist[:, None, :3] + turned
+    return Basis(sigma, carrier_joints=joints)
+
+
+def _placement(robot: Robot, site: str) -> tuple[tuple[int, Floats], ...] | None:
+    """Placement frames that move with a link, and (6, 6) of each: its twist by that of the site's frame.
+
+    None where none does.
+    """
+    model = robot.model
+    frame = next((f for f in model.frames if f.name == site and f.type == pin.FrameType.BODY), None)
+    if frame is None:
+        return None
+    if frame.parentJoint:
+        tips = [link.tip for link in moving_links(robot) if link.joint_id == frame.parentJoint]
+        return tuple((tip, np.eye(6)) for tip in tips) or None
+    first = [j for j in range(1, model.njoints) if model.parents[j] == 0]
+    return tuple((j - 1, np.asarray(model.jointPlacements[j].actInv(frame.placement).action)) for j in first) or None
