@@ -119,18 +119,16 @@ def real_ladder() -> str:
 
 def real_causes() -> str:
     """What is named on real arms, as docs/real_arms.md has it."""
-    lines = ["| dataset | verdict | noise floor, mm | named, probability | sizes | CPU, s |", "|---" * 6 + "|"]
+    lines = ["| dataset | verdict | noise floor, mm | named, probability | sizes |", "|---" * 5 + "|"]
     for name, found in _record("real_arms.json").items():
         begun = f"| {name} | {found['verdict']} | {found['gap'][2]:.3f} |"
         for cause in found["causes"]:
             sizes = "; ".join(f"{key} {v:.2g} ± {s:.1g} {unit}" for key, (v, s, unit) in cause["parameters"].items())
             sure = min(cause["probability"], 0.99)
-            lines.append(
-                f"{begun} `{cause['effect']}` at `{cause['site']}`, {sure:.2f} | {sizes} | {found['seconds']:.0f} |"
-            )
+            lines.append(f"{begun} `{cause['effect']}` at `{cause['site']}`, {sure:.2f} | {sizes} |")
             begun = "| | | |"
         if not found["causes"]:
-            lines.append(f"{begun} none | | {found['seconds']:.0f} |")
+            lines.append(f"{begun} none | |")
     return "\n".join(lines)
 
 
@@ -140,6 +138,6 @@ def real_sign() -> str:
     for name, found in _record("real_signs.json").items():
         plus, minus = found["plus"], found["minus"]
         lines.append(
-            f"| {name} | {plus['digits']:.0%} / {minus['digits']:.0%} | {plus['rms']:.3f} | {minus['rms']:.3f} |"
+            f"| {name} | {plus['digits']:.0%} / {minus['digits']:.0%} | {plus['rms']:.4f} | {minus['rms']:.4f} |"
         )
     return "\n".join(lines)

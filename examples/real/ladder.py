@@ -1,7 +1,7 @@
 """How far each step gets on left-out poses: python ladder.py DATASET [--name NAME] [--folds N] [--poses N].
 
-Three models predict poses of regions that were left out when they were fitted: the nominal robot with the instrument's frame and
-the target fitted, the calibrated geometry, and the geometry with the causes of a diagnosis. Every fold is calibrated and
+Three models predict poses of regions that were left out when they were fitted: the nominal robot with the instrument's frame
+and the target fitted, the calibrated geometry, and the geometry with the causes of a diagnosis. Every fold is calibrated and
 diagnosed anew. Positions that the dataset gives in a frame of its own want ``frame = "free"``; where the target is not at the
 robot's TCP, ``--free-target`` identifies it as well, whatever dataset.toml says. ``--name`` keeps the figures in
 docs/figures/real_arms.json, from which ``python examples/pages/refresh.py`` makes the tables of docs/real_arms.md.

@@ -2,11 +2,11 @@
 
 The files are those of github.com/pauljac7700/serial_robots_datasets (P. Jacobi, Master's thesis, Tsinghua University 2025; MIT
 licence), ``UR5/*.csv`` and ``WAM/*.csv``: a row for each pose with the target position ``x_t y_t z_t`` (mm, from the
-controller's own kinematics), ``x_dif y_dif z_dif``, the "difference or residual error between the target position and the actual
-achieved position" (mm), and the commanded ``joint_1 .. joint_n`` (degrees). The measured position is target + difference: these
-sums have no more than six decimals, as an instrument writes them, in every row; target - difference has in none. (The text of
-the repository does not give the sign. ``--minus`` takes the other one; docs/real_arms.md has what a fitted geometry leaves of
-each.)
+controller's own kinematics), ``x_dif y_dif z_dif``, the "difference or residual error between the target position and the
+actual achieved position" (mm), and the commanded ``joint_1 .. joint_n`` (degrees). The measured position is target plus
+difference: these sums have no more than six decimals, as an instrument writes them, and target minus difference has more. (The
+text of the repository does not give the sign. ``--minus`` takes the other one; docs/real_arms.md has what a fitted geometry
+leaves of each.)
 """
 
 from __future__ import annotations
