@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -23,8 +24,24 @@ from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.files import DIAGNOSIS, write_calibration, write_diagnosis
 from gtpin.report.words import length
 
-SCENARIO = Path(__file__).with_name("demo.toml")
-"""The effects that the machine has, and how it is measured."""
+
+class DemoRobot(StrEnum):
+    """Robots that the demo has a scenario for: the effects that the machine has, and how it is measured."""
+
+    GANTRY_TAU = "gantry_tau"
+    UR5 = "ur5"
+
+    @property
+    def scenario(self) -> Path:
+        """The scenario file."""
+        return Path(__file__).with_name("scenarios") / f"{self}.toml"
+
+    @property
+    def title(self) -> str:
+        """The robot's name as users write it."""
+        return {DemoRobot.GANTRY_TAU: "Gantry-Tau", DemoRobot.UR5: "UR5"}[self]
+
+
 FILES = ("dataset", *truth_names("dataset"), "calibration", *DIAGNOSIS)
 
 
@@ -33,18 +50,21 @@ def demo(
         Path,
         typer.Option("-o", "--output", help="Folder for the results; created.", parser=output_path, metavar="<path>"),
     ] = Path("gtpin-demo"),
+    robot: Annotated[
+        DemoRobot, typer.Option("--robot", help="The virtual machine: a parallel robot or an arm.")
+    ] = DemoRobot.GANTRY_TAU,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """The complete workflow on a virtual Gantry-Tau with a hidden effect: simulate, calibrate, diagnose, report.
+    """The complete workflow on a virtual machine with hidden effects: simulate, calibrate, diagnose, report.
 
     Writes dataset/ as simulate does, calibration/ as calibrate does, and the files that diagnose writes.
     """
     with results_folder(output, FILES, force=force) as folder:
         with progress_of("demo") as progress:
             progress("simulating a machine and its measurement", 0, float("nan"))
-            case = simulate_scenario(SCENARIO, seed=seed)
+            case = simulate_scenario(robot.scenario, seed=seed)
             case.write(folder, "dataset")
             found = diagnose(case.dataset, seed=seed, progress=progress)
             progress("writing reports", 0, float("nan"))
@@ -54,7 +74,7 @@ def demo(
     has = ", ".join(f"{truth.effect} at {truth.site}" for truth in case.effects)
     errors = " -> ".join(f"{length(error)} {name}" for name, error in held_out.items())
     text = rendered(
-        f"A virtual Gantry-Tau, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
+        f"A virtual {robot.title}, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
         diagnosis_summary(found),
         f"\nWhat was hidden (dataset.truth.json): the machine has {has}.",
         f"True position error on {len(case.commands)} poses that were never measured, RMS: {errors}.",

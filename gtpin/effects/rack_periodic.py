@@ -8,7 +8,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
-from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.effect import ChainWords, Effect, Floats
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, turns
 from gtpin.effects.situation import Situation
@@ -44,6 +44,10 @@ class RackPeriodic(Effect):
     clause = "{site} departs periodically along its track"
     remedy = "Look for what has this period: tooth pitch, pinion run-out, mounting; or compensate by the curve below."
     coefficient = ("cosine", "m")
+    of_chains = ChainWords(
+        clause="{site} departs periodically from its command",
+        remedy="Look for what has these periods: an eccentric encoder, a gear, a strain wave; or compensate by the curve below.",
+    )
     of_travel = True
     core = (0, 1)
     most_values = 6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,11 +48,18 @@ def bodies(robot: Robot, q: Floats) -> Bodies:
     count = robot.model.njoints - 1
     response = np.full((len(q), 6, count + 1, 6), np.nan)
     R, T = np.full((len(q), count + 1, 3, 3), np.nan), np.full((len(q), count + 1, 3), np.nan)
-    fill = _loops if robot.constraints else _tree
-    fill(robot, q, response, R, T)
-    response[:, :, count] = 0.0
-    response[:, :3, count, :3] = response[:, 3:, count, 3:] = R[:, count]
+    placed = _placed(robot)
+    for i in _responses(robot, q, response):
+        _frames(robot, placed, R[i], T[i])
     return Bodies(response, R, T)
+
+
+def responses(robot: Robot, q: Floats) -> Floats:
+    """The response of :class:`Bodies` alone, which takes half the time."""
+    response = np.full((len(q), 6, robot.model.njoints, 6), np.nan)
+    for _ in _responses(robot, q, response):
+        pass
+    return response
 
 
 def index_of(joint_id: int) -> int:
@@ -86,26 +94,31 @@ def driven_twists(robot: Robot) -> Floats:
     return twists
 
 
-def _tree(robot: Robot, q: Floats, response: Floats, R: Floats, T: Floats) -> None:
+def _responses(robot: Robot, q: Floats, response: Floats) -> Iterator[int]:
+    """Fill in the response at one command after the other; Pinocchio's data hold the posture of the row that is yielded."""
+    data, count = robot.data, robot.model.njoints - 1
+    for i, by_joints in (_loops if robot.constraints else _tree)(robot, q):
+        tcp = (data.oMi[robot.tcp_joint] * robot.tcp_placement).rotation
+        response[i, :, :count] = by_joints.reshape(6, count, 6)
+        response[i, :, count] = 0.0
+        response[i, :3, count, :3] = response[i, 3:, count, 3:] = tcp
+        yield i
+
+
+def _tree(robot: Robot, q: Floats) -> Iterator[tuple[int, Floats]]:
     model, data, tcp = robot.model, robot.data, robot.tcp_placement
-    count, placed = model.njoints - 1, _placed(robot)
     for i, configuration in enumerate(configurations(robot, q)):
         pin.forwardKinematics(model, data, configuration)
-        regressor = pin.computeJointKinematicRegressor(model, data, robot.tcp_joint, pin.LOCAL_WORLD_ALIGNED, tcp)
-        response[i, :, :count] = regressor.reshape(6, count, 6)
-        _frames(robot, placed, R[i], T[i])
+        yield i, pin.computeJointKinematicRegressor(model, data, robot.tcp_joint, pin.LOCAL_WORLD_ALIGNED, tcp)
 
 
-def _loops(robot: Robot, q: Floats, response: Floats, R: Floats, T: Floats) -> None:
-    count, placed = robot.model.njoints - 1, _placed(robot)
+def _loops(robot: Robot, q: Floats) -> Iterator[tuple[int, Floats]]:
     start = home(robot)
     for i, row in enumerate(q):
         posture = _moved(start, row)
-        if posture is None:
-            continue
-        posture.refresh()
-        response[i, :, :count] = Regressors(posture).closed.reshape(6, count, 6)
-        _frames(robot, placed, R[i], T[i])
+        if posture is not None:
+            posture.refresh()
+            yield i, Regressors(posture).closed
 
 
 def _moved(start: ClosedPosture, q: Floats) -> ClosedPosture | None:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ClosureError
-from gtpin.kinematics.bodies import Bodies, bodies, configurations, driven_twists
+from gtpin.kinematics.bodies import Bodies, bodies, configurations, driven_twists, responses
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.geometry import Geometry
@@ -75,15 +75,15 @@ class ChainKinematics:
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the TCP's pose by the commands; see ``RodKinematics``."""
-        return self.by_commands(self.bodies(q))
+        return _contracted(responses(self.robot, q), driven_twists(self.robot))
 
     def by_commands(self, at: Bodies) -> Floats:
         """(N, 6, n) derivative of the TCP's pose by the commands, of postures that are known."""
-        return _contracted(at, driven_twists(self.robot))
+        return _contracted(at.response, driven_twists(self.robot))
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the TCP's pose by the geometry's parameters; see ``RodKinematics``."""
-        return _contracted(self.bodies(q), self._parameter_twists)
+        return _contracted(responses(self.robot, q), self._parameter_twists)
 
     @cached_property
     def _parameter_twists(self) -> Floats:
@@ -140,8 +140,8 @@ class ChainKinematics:
         return home(self.robot)
 
 
-def _contracted(at: Bodies, twists: Floats) -> Floats:
+def _contracted(response: Floats, twists: Floats) -> Floats:
     """(N, 6, m) motion of the TCP by twists (J + 1, 6, m) that are the same at all postures."""
-    n, _, count, _ = at.response.shape
-    flat = at.response.reshape(n * 6, count * 6) @ twists.reshape(count * 6, -1)
+    n, _, count, _ = response.shape
+    flat = response.reshape(n * 6, count * 6) @ twists.reshape(count * 6, -1)
     return np.asarray(flat).reshape(n, 6, -1)

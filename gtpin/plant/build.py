@@ -151,7 +151,7 @@ def _strong(
     causes, truths = [], []
     for want, part in zip(wanted, np.random.SeedSequence([seed, 2]).spawn(len(wanted)), strict=True):
         found = kind(want.effect, plant.machine.robot)
-        cause = found.at(plant.machine.robot, want.site, np.random.default_rng(part))
+        cause = found.at(plant.machine.robot, want.site, np.random.default_rng(part), want.periods)
         amplitude = 1.0 if want.amplitude is None else want.amplitude
         if want.energy is not None:
             amplitude = amplitude_for(plant, cause, rows, past, want.energy, found.largest)

@@ -10,12 +10,16 @@ from gtpin.plant.tracker import Noise
 
 @dataclass(frozen=True)
 class Wanted:
-    """An effect that a machine shall have: how strong by its energy, or else by its amplitude in typical sizes."""
+    """An effect that a machine shall have: how strong by its energy, or else by its amplitude in typical sizes.
+
+    ``periods`` are an arm's periodic error's lines, periods a turn each; drawn where there are none.
+    """
 
     effect: str
     site: str
     energy: float | None = None
     amplitude: float | None = None
+    periods: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class Effect(BaseModel):
-    """One ``[[effect]]``: its id, and a site, an energy or an amplitude (in typical sizes) unless they are to be drawn."""
+    """One ``[[effect]]``: its id; a site, an energy or an amplitude (in typical sizes), and periods a turn, unless drawn."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -33,6 +33,7 @@ class Effect(BaseModel):
     site: str | None = None
     energy: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
     amplitude: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    periods: Annotated[tuple[Annotated[float, Field(gt=0.0, le=1000.0)], ...], Field(max_length=9)] = ()
 
 
 class Scenario(BaseModel):
@@ -99,6 +100,8 @@ def simulate_scenario(
             sites = kind(effect.id, known).sites(known)
             if not sites:
                 raise GtpinError(f"{effect.id} can't be on {reference}", hint="choose what the robot's parts can have")
+            if effect.periods and not kind(effect.id, known).periodic:
+                raise GtpinError(f"{effect.id} on {reference} has no periods that can be given", hint="leave them out")
             if effect.site is not None and effect.site not in sites:
                 raise GtpinError(f"{effect.id} can't be at {effect.site!r}", hint=f"use {', '.join(sites)}")
         except GtpinError as error:
@@ -106,7 +109,7 @@ def simulate_scenario(
         site = effect.site or str(rng.choice(sites))
         drawn = float(np.exp(rng.uniform(*np.log(energies(known)))))
         energy = effect.energy or (drawn if effect.amplitude is None else None)
-        wanted.append(Wanted(effect.id, site, energy, effect.amplitude))
+        wanted.append(Wanted(effect.id, site, energy, effect.amplitude, effect.periods))
     needs = {need for effect in scenario.effect for need in kind(effect.id, known).needs}
     given = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
     recipe = Recipe(

@@ -1,6 +1,8 @@
 """What each command writes and prints."""
 
 import json
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,10 @@ import pandas as pd
 import pytest
 
 import gtpin
+from gtpin.commands.demo import DemoRobot
 from gtpin.data import Dataset
+
+README = Path(__file__).parents[2] / "README.md"
 
 COMMANDS = "pose,q1,q2,q3\nb,0.1,0.2,0.3\na,0,0,0\n7,-0.1,0.05,0.2\n"
 
@@ -116,6 +121,34 @@ def test_demo_needs_nothing_but_a_folder_and_is_repeatable(run, tmp_path, monkey
     assert {(cause["effect"], cause["site"]) for cause in told["causes"]} == hidden
     errors = told["truth"]["true_rms"]
     assert errors["diagnosed"] < 0.5 * errors["calibrated"] < 0.1 * errors["nominal"]
+
+
+def test_the_demo_of_an_arm_finds_what_its_scenario_hides_and_says_what_readme_shows(run, tmp_path):
+    ran = run("demo", "--robot", "ur5", "-o", tmp_path / "arm")
+    assert ran.code == 0
+    assert Dataset.read(tmp_path / "arm" / "dataset").robot == "ur5"
+    found, truth = (
+        json.loads((tmp_path / "arm" / name).read_text()) for name in ("diagnosis.json", "dataset.truth.json")
+    )
+    hidden = {(effect["effect"], effect["site"]) for effect in truth["effects"]}
+    classes = [{(other["effect"], other["site"]) for other in cause["class"]} for cause in found["causes"]]
+    assert len(classes) == len(hidden)  # nothing else is named
+    assert hidden <= set().union(*classes)
+    periodic = next(cause["parameters"] for cause in found["causes"] if cause["effect"] == "rack_periodic")
+    asked = next(effect["periods"] for effect in tomllib.loads(DemoRobot.UR5.scenario.read_text())["effect"])
+    turns = sorted(2.0 * np.pi / periodic[name]["value"] for name in periodic if name.startswith("period"))
+    assert np.allclose(turns, asked, rtol=0.01)
+
+    shown = re.findall(r"^```text\n\$ gtpin demo --robot ur5\n(.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL)
+    said = " ".join(ran.out.split())
+    assert [part for part in shown[0].split("\n\n") if " ".join(part.split()) not in said] == []
+
+
+def test_a_demo_of_a_robot_without_a_scenario_says_which_have_one(run, tmp_path):
+    ran = run("demo", "--robot", "panda", "-o", tmp_path / "arm")
+    ran.failed(2)
+    assert "gantry_tau" in ran.err
+    assert not (tmp_path / "arm").exists()
 
 
 @pytest.mark.parametrize("command", ["simulate", "calibrate", "predict"])

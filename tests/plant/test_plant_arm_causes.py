@@ -161,6 +161,14 @@ def test_lines_are_one_to_three_and_of_one_to_a_hundred_periods_a_turn() -> None
     assert len(set(counts)) > 1
 
 
+def test_a_periodic_error_has_the_lines_that_a_scenario_asks_for() -> None:
+    q = np.linspace(-np.pi, np.pi, 400, endpoint=False)
+    rng, elbow = np.random.default_rng(0), ARM.sites.index("elbow")
+    asked = kind("rack_periodic", ARM).at(ARM, "elbow", rng, (7.0, 23.0))
+    wave = asked(_at(PLANT.visits.take(np.zeros(len(q), dtype=int)), q)).travel[:, elbow]
+    assert set(np.argsort(np.abs(np.fft.rfft(wave)))[-2:]) == {7, 23}
+
+
 def _at(visits: Visits, q: np.ndarray) -> ArmSituation:
     """A situation in which only the elbow's command matters."""
     commands = np.zeros((len(q), ARM.n_actuators))

@@ -60,13 +60,16 @@ class Kind:
         What must vary for it to show: ``session``, ``speed``, ``payload``, ``force``, ``heat``.
     largest
         Times its typical size, beyond which no machine errs however little it shows.
+    periodic
+        Whether ``draw`` also takes the periods a turn of its lines.
     """
 
     name: str
     where: Where
-    draw: Callable[[Site, np.random.Generator], Cause]
+    draw: Callable[..., Cause]
     needs: tuple[str, ...] = ()
     largest: float = 20.0
+    periodic: bool = False
 
     def sites(self, robot: Robot | Arm) -> tuple[str, ...]:
         """Names of the sites at which it can occur; none where the robot has no such."""
@@ -96,14 +99,18 @@ class Kind:
             return links if self.where == "links" else ("arm", *links)
         return (self.where,)
 
-    def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator) -> Cause:
+    def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
         """One machine's own case of it.
 
         Raises
         ------
         GtpinError
-            If it can't occur at the site.
+            If it can't occur at the site, or periods are given for what has none.
         """
         if site not in self.sites(robot):
             raise GtpinError(f"{self.name} can't be at {site!r}", hint=f"use {', '.join(self.sites(robot))}")
-        return self.draw(Site.of(robot, site), rng)
+        if not periods:
+            return self.draw(Site.of(robot, site), rng)
+        if not self.periodic:
+            raise GtpinError(f"{self.name} has no periods that can be given", hint="leave them out")
+        return self.draw(Site.of(robot, site), rng, periods)

@@ -9,7 +9,7 @@ from gtpin.plant.causes.cause import Kind
 ARM_CATALOGUE = (
     Kind("encoder_scale", "joints", drives.encoder_scale, largest=10.0),
     Kind("linearity", "joints", drives.linearity),
-    Kind("rack_periodic", "joints", drives.rack_periodic),
+    Kind("rack_periodic", "joints", drives.rack_periodic, periodic=True),
     Kind("zero_shift", "joints", drives.zero_shift, ("session",)),
     Kind("backlash", "joints", drives.backlash),
     Kind("servo_lag", "joints", drives.servo_lag, ("speed",)),

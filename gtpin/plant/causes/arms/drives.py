@@ -44,27 +44,30 @@ def linearity(site: Site, rng: np.random.Generator) -> Cause:
     return lambda now: turned(now, site, 1e-4 * error(now.places[:, site.cart]))
 
 
-def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
+def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
     """0.1 mrad: one to three lines of 1 to 100 periods a turn, the first of them a whole number every other time.
 
     Strain-wave gears have kinematic errors of 0.1 to 0.5 mrad at two a turn of the input and its neighbours, eccentric
     encoders one a turn. Amplitudes swell and fade a little over the range, and a line has a weak harmonic.
     """
-    lines = int(rng.integers(1, 4))
-    periods = np.exp(rng.uniform(0.0, np.log(100.0), lines))
-    if rng.random() < 0.5:
-        periods = np.maximum(np.round(periods), 1.0)
+    a_turn = np.array(periods) if periods else _drawn_periods(rng)
+    lines = len(a_turn)
     sizes = np.array([1.0, *rng.uniform(0.3, 0.9, lines - 1)])
     phases, second = rng.uniform(0.0, 2.0 * np.pi, (2, lines)), rng.uniform(0.0, 0.12, lines)
     swell, depth = curve(rng, -REACH, REACH, 0.4, "twice"), rng.uniform(0.03, 0.15)
 
     def cause(now: ArmSituation) -> ArmDeviation:
         q = now.q[:, site.cart] * (10.0 if now.machine.robot.slides[site.cart] else 1.0)  # a turn: 0.63 m of a rack
-        angle = np.multiply.outer(q, periods)
+        angle = np.multiply.outer(q, a_turn)
         wave = np.sin(angle + phases[0]) + second * np.sin(2.0 * angle + phases[1])
         return turned(now, site, 1e-4 * (wave @ sizes) * (1.0 + depth * swell(now.places[:, site.cart])))
 
     return cause
+
+
+def _drawn_periods(rng: np.random.Generator) -> Floats:
+    periods = np.exp(rng.uniform(0.0, np.log(100.0), int(rng.integers(1, 4))))
+    return np.maximum(np.round(periods), 1.0) if rng.random() < 0.5 else periods
 
 
 def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
