@@ -149,7 +149,7 @@ class Calibration(Shown):
         )
 
     def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
-        """(N,) mask of the dataset's rows that were used."""
+        """(N,) mask: True for the rows of the dataset that the calibration used, False for outliers."""
         return ~np.isin(dataset.row, self.rejected_rows)
 
     @property

@@ -100,10 +100,10 @@ class Commands:
         return commands
 
     def write(self, file: Path | str, *, force: bool = False) -> None:
-        """Write a CSV, or Parquet by the suffix, from which `read` gives the same again; whole or not at all.
+        """Write a CSV file, or a Parquet file if the suffix is `.parquet`. `read` returns exactly the same values.
 
-        A file that gtpin wrote is replaced. Raises `DatasetError` where it has not, or the file was changed since; with
-        `force` that is moved aside (NAME.old-1).
+        After an error no incomplete file is left. An existing file that gtpin wrote is replaced. If another program wrote or
+        changed the existing file, `DatasetError` is raised; with `force` that file is renamed (NAME.old-1) instead.
         """
         names = command_names(self.n_actuators)
         table = {"pose": self.pose, **dict(zip(names, self.q.T, strict=True)), **self.covariates}

@@ -62,13 +62,14 @@ class Dataset(Shown):
     covariates
         By name, (N,) each: `session` as ids, everything else as float64 in SI units (temperatures in degC).
     instrument, conditions, tolerance
-        As in dataset.toml.
+        The sections with these names in dataset.toml: sigmas and frame of the instrument, the reference temperature, and
+        tolerances of the geometry.
     tcp
         The link whose pose is measured; None for the robot's own TCP.
     actuators
         The joints that q1 .. qn command; empty for the robot's own.
     drivers
-        Recorded columns that may act on the machine.
+        Recorded columns, such as a tilt sensor, that the diagnosis tests as causes of deviations.
     carts
         Cart poses, where they were measured.
     path

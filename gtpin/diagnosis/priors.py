@@ -1,8 +1,8 @@
-"""Every number that moves a verdict, with its source.
+"""Every number that influences a verdict, with its source.
 
 A source is one of three. *Derived*: from a formula that is given. *Measured*: a script of ``examples/`` measures it again.
-*Assumed*: a stated assumption. ``examples/diagnosis/priors.py`` measures how scores of sealed cases move when those that matter
-are halved and doubled; docs/priors.md has the table. How far effects depart from their cores is a property of the effects:
+*Assumed*: a stated assumption. ``examples/diagnosis/priors.py`` halves and doubles the most important numbers, and measures
+how the scores of sealed cases change; docs/priors.md has the table. The sizes of modulations belong to the effects:
 ``gtpin/effects/modulation.py``.
 """
 
@@ -11,156 +11,176 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 SURE = 0.95
-"""Probability from which a cause stands alone. Fixed by what the verdicts mean to users."""
+"""Probability from which a cause is reported as sure. It is fixed, because it defines the verdicts."""
 CLASS_SHARE = 0.05
-"""Share of the leader's probability from which a hypothesis belongs to its class. Fixed likewise."""
+"""Share of the leader's probability from which a hypothesis belongs to its class. It is fixed for the same reason."""
 
 
 @dataclass(frozen=True)
 class Priors:
-    """What is believed before the data are seen: ``gtpin.diagnose(data, priors=Priors(third=8.0))``."""
+    """Priors, thresholds and assumptions of a diagnosis: ``gtpin.diagnose(data, priors=Priors(third=8.0))``."""
 
     # The size of an effect.
     scale_spread: float = 1.3
-    """Standard deviation of the logarithm of an effect's size over its typical size. Assumed: most machines are within a factor
-    of four of it."""
+    """Standard deviation of the natural logarithm of the scale s (size of an effect over its typical size). Assumed: on most
+    machines s is between a quarter and four."""
     least_core: float = 0.5
-    """Root mean square of the core's coefficients over the scale, below which a scale serves the modulation alone. Assumed."""
+    """Smallest root mean square of the core's coefficients, in units of sigma, over the scale s. Below it, the scale s is not
+    admitted, because it serves the modulation alone. Assumed."""
 
     # Prior odds of explanations: natural logarithms, in nats, against them.
     unnamed: float = 5.0
-    """Further odds against a smooth term: the catalogue lists what is common. Assumed, 1 to 150."""
+    """Log prior odds against a smooth term, in addition to those of a named effect: the catalogue lists the common effects.
+    Assumed, odds of 1 to 150."""
     third: float = 4.0
-    """Further odds against a third cause, and each more. Assumed, 1 to 55: so many at once are rare."""
+    """Additional log prior odds against a third cause, and against each further one. Assumed, odds of 1 to 55: so many causes
+    at once are rare."""
     line: float = 4.0
-    """Further odds against each further line of one periodic error. Assumed, 1 to 55: a gear that has one often has others."""
+    """Additional log prior odds against each further period of one periodic error. Assumed, odds of 1 to 55: a gear with one
+    period often has others."""
     same: float = 0.08
-    """Share of a stronger cause's evidence that another at its site over its coordinates must bring, because causes depart from
-    their cores. Measured: docs/priors.md."""
+    """Share of a stronger cause's evidence that is added to the log prior odds of a hypothesis at the same site with the same
+    coordinates. Reason: a cause never follows its equation exactly. Measured: docs/priors.md."""
     related: float = 0.05
-    """The same where the other could pass for the stronger one's departure. Measured: docs/priors.md."""
+    """The same share, for a hypothesis that could imitate a difference between the stronger cause and its equation. Measured:
+    docs/priors.md."""
     other: float = 0.01
-    """The same elsewhere. Measured: docs/priors.md."""
+    """The same share, for all other hypotheses. Measured: docs/priors.md."""
     departure: float = 0.025
-    """Share of what smooth terms explain by which they must be ahead of named causes. Measured: docs/priors.md."""
+    """Share of the evidence of the smooth terms by which a model with them must be better than a model with named causes.
+    Measured: docs/priors.md."""
     modulation: float = 0.06
-    """The same where they are a named cause's own modulation. Measured: docs/priors.md."""
+    """The same share, where the smooth terms could be the modulation of a named cause. Measured: docs/priors.md."""
 
     # From evidence to probability.
     temperature: float = 2.0
-    """What gains in log evidence are divided by before they become probabilities. Measured: docs/priors.md."""
+    """Smallest temperature: gains in log evidence are divided by it to compute probabilities. Measured: docs/priors.md."""
     warming: float = 0.004
-    """By how much more for each nat of evidence: departures from the core show the more, the better it is seen. Measured."""
+    """Increase of the temperature for each nat of evidence: the larger an effect is, the more its difference from its equation
+    shows. Measured."""
     warmest: float = 6.0
-    """What they are divided by at most. Measured."""
+    """Largest temperature. Measured."""
 
     # Proxies of covariates that were not recorded.
     not_recorded: float = 0.2
-    """Prior odds of an effect whose covariate nobody recorded, over those of one that can be tested. Assumed."""
+    """Prior odds of an effect whose covariate was not recorded, relative to those of an effect that can be tested. Assumed."""
     not_varied: float = 0.05
-    """The same for sessions where there was no pause, and payloads: a column that does not vary is often left out. Assumed."""
+    """The same for sessions without a pause between them, and for the payload. A column whose value does not vary is often not
+    recorded. Assumed."""
     likely_speed: float = 0.1
-    """Speed, m/s or rad/s, where none was recorded. Assumed."""
+    """Speed, m/s or rad/s, that is assumed where none was recorded. Assumed."""
     pause: float = 10.0
-    """Times the usual interval between visits from which one is a pause, after which a session may begin. Assumed."""
+    """Smallest ratio of an interval between visits to the usual interval for which it is a pause. A session may begin after a
+    pause. Assumed."""
     warmer: float = 5.0
-    """By how much a machine warms up in use, K. Assumed."""
+    """Rise of a machine's temperature in use, K. Assumed."""
     payload: float = 10.0
     """A usual payload, kg. Assumed."""
 
     # Smooth nonparametric terms.
     smooth_shift: float = 4e-5
-    """Size of shifts, m. Assumed: two to three times what good drives and guideways leave."""
+    """Typical size of shifts, m. Assumed: two to three times the errors of good drives and guideways."""
     smooth_turn: float = 4e-5
-    """Size of turns, rad. Assumed."""
+    """Typical size of turns, rad. Assumed."""
     smooth_change: float = 0.4
-    """Size of a slow change along a track, relative to what changes. Assumed."""
+    """Typical size of the slow change of a smooth function along a track, relative to the function. Assumed."""
 
     smooth_reach: float = 1.7
-    """Distance over which functions of the position go through half a wave, in half extents of the measured positions along the
-    axis of the largest. Assumed."""
+    """Half wavelength of smooth functions of the TCP position, relative to half the range of the measured positions along the
+    base axis with the largest range. Assumed."""
 
     # What can be tested.
     large: float = 10.0
-    """Times its typical size, at which an effect that geometry absorbs nearly whole can't be tested. Assumed."""
+    """Multiple of an effect's typical size at which it is checked whether geometry absorbs the effect. If so, it can't be
+    tested. Assumed."""
     shows: float = 15.8
-    """Whitened energy that an effect must keep given geometry. Derived: a matched filter's for 95 % at 1 % false alarms,
-    (z_0.95 + z_0.99)^2, z the quantile of the normal distribution."""
+    """Smallest whitened energy that an effect must have after geometry has absorbed what it can. Derived: a matched filter with
+    95 % detections at 1 % false alarms, (z_0.95 + z_0.99)^2, z the quantile of the normal distribution."""
 
     # Noise and outliers.
     disbelieved: float = 10.8
-    """Twice the loss in log likelihood from which a repeatability is not believed. Derived: chi-square with one degree of
-    freedom at a chance of 1 in 1,000."""
+    """Twice the loss in log likelihood, relative to the best repeatability, from which a repeatability is rejected. Derived:
+    chi-square with one degree of freedom at a chance of 1 in 1,000."""
     restless: float = 6.0
-    """Standard deviations by which an actuator must err more than noise before that is no noise. Assumed."""
+    """Standard deviations by which the scatter of an actuator must exceed the noise before it is not attributed to noise.
+    Assumed."""
     core_leaves: float = 0.15
-    """Share of what is explained that cores leave at most. Assumed."""
+    """Largest share of the explained energy that may remain because causes differ from their cores. Assumed."""
     absurd: float = 15.0
-    """Standard deviations of the bulk, beyond which a pose is an outlier whatever the tails. Assumed."""
+    """Residual, in standard deviations of most poses (robust scale), beyond which a pose is an outlier even with heavy-tailed
+    noise. Assumed."""
     readmitted: int = 3
-    """Outliers that a cause must explain before they are readmitted. Assumed: one or two can be explained by chance."""
+    """Smallest number of outliers that a cause must explain before they are readmitted. Assumed: one or two can be explained by
+    chance."""
     readmitted_share: float = 0.5
-    """Share of the outliers that it must explain. Assumed."""
+    """Smallest share of the outliers that the cause must explain. Assumed."""
     readmitted_left: float = 0.25
-    """Share of an outlier's squared error that may be left. Assumed."""
+    """Largest share of an outlier's squared error that may remain where the cause explains it. Assumed."""
     misfit: float = 1.8
-    """Chi-square per degree of freedom below which declared noise is not doubted. Assumed: it only saves a second look."""
+    """Chi-square per degree of freedom below which the declared noise is accepted without a further check. Assumed: it only
+    saves computing time."""
     understated: float = 1.5
-    """Noise that the data show over the declared one from which the declared value is not used. Assumed."""
+    """Ratio of the noise that the data show to the declared noise, from which the declared value is not used. Assumed."""
     understated_once: float = 2.0
-    """The same where there are too few repeated visits to show it. Assumed."""
+    """The same ratio, where there are too few repeated visits to measure the noise. Assumed."""
 
     # What must hold on left-out poses.
     predicted: float = 0.2
-    """Gain in log density of left-out poses over that in log evidence, below which a cause predicts nothing. Measured: 1.1 to
-    1.3 for weak causes of eight machines; 0.4 of 9.5, 0.7 of 62 and -0.5 of 325 nats for a target offset in the place of a
-    moved base."""
+    """Ratio of the gain in log density of left-out poses to the gain in log evidence, below which a cause is not named.
+    Measured: 1.1 to 1.3 for weak causes of eight machines; for a target offset that was named in place of a moved base,
+    gains of 0.4 for 9.5, 0.7 for 62 and -0.5 for 325 nats of evidence."""
     silent: float = 1.25
-    """Held-out error over the noise floor, from which nothing named is not enough. Measured:
+    """Ratio of the error on left-out poses to the noise floor, above which the verdict ``none`` becomes ``unknown``. Measured:
     examples/diagnosis/noise_floor.py."""
     named: float = 2.0
-    """The same where causes are named. Measured likewise."""
+    """The same ratio, where causes are named. Measured by the same script."""
     chance: float = 1e-6
-    """Chance of so large a chi-square from noise that must be undercut as well. Assumed."""
+    """P-value of the chi-square of the residuals. The two ratios above count only where the p-value is not larger. Assumed."""
     scatters: float = 0.5
-    """Repeatability over the instrument's sigma from which an effect may hide in it. Assumed."""
+    """Ratio of the repeatability to the instrument's sigma, from which part of the repeatability may be an effect. Assumed."""
     two_groups: float = 5.0
-    """Power that one frame leaves over that left by two, from which rows are of two measurements. Derived for the worst noise:
-    1 / (1 - 2/pi) = 2.75; assumed beyond that."""
+    """Ratio of the power of the residual with one instrument frame to that with two, from which the rows are taken for two
+    measurements. Derived for the worst noise: 1 / (1 - 2/pi) = 2.75; assumed beyond that."""
     two_valued: float = 0.05
-    """Gain in log likelihood for each pose, by two values of a drive's errors over one, from which they are no scatter; 10 nats
-    at least. Derived: two values three standard deviations apart give 0.08, a uniform distribution 0.1. Assumed beyond that."""
+    """Gain in log likelihood per pose of a model in which a drive's error has two values, over a model with one value. From it
+    on, the errors are not attributed to scatter; the whole gain must be 10 nats at least. Derived: two values three standard
+    deviations apart give 0.08, a uniform distribution 0.1. Assumed beyond that."""
     two_valued_left: float = 0.5
-    """Share of a drive's errors beyond the instrument's noise that its causes may leave before two values are a doubt.
-    Assumed."""
+    """Share of a drive's errors beyond the instrument's noise that may remain after its causes. If more remains, two values are
+    a doubt. Assumed."""
     least_group: float = 0.1
-    """Share of the rows that the smaller group has at least. Assumed."""
+    """Smallest share of the rows in the smaller of the two groups. Assumed."""
     implausible: float = 3.0
-    """Standard deviations by which a parameter must lie outside its range. Derived: a chance of 1.3 in 1,000."""
+    """Standard deviations by which a parameter must be outside its plausible range before the cause is dropped. Derived: a
+    chance of 1.3 in 1,000."""
 
     # What the unknown could be.
     seen: float = 1e-3
-    """P-value below which a correlate of the unknown is reported. Assumed."""
+    """P-value below which a covariate that correlates with the unexplained gap is reported. Assumed."""
     accounts: float = 0.8
-    """Share of the best smooth term's evidence from which an effect without its covariate could be the unknown. Assumed."""
+    """Share of the best smooth term's evidence from which an effect without its covariate could be the unknown effect.
+    Assumed."""
     surely: float = 10.0
-    """Gain in log evidence that it must bring. Derived: odds of 20,000, more than there are hypotheses."""
+    """Smallest gain in log evidence, nats, of such an effect. Derived: odds of 20,000, more than there are hypotheses."""
 
     # Columns that can't be right.
     agree: float = 0.95
     """Share of the rows in motion in which direction of approach and speed agree where both are right. Assumed."""
     interleaved: int = 4
-    """Times the least changes of session from which sessions are no stretches of work. Assumed."""
+    """Ratio of the number of changes of session to the smallest possible number, above which the column ``session`` is not
+    used. Assumed."""
     fewest_moving: int = 8
-    """Rows below which columns are not compared. Derived: so many agree by chance in 1 of 128."""
+    """Smallest number of rows for a comparison of two columns. Derived: so many signs agree by chance in 1 of 128 cases."""
     frozen: float = 0.2
-    """Share of the rows, one after the other, in which a temperature that stands still was not read. Assumed."""
+    """Share of the rows, in a run of consecutive rows, for which a constant temperature is taken for a failed reading.
+    Assumed."""
     distinct: float = 0.9
-    """Share of different values among the others from which steps of the thermometer are no reason. Assumed."""
+    """Smallest share of distinct values among the other rows for this check. With fewer, the constant value can come from the
+    sensor's resolution. Assumed."""
     few_steps: float = 3.0
-    """Position error over the commands' last digit, up to which rounding may be its reason. Assumed: rounding of three drives
-    makes less."""
+    """Ratio of the position error to the last digit of the commands, up to which rounding of the commands may cause the error.
+    Assumed: rounding of three drives causes less."""
 
 
 PRIORS = Priors()
-"""The default."""
+"""The default values."""

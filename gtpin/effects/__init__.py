@@ -1,4 +1,7 @@
-"""Effects: what a geometry leaves out, one a file. What a user's own effect is written with is imported here."""
+"""Effects: causes of deviations that a geometry does not model, one effect per file.
+
+This module exports the names that are needed to write an effect of your own.
+"""
 
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.effect import Effect, Range

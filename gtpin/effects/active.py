@@ -1,4 +1,4 @@
-"""Effects that are switched on: their coefficients, and their exact application in the closed-chain solve."""
+"""Effects with fitted coefficients, and their exact application: the closures are solved with the displaced parts."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class ActiveEffect:
     Parameters
     ----------
     effect, site, nonlinear
-        What acts where, and the value of its nonlinear parameter; None where it has none.
+        The effect, its site, and the value of its nonlinear parameter; None where it has none.
     coefficients, covariance
         (m,) and (m, m), in the effect's own units.
     references
-        What its covariates are counted from.
+        Reference values of its covariates and loads.
     further
-        More values of the nonlinear parameter, each with coefficients of its own.
+        Further values of the nonlinear parameter. Each value has its own coefficients.
     """
 
     effect: Effect
@@ -58,12 +58,12 @@ class ActiveEffect:
         return f"{self.effect.id}@{self.site}"
 
     def basis(self, at: Situation) -> Basis:
-        """Displacements for unit coefficients, as many columns as it has coefficients.
+        """Displacements for unit coefficients, one column for each coefficient.
 
         Raises
         ------
         ModelError
-            If a covariate is missing that it needs, or its coefficients are not the effect's.
+            If a covariate that it needs is missing, or the number of coefficients is wrong.
         """
         try:
             basis = self.effect.basis_of(at, self.site, self.values)
@@ -84,21 +84,21 @@ def with_effects(
     effects: Sequence[ActiveEffect],
     plain: Poses | None = None,
 ) -> Poses:
-    """Poses at commands with effects: every displacement goes into the closures, which are solved again exactly.
+    """Poses (base frame) at commands, with effects. The closures are solved again, exactly, with all displacements.
 
     Parameters
     ----------
     q
-        (N, n) commands.
+        (N, n) commands, m or rad.
     covariates
         By name, (N,) each.
     plain
-        (N) poses without effects, base frame, where they are known.
+        The N poses without effects, base frame. By default they are computed.
 
     Raises
     ------
     ModelError
-        If a covariate that an effect needs is missing, or coefficients are not the effect's.
+        If a covariate that an effect needs is missing, or an effect's number of coefficients is wrong.
     """
     plain = kinematics.forward(q) if plain is None else plain
     if not effects or not len(q):
@@ -122,7 +122,7 @@ def _displaced(
     covariates: Mapping[str, Column],
     effects: Sequence[ActiveEffect],
 ) -> Poses:
-    """Poses with effects of rows that the geometry alone reaches."""
+    """Poses with effects, for rows whose closures the geometry without effects can solve."""
     commands, twist = q.copy(), np.zeros((len(q), 6))
     found = []
     for active in effects:
@@ -146,7 +146,7 @@ def _displaced(
 
 
 def _summed(found: Sequence[_Moved]) -> dict[int, Floats]:
-    """(N, 6) twists of placement frames by all effects together: small, so that their order matters to second order only."""
+    """(N, 6) sum of the effects' twists of each placement frame. They are small: their order is a second-order effect."""
     total: dict[int, Floats] = {}
     for moved in found:
         for index, twist in moved.placements:

@@ -1,4 +1,4 @@
-"""The axis of a joint moves and tilts as the joint turns or slides."""
+"""The axis of a joint shifts and tilts as the joint turns or slides."""
 
 from __future__ import annotations
 
@@ -13,26 +13,28 @@ from gtpin.effects.smooth import cosines
 from gtpin.robot.robot import Robot
 
 HARMONICS, DECAY = 4, 1.0
-"""Harmonics of a turning joint's angle, and the power of their order by which they are smaller."""
+"""Number of harmonics of a turning joint's angle, and the power p: the size of harmonic k is proportional to k^-p."""
 ORDERS = 6
-"""Waves along a sliding joint."""
+"""Number of cosines along the travel of a sliding joint."""
 SHIFT, TILT = 2e-5, 8e-5
-"""Sizes of shifts, m, and tilts, rad."""
+"""Typical sizes of shifts, m, and tilts, rad."""
 
 
 class AxisMotion(Effect):
-    """Error motions of a joint's axis (ISO 230-7): radial along a and b, axial, and tilts about a and b, each a sum of
-    harmonics of the joint's angle, c_k cos(k q) + s_k sin(k q), k = 1 to 4.
+    """Error motions of a joint's axis (ISO 230-7): shift or tilt = sum_k c_k cos(k q) + s_k sin(k q), k = 1 to 4.
 
-    a and b are the two directions across the axis, fixed to the part that carries the joint. Of a sliding joint:
-    straightness in both directions across, and roll, pitch and yaw, smooth along its travel (ISO 230-1).
+    q is the angle of the joint, rad; c_k and s_k are coefficients, m or rad. A turning joint has five error motions: radial
+    along a and along b, axial, and tilts about a and about b. The unit vectors a and b are perpendicular to the axis, and
+    fixed to the part that carries the joint. A sliding joint has straightness along a and b, and roll, pitch and yaw, smooth
+    along its travel (ISO 230-1).
 
-    Parameters: ``radial``, ``axial`` (``straightness`` of a sliding joint), m, and ``tilt``, rad (``rotation`` of a sliding
-    joint): root mean squares over a turn, of both directions together. Once a turn, what an eccentric part does is partly
-    geometry.
+    Parameters: ``radial``, m, root mean square over a turn of both radial motions together; ``axial``, m, root mean square
+    over a turn; ``tilt``, rad, root mean square over a turn of both tilts together. Of a sliding joint: ``straightness``, m,
+    and ``rotation``, rad, root mean squares over its travel. Geometry absorbs a part of the first harmonic (k = 1), which an
+    eccentric part causes.
 
-    Typical sizes 20 um and 0.08 mrad: a guess for the crossed roller bearings and flanges of robots' joints, whose run-out is
-    given as 10 to 20 um on radii of 0.1 m.
+    Typical sizes 20 um and 0.08 mrad. They are a guess for the crossed roller bearings and flanges of robots' joints, whose
+    run-out is given as 10 to 20 um on radii of 0.1 m.
     """
 
     id = "axis_motion"
@@ -46,7 +48,7 @@ class AxisMotion(Effect):
         return joints(robot)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Five motions in harmonics of the angle; five along a sliding joint's travel."""
+        """Five error motions: harmonics of a turning joint's angle, or cosines along a sliding joint's travel."""
         j = at.robot.sites.index(site)
         frame = joint_frame(at, site)
         ways = np.zeros((6, 5))
@@ -64,7 +66,7 @@ class AxisMotion(Effect):
         return of_joint(at, site, ways, columns, unit(np.outer(sizes, relative).ravel(), 1.0))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """How large the motions are, root mean square over a turn."""
+        """Sizes of the error motions: root mean squares over a turn."""
         a, b, c, tilt_a, tilt_b = (float(v) for v in np.sqrt((coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0))
         return {
             "radial": (float(np.hypot(a, b)), "m"),
@@ -75,7 +77,7 @@ class AxisMotion(Effect):
     def parameters_at(
         self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
     ) -> dict[str, tuple[float, str]]:
-        """The same; of a sliding joint straightness and rotations."""
+        """The parameters at a site; for a sliding joint straightness and rotation."""
         if turns(robot, site):
             return self.parameters(coefficients, nonlinear)
         squares = (coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0

@@ -1,4 +1,4 @@
-"""Deviation that follows the direction of approach."""
+"""Backlash: a deviation whose sign depends on the direction of approach."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ from gtpin.robot.robot import Robot
 
 
 class Backlash(Effect):
-    """dq = b approach, approach = +1 where the actuator came to rest moving towards larger commands, else -1.
+    """dq = b approach; dq is the deviation of the actuator's travel from its command q, m (rad where it turns).
 
-    b < 0 where it stays behind (lost motion), b > 0 where it overshoots. The modulation: b varies a little along the track
-    and with the load on the actuator.
+    The direction of approach is +1 where the actuator moved towards larger commands before it stopped, and -1 otherwise.
+    b < 0: the actuator stops before its command (lost motion). b > 0: it overshoots. The modulation: b varies a little along
+    the track and with the load on the actuator.
 
-    Parameters: ``half_width`` b, m (rad of an arm); ``reversal`` = 2 b, m: the reversal error of ISO 230-2, the
-    deviation at approach +1 less that at -1.
+    Parameters: ``half_width`` b, m (rad where the actuator turns); ``reversal`` = 2 b, m or rad, the reversal error of
+    ISO 230-2: the deviation at approach +1 less the deviation at approach -1.
 
-    Typical size 15 um to either side. The repeatability of the whole Gantry-Tau was 13 um in the mean and 50 um at most, over
-    all directions of approach (Dressler et al. 2010, section I, after Crothers et al. 2009). It includes the backlash of all
-    drives.
+    Typical size 15 um in each direction. The repeatability of the whole Gantry-Tau was 13 um in the mean and 50 um at most,
+    over all directions of approach (Dressler et al. 2010, section I, after Crothers et al. 2009). It includes the backlash of
+    all drives.
     """
 
     id = "backlash"
@@ -63,6 +64,6 @@ class Backlash(Effect):
         return along_track(at, site, columns, drive_sizes(at, site, size, 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Half width, and the whole reversal."""
+        """The half width and the reversal error."""
         half = float(coefficients[0])
         return {"half_width": (half, "m"), "reversal": (2.0 * half, "m")}

@@ -1,4 +1,4 @@
-"""Displacements that are linear in an effect's coefficients, and what they do to the TCP."""
+"""Displacements that are linear in an effect's coefficients, and the motion of the TCP that they cause."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Basis:
     Parameters
     ----------
     sigma
-        (m,) size that a coefficient has where the effect is of its typical size: the prior's standard deviation.
+        (m,) typical size of each coefficient: the prior's standard deviation at scale s = 1.
     command
         Index of an actuator and (N, m) displacements of its travel, m or rad.
     carrier_joints
@@ -28,11 +28,11 @@ class Basis:
     length
         (N, k, m) changes of the rods' lengths, m.
     twist
-        (N, 6, m) motion of the measured pose, where the robot itself does not move (an error of the instrument or the
-        target): position, m, and rotation vector, rad, base frame.
+        (N, 6, m) motion of the measured pose while the robot does not move (an error of the instrument or the target):
+        position, m, and rotation vector, rad, base frame.
     placements
-        Of a robot without rods: indices as in :class:`~gtpin.kinematics.bodies.Bodies`, and (N, 6, m) twists, m and rad, of
-        each placement frame in its own axes.
+        Robots without rods: pairs of an index, as in :class:`~gtpin.kinematics.bodies.Bodies`, and (N, 6, m) twists, m and
+        rad, of that placement frame, in its own axes.
     """
 
     sigma: Floats
@@ -63,12 +63,12 @@ class Basis:
 
 
 def side_by_side(bases: Sequence[Basis]) -> Basis:
-    """The columns of several bases of one actuator's travel.
+    """One basis with the columns of several bases. All must displace the travel of the same actuator.
 
     Raises
     ------
     ValueError
-        If one displaces something else.
+        If one displaces another quantity or another actuator.
     """
     commands = [basis.command for basis in bases if basis.command is not None]
     if len(commands) < len(bases) or len({actuator for actuator, _ in commands}) > 1:
@@ -78,12 +78,12 @@ def side_by_side(bases: Sequence[Basis]) -> Basis:
 
 
 def along_track(at: Situation, site: str, columns: Floats, sigma: Floats) -> Basis:
-    """Displacements (N, m) of a cart along its track."""
+    """Basis of displacements (N, m) of an actuator's travel, m or rad: along the track of a cart, or about a joint's axis."""
     return Basis(sigma, command=(at.robot.sites.index(site), columns))
 
 
 def rods_of(at: Situation, site: str) -> list[int]:
-    """The rods that a site moves: those of a cart, a link, or all for ``arm``."""
+    """Indices of the rods of a site: the rods on a cart, one rod, or all rods for ``arm``."""
     rods = at.robot.rods
     if site == "arm":
         return list(range(len(rods)))
@@ -94,7 +94,7 @@ def rods_of(at: Situation, site: str) -> list[int]:
 
 
 def of_lengths(at: Situation, rods: list[int], columns: Floats, sigma: Floats) -> Basis:
-    """Changes (N, len(rods), m) of some rods' lengths, m."""
+    """Basis of changes (N, len(rods), m) of the lengths of some rods, m."""
     length = np.zeros((len(at), len(at.robot.rods), columns.shape[2]))
     length[:, rods] = columns
     return Basis(sigma, length=length)

@@ -1,4 +1,4 @@
-"""A joint's bearing tilts about the two axes across the joint's own, under the moments that it carries."""
+"""Compliance of a joint's bearing: it tilts about the two directions across the joint's axis, under moments."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ from gtpin.robot.robot import Robot
 
 
 class BearingCompliance(Effect):
-    """dtheta = k_a (M . a) a + k_b (M . b) b, M the moment that the joint carries and a, b the two axes across its own.
+    """dtheta = k_a (M . a) a + k_b (M . b) b; dtheta is the tilt of the joint's placement frame about its origin, rad.
 
-    M comes from statics: gravity of the links beyond the joint and of the payload, and the force on the tool. The bearing
-    stiffens with the load. The joint's placement frame tilts about its origin.
+    M, N m, is the moment on the joint. It is computed from statics: gravity of the links beyond the joint and of the payload,
+    and the force on the tool. The unit vectors a and b are perpendicular to the joint's axis. The vectors are in the placement
+    frame. The modulation: the compliances k_a and k_b depend on the magnitude of the moment.
 
-    Parameters: ``tilt``, the mean of k_a and k_b, rad/(N m), positive where the bearing gives way to the moment;
-    ``difference``, k_a less k_b; ``stiffening``: by how much it rises as the moment becomes twice the usual.
+    Parameters: ``tilt``, the mean of k_a and k_b, positive where the bearing tilts in the direction of the moment;
+    ``difference``, k_a less k_b; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice the usual one,
+    negative where the bearing becomes stiffer. All are in rad/(N m).
 
-    Typical size 5e-6 rad/(N m): crossed roller bearings of gear units of medium size have moment stiffnesses of some
+    Typical size 5e-6 rad/(N m): crossed roller bearings of medium-sized gear units have moment stiffnesses of about
     2e5 N m/rad.
     """
 
@@ -45,15 +47,15 @@ class BearingCompliance(Effect):
         return joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
-        """A bearing that carries nothing does not tilt."""
+        """``no_load`` where the joint carries no load, because an unloaded bearing does not tilt."""
         return None if np.abs(at.joint_loads[:, joint_frame(at, site).index]).max() > 1e-9 else Untestable("no_load")
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The load and the payload."""
         return ("load", "payload")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Tilts about both axes, and their stiffening."""
+        """Tilts about a and b, and how they depend on the magnitude of the moment."""
         frame = joint_frame(at, site)
         moment = at.joint_loads[:, frame.index, 3:] @ frame.across.T
         mean, spread = (values[frame.index, 3:] for values in at.references.joints)
@@ -66,7 +68,7 @@ class BearingCompliance(Effect):
         )
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Compliance in tilt, how the two axes differ, and how it depends on the load."""
+        """Mean compliance in tilt, the difference between a and b, and the dependence on the load."""
         a, harder_a, b, harder_b = (float(c) for c in coefficients)
         found = {"tilt": (a + b) / 2.0, "difference": a - b, "stiffening": (harder_a + harder_b) / 2.0}
         return {name: (value, "rad/(N m)") for name, value in found.items()}

@@ -1,4 +1,4 @@
-"""A cart gives way, along and across its track, and tips, under the forces of its rods."""
+"""Compliance of a cart: it shifts along and across its track, and turns, under the forces of its rods."""
 
 from __future__ import annotations
 
@@ -18,30 +18,33 @@ from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
 GIVE = (5e-8, 3e-8, 3e-8)
-"""Sizes of the compliances along and across the track, m/N."""
+"""Typical sizes of the compliances along and across the track, m/N."""
 TIP = 5e-7
-"""Size of the compliances in turning, rad/(N m)."""
+"""Typical size of the rotational compliances, rad/(N m)."""
 LEVER = 0.1
-"""Usual distance of the pull from the mean of the cart's joints, m."""
+"""Usual distance of the line of action of the force from the mean of the cart's joints, m."""
 PLACES = 4
-"""Half waves along a track that tell its softer places apart."""
+"""Number of cosines that describe how the compliance varies along the track."""
 TIPS = 3 * (3 + PLACES)
-"""Coefficients of the compliances along and across, before those in turning."""
+"""Number of coefficients of the compliances along and across. The rotational compliances follow them."""
 
 
 class CartCompliance(Effect):
-    """dC = sum_e c_e (F . e) e + sum_e k_e (M . e) e x (C - m), e the track and the two axes a, b across it.
+    """dC = sum_e c_e (F . e) e + sum_e k_e (M . e) e x (C - m); dC is the displacement of a joint C of the cart, m.
 
-    F is the rods' pull on the cart (a rod in tension pulls its cart towards the platform) and M its moment about the mean m
-    of the cart's joints. Forces come from the closures' Jacobian: gravity of plate, links and payload, the tool's force. The
-    cart stiffens with the load, is softer in some places of its track than in others, and friction holds back a little of it.
+    The sums are over three unit vectors e: the direction of the track, and a and b across it (see ``straightness``). All
+    vectors are in the base frame. F, N, is the sum of the rods' forces on the cart (a rod in tension pulls its cart towards
+    the platform). M, N m, is their moment about m, the mean of the cart's joints. The forces are computed with the closures'
+    Jacobian from gravity of plate, links and payload, and from the force on the tool. The modulation: the compliances c_e and
+    k_e depend on the load and on the place along the track. Friction causes a small hysteresis.
 
-    Parameters: ``along``, ``across_a``, ``across_b``: c_e, m/N, positive where the cart gives way to the pull; where it
-    carries more than one joint ``roll``, ``tip_a``, ``tip_b``: k_e, rad/(N m), positive where it turns with the moment;
-    ``stiffening``: by how much ``along`` rises, m/N, as the pull becomes twice the usual, negative where it stiffens.
+    Parameters: ``along``, ``across_a``, ``across_b``: c_e, m/N, positive where the cart moves in the direction of the force;
+    ``stiffening``: by how much ``along`` increases, m/N, when the force becomes twice the usual one, negative where the cart
+    becomes stiffer; for a cart with more than one joint also ``roll``, ``tip_a``, ``tip_b``: k_e, rad/(N m), positive where
+    the cart turns in the direction of the moment.
 
-    Typical size 5e-8 m/N, that is 20 N/um: a guess for rack, gear and servo in series with a carriage on roller blocks, which
-    are far stiffer by themselves. Dressler et al. 2010, section V, suppose a lack of stiffness of cart 2.
+    Typical size 5e-8 m/N, that is 20 N/um. It is a guess for rack, gear and servo in series with a carriage on roller blocks.
+    The roller blocks alone are much stiffer. Dressler et al. 2010, section V, assume a lack of stiffness of cart 2.
     """
 
     id = "cart_compliance"
@@ -58,11 +61,11 @@ class CartCompliance(Effect):
         return sliding_carts(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The load and the payload."""
         return ("load", "payload")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Compliances along and across, their stiffening and their modulation along the track, and compliances in turning."""
+        """Compliances along and across, with their modulation by load, friction and place; then rotational compliances."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
         axes = np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)
@@ -98,7 +101,7 @@ class CartCompliance(Effect):
         return Basis(unit(sizes, 1.0), carrier_joints=carrier_joints)
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Compliances along, across and in turning."""
+        """Compliances along and across the track, and rotational compliances."""
         names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
         tips = coefficients[TIPS : TIPS + 3]

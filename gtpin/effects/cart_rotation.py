@@ -14,15 +14,16 @@ from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
 ORDERS, DECAY = 14, 1.2
-"""Cosines along the track about each axis, and how fast their sizes decay."""
+"""Number of cosines along the track for each axis, and the power p: the size of order k is proportional to k^-p."""
 
 
 class CartRotation(Effect):
     """dC = w(q) x (C - M), M the mean of the cart's joints. ISO 230-1: EAX, EBX and ECX of a track X.
 
-    C are the positions of the cart's joints, base frame, m. w is a small right-handed rotation vector, rad, base frame: about
-    the track (roll) and about the axes a and b across it (pitch and yaw; :class:`~gtpin.effects.straightness.Straightness`
-    defines a and b). The rotation of a cart with a single joint has no effect on the TCP.
+    C are the positions of the cart's joints, base frame, m, and dC their displacements. w is a small right-handed rotation
+    vector, rad, base frame: about the track (roll) and about the axes a and b across it (pitch and yaw;
+    :class:`~gtpin.effects.straightness.Straightness` defines a and b). It is a smooth function of the command q. The rotation
+    of a cart with a single joint has no effect on the TCP.
 
     Parameters: ``rms_roll``, ``rms_a``, ``rms_b`` and ``peak_to_valley_roll``, ``_a``, ``_b``, rad, each after the best
     straight line along the track is subtracted.
@@ -42,11 +43,11 @@ class CartRotation(Effect):
         return sliding_carts(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
-        """A single joint does not move when its cart turns about it."""
+        """``single_joint`` where the cart has one joint, because a rotation of the cart about it does not move it."""
         return None if len(rods_of(at, site)) > 1 else Untestable("single_joint")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Cosines along the track about three axes: the track, a and b."""
+        """Rotations about the track, a and b, each a sum of cosines along the track."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
         waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
@@ -59,7 +60,7 @@ class CartRotation(Effect):
         return Basis(unit(np.tile(size, 3), 1e-4), carrier_joints=carrier_joints)
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """How far the cart turns about each axis."""
+        """Root mean square and peak to valley of the rotation about each axis."""
         found: dict[str, tuple[float, str]] = {}
         for axis, part in zip(("roll", "a", "b"), np.split(coefficients, 3), strict=True):
             rms, span = extent(part)

@@ -1,4 +1,4 @@
-"""All effects that a diagnosis can name: those of gtpin, and those that others register."""
+"""All effects that a diagnosis can name: the effects of gtpin, and the effects that other packages register."""
 
 from __future__ import annotations
 
@@ -57,15 +57,15 @@ OWN: tuple[type[Effect], ...] = (
     TargetOffset,
 )
 GROUP = "gtpin.effects"
-"""Entry-point group under which users register effects of their own: each a subclass of ``Effect``."""
+"""Entry-point group in which users register their own effects. Each entry point is a subclass of ``Effect``."""
 
 
 def catalogue() -> tuple[Effect, ...]:
-    """The effects that a diagnosis tries: those of gtpin, then those that installed packages register.
+    """The effects that a diagnosis tests: the effects of gtpin, then the effects that installed packages register.
 
     Examples
     --------
-    An effect of your own needs no packaging: ``gtpin.diagnose(data, effects=[*gtpin.catalogue(), MyEffect()])``.
+    An effect of your own can be used without a package: ``gtpin.diagnose(data, effects=[*gtpin.catalogue(), MyEffect()])``.
 
     >>> import gtpin
     >>> [effect.id for effect in gtpin.catalogue()][:3]
@@ -81,7 +81,7 @@ def catalogue() -> tuple[Effect, ...]:
 
 @cache
 def effects_by_id() -> dict[str, Effect]:
-    """The catalogue by id.
+    """The effects of the catalogue, each under its ``id``.
 
     Raises
     ------

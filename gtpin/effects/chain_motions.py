@@ -1,4 +1,4 @@
-"""Displacements of joints and links of a robot without rods: where they are, and what bends them."""
+"""Displacements of joints and links of a robot without rods: their frames, and the deformation of links under load."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from gtpin.robot.parameters import rotation_axes
 
 @dataclass(frozen=True)
 class JointFrame:
-    """The placement frame of a counted joint, to which its motions are referred.
+    """The placement frame of a counted joint, in which its error motions are expressed.
 
     Parameters
     ----------
     index
-        As in :class:`~gtpin.kinematics.bodies.Bodies`.
+        Index of the frame in the arrays of :class:`~gtpin.kinematics.bodies.Bodies`.
     axis
-        (3,) unit vector along which the joint slides or about which it turns, in that frame.
+        (3,) unit vector of the joint's axis, in the placement frame: the joint slides along it or turns about it.
     across
-        (2, 3) the unit vectors a and b across it: see :func:`~gtpin.robot.parameters.rotation_axes`.
+        (2, 3) unit vectors a and b perpendicular to the axis: see :func:`~gtpin.robot.parameters.rotation_axes`.
     """
 
     index: int
@@ -45,20 +45,23 @@ def joint_frame(at: Situation, site: str) -> JointFrame:
 
 
 def of_joint(at: Situation, site: str, ways: Floats, columns: Floats, sigma: Floats) -> Basis:
-    """Motions of a joint's placement frame: ways (6, w) in its axes, times columns (N, w, c); w c coefficients."""
+    """Basis of motions of a joint's placement frame, with w c coefficients: w directions of motion times c functions each.
+
+    ways (6, w) are unit twists in the frame's axes. columns (N, w, c) are their amplitudes, m or rad.
+    """
     frame = joint_frame(at, site)
     twist = np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1)
     return Basis(sigma, placements=((frame.index, twist),))
 
 
 def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Basis:
-    """Motions (N, 6, m) of the tips of a site's links relative to their roots, in each tip's axes."""
+    """Basis of motions (N, 6, m), m and rad, of the tips of a site's links relative to their roots, in the axes of each tip."""
     found = zip(links_at(at.robot, site), twists, strict=True)
     return Basis(sigma, placements=tuple((link.tip, twist) for link, twist in found))
 
 
 def reach(at: Situation, link: MovingLink) -> Floats:
-    """(3,) from a link's own joint to its tip, in the tip's axes, m."""
+    """(3,) vector from a link's own joint to its tip (the next joint, or the TCP), in the tip's axes, m."""
     robot = at.kinematics.geometry.robot
     last = link.tip == robot.model.njoints - 1
     placement = robot.tcp_placement if last else robot.model.jointPlacements[link.tip + 1]
@@ -66,11 +69,15 @@ def reach(at: Situation, link: MovingLink) -> Floats:
 
 
 OWN_WEIGHT = 3.0 / 8.0
-"""Share of a uniform beam's weight that bends it as much at its tip as the whole does along it: (w l^4 / 8) / (w l l^3 / 3)."""
+"""Share of a uniform beam's weight w l that, as a point load at the tip, gives the same deflection of the tip as the whole
+weight distributed along the length l: (w l^4 / 8) / (w l l^3 / 3)."""
 
 
 def tip_loads(at: Situation, link: MovingLink) -> Floats:
-    """(N, 6) what hangs on a link's tip, in the tip's axes, N and N m: what is beyond it, and its part of the link's weight."""
+    """(N, 6) force, N, and moment, N m, on a link's tip, in the tip's axes.
+
+    They are the load of everything beyond the tip, and ``OWN_WEIGHT`` times the weight of the link itself.
+    """
     model = at.robot.model
     weight = OWN_WEIGHT * float(model.inertias[link.joint_id].mass) * model.gravity.linear
     loads = at.joint_loads[:, link.tip].copy()
@@ -79,9 +86,9 @@ def tip_loads(at: Situation, link: MovingLink) -> Floats:
 
 
 def bending(length: Floats, loads: Floats) -> Floats:
-    """(N, 6) motion of a beam's tip for a bending flexibility 1 / (E I) of 1 / (N m^2), fixed at its root.
+    """(N, 6) bending of a beam that is fixed at its root: motion of the tip for a unit flexibility 1 / (E I), 1/(N m^2).
 
-    Euler-Bernoulli, for a beam along u of length l with a force F and moment M at its tip, across u:
+    Euler-Bernoulli beam of length l along the unit vector u, with the components of force F and moment M across u at its tip:
     shift = F l^3 / 3 + (M x u) l^2 / 2, turn = (u x F) l^2 / 2 + M l.
 
     Parameters
@@ -103,7 +110,7 @@ def bending(length: Floats, loads: Floats) -> Floats:
 
 
 def torsion(length: Floats, loads: Floats) -> Floats:
-    """(N, 6) motion of a beam's tip for a torsional flexibility 1 / (G J) of 1 / (N m^2): turn = (M . u) u l."""
+    """(N, 6) torsion of a beam: motion of the tip for a unit flexibility 1 / (G J), 1/(N m^2): turn = (M . u) u l."""
     size = float(np.linalg.norm(length))
     moved = np.zeros_like(loads)
     if size > 0.0:

@@ -1,4 +1,4 @@
-"""Deviation along a track that depends on where the other carts are."""
+"""Deviation along a track that depends on the positions of the other carts."""
 
 from __future__ import annotations
 
@@ -16,25 +16,27 @@ from gtpin.effects.smooth import wave
 from gtpin.robot.robot import Robot
 
 ORDERS = {1: 8, 2: 5}
-"""Sum of the orders of waves that are multiplied, by the number of other actuators."""
+"""Largest sum of the orders of the cosines in a product, for one and for two other actuators."""
 MANY = 2
-"""The same where there are more: products of three and more would be too many."""
+"""Largest sum of orders for three or more other actuators; a larger sum would give too many products."""
 DECAY = 1.5
-"""How fast sizes decay with that sum."""
+"""The power p: the size of a product with the sum of orders k is proportional to k^-p."""
 
 
 class CrossCoupling(Effect):
-    """dq_j = f(q_k, q_l, ...), smooth, k, l, ... the other actuators; a part of f changes along the actuator's own track.
+    """dq_j = f(q_k, q_l, ...), with q_k, q_l, ... the commands of the actuators other than j, and f a smooth function.
 
-    f is a sum of products of cosines over the ranges of travel, of an order of five in all (less where there are many
-    actuators), whose sizes decay with their order.
+    dq_j is the deviation of the travel of actuator j from its command, m (rad where it turns). f is a sum of products of
+    cosines over the ranges of travel. The orders of the cosines in a product add up to at most five with two other actuators
+    (eight with one, two with more). Products of higher order have smaller typical sizes. The modulation: f also varies along
+    the track of actuator j itself.
 
-    Parameters: ``end_to_end[k]``, m: difference of the mean of f between the upper and the lower end of the range of the k-th
-    other actuator (in their order).
+    Parameters: ``end_to_end[k]``, m (rad where the actuator turns): the mean of f at the upper end of the range of the k-th
+    other actuator less its mean at the lower end. The other actuators are counted in the robot's order.
 
     Typical size 50 um between the ends of the other actuators' ranges. The errors along the track of cart 2 in Dressler et
-    al. 2010 are of this size; at one command they varied significantly with the positions of the other two carts (section V;
-    the authors suppose a lack of stiffness).
+    al. 2010 are of this size. At one command they varied significantly with the positions of the other two carts (section V;
+    the authors assume a lack of stiffness).
     """
 
     id = "cross_coupling"
@@ -53,11 +55,11 @@ class CrossCoupling(Effect):
         return carts(robot) if robot.n_actuators > 1 else ()
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The commands of all actuators."""
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Waves over each of the others first, then products of them, then changes along the actuator's own track."""
+        """Cosines over the ranges of the other actuators, products of them, and changes of both along the own track."""
         j = at.robot.sites.index(site)
         others = np.delete(at.travel, j, axis=1)
         chosen, sums = _orders(others.shape[1])
@@ -71,7 +73,7 @@ class CrossCoupling(Effect):
         return along_track(at, site, whole, drive_sizes(at, site, 1.5 * size / np.linalg.norm(size), 5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """How far each of the others takes the actuator from end to end of its range."""
+        """Change of the mean of f from the lower to the upper end of each other actuator's range."""
         others = next(n for n in range(1, len(coefficients) + 1) if _count(n) >= len(coefficients))
         single = coefficients[: others * _most(others)].reshape(others, -1)
         # A wave of odd order falls from 1 to -1, one of even order ends where it began.
@@ -83,7 +85,7 @@ def _most(others: int) -> int:
 
 
 def _orders(others: int) -> tuple[list[tuple[int, ...]], Floats]:
-    """Orders of the waves in each product, and (m,) their sums; single waves first, actuator by actuator."""
+    """Orders of the cosines in each product, and (m,) their sums. Single cosines come first, actuator by actuator."""
     rows = [row for row in product(range(_most(others) + 1), repeat=others) if 1 <= sum(row) <= _most(others)]
     rows.sort(key=lambda row: (sum(o > 0 for o in row) > 1, [-int(o > 0) for o in row], row))
     return rows, np.array([float(sum(row)) for row in rows])

@@ -1,4 +1,4 @@
-"""Drives of any robot: typical sizes of their deviations, units, and the load on them."""
+"""Drives of robots with and without rods: typical sizes of their deviations, units, and loads."""
 
 from __future__ import annotations
 
@@ -14,22 +14,25 @@ from gtpin.kinematics.bodies import index_of
 from gtpin.robot.chain import joint_axis
 
 RIM = 0.1
-"""Radius, m, at which gears and encoders of a turning joint err by as much as those of a track. Assumed: 20 um there are
-0.2 mrad, the transmission error of a strain wave gear of 0.7 arcmin."""
+"""Radius, m, at which the deviations of a turning joint's gear and encoder are as large as those along a track. Assumed: at
+this radius 20 um is 0.2 mrad, the transmission error of a strain wave gear of 0.7 arcmin."""
 
 
 def drive_sizes(at: Situation, site: str, relative: Sequence[float] | Floats, size: float) -> Floats:
-    """Sizes of a drive's deviation in the unit of its command, from those along a track, m.
+    """Typical sizes of a drive's deviation, in the unit of its command: ``relative`` times ``size``, the size along a track, m.
 
-    Actuators that turn the arms of a robot with rods are taken as they are.
+    For a turning joint of a robot without rods they are divided by ``RIM``. Turning actuators of robots with rods use the
+    same number in rad.
     """
     whole = np.asarray(relative, dtype=float) * size
     return whole / RIM if turns(at.robot, site) and not at.robot.rods else whole
 
 
 def drive_load(at: Situation, site: str) -> Floats:
-    """(N,) load on a drive, less its mean and over its spread in the fit: the mean of its rods' forces, or what its joint
-    carries along or about its own axis.
+    """(N,) (load - mean) / spread of the load on a drive, without unit; mean and spread are over the poses of the fit.
+
+    The load is the mean over the forces of the drive's rods, each scaled in this way. For robots without rods it is the force
+    along the joint's axis or the moment about it.
     """
     if at.robot.rods:
         return np.asarray(at.load[:, rods_of(at, site)].mean(axis=1))
@@ -39,7 +42,7 @@ def drive_load(at: Situation, site: str) -> Floats:
 
 
 def own_load(at: Situation, site: str) -> tuple[Floats, tuple[float, float]]:
-    """(N,) what a joint carries along (N) or about (N m) its own axis, and the mean and spread of it in the fit."""
+    """(N,) force along a joint's axis, N, or moment about it, N m, and its mean and spread over the poses of the fit."""
     actuator = at.robot.actuators[at.robot.sites.index(site)]
     axis, index = joint_axis(at.robot.model, actuator.joint_id), index_of(actuator.joint_id)
     mean, spread = (values[index] for values in at.references.joints)

@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class Range(NamedTuple):
-    """The expected range of a parameter: lowest and highest value in its unit, and the reason, a clause that reports quote."""
+    """A range of a parameter: lowest and highest value in the parameter's unit, and ``why``, a clause that reports quote."""
 
     low: float
     high: float
@@ -27,14 +27,14 @@ class Range(NamedTuple):
 
 
 class ChainWords(NamedTuple):
-    """What an effect is called at joints and links of robots without rods; what is empty is as for carts and rods.
+    """Texts of an effect at joints and links of robots without rods. Where a text is empty, the effect's own text is used.
 
     Parameters
     ----------
     clause, plural
-        As ``clause`` and ``plural_clause`` of an :class:`Effect`.
+        Used in place of ``clause`` and ``plural_clause`` of the :class:`Effect`.
     remedy
-        As its ``remedy``.
+        Used in place of its ``remedy``.
     """
 
     clause: str = ""
@@ -43,31 +43,33 @@ class ChainWords(NamedTuple):
 
 
 class Effect(ABC):
-    """A cause of deviations that the geometry does not model: a field of displacements, linear in its coefficients.
+    """A cause of deviations that the geometry does not model. Its displacements are linear in its coefficients.
 
     A measurement z at commands q is modelled as::
 
         z = h(X(q, geometry, effects)) + noise
 
-    X are the poses of all bodies of the closed chain, h is what the instrument reads of them. An effect displaces one part of
-    the chain, at the pose of row n by::
+    X are the poses of all bodies of the closed chain. h is the measurement function: what the instrument measures of X. An
+    effect displaces one part of the chain. At the pose of row n the displacement is::
 
         u_n = B_n(covariates, nonlinear) c,        c ~ N(0, s^2 diag(sigma^2))
 
-    u_n is what :class:`~gtpin.effects.basis.Basis` can hold: the travel of an actuator, the positions of rods' joints on
-    their carriers, the lengths of rods, or the pose as the instrument sees it. :meth:`basis` gives B, the displacements for
-    coefficients c of one, and sigma, the typical size of each coefficient. Diagnosis finds the scale s and the coefficients.
+    u_n is one of the quantities of :class:`~gtpin.effects.basis.Basis`: the travel of an actuator, the positions of the rods'
+    joints on their carriers, the lengths of rods, the placement frames of joints, or the measured pose. :meth:`basis` returns
+    B, the displacements for unit coefficients c, and sigma, the typical size of each coefficient. The diagnosis estimates the
+    scale s and the coefficients.
 
-    An effect never says how the TCP moves. That follows from the chain: to first order from the Jacobians of its loop
-    closures (``Basis.displacement``), for the evidence; exactly by solving the closures again with the displaced parts
-    (``gtpin.effects.active.with_effects``), for predictions.
+    An effect does not define the motion of the TCP. The chain determines it. The evidence uses the first-order motion, from
+    the Jacobians of the loop closures (``Basis.displacement``). Predictions use the exact motion: the closures are solved
+    again with the displaced parts (``gtpin.effects.active.with_effects``).
 
     A subclass sets ``id``, ``title`` and ``coefficient``, and defines :meth:`sites` and :meth:`basis`. Everything else has a
     default. The docstring of the subclass should give the equation, the signs and the parameters: reports show it.
 
     Examples
     --------
-    A cable chain pulls a cart back in proportion to its position and to the payload, u = -(p + r q) payload / 20 kg:
+    A cable chain pulls a cart back by an amount that is linear in its command q and proportional to the payload:
+    u = -(p + r q) payload / 20 kg, with the parameters p, m, and r, m/m:
 
     >>> import numpy as np
     >>> import gtpin
@@ -90,8 +92,8 @@ class Effect(ABC):
     ...         B = np.stack([-q * full, -full], axis=1)  # (N, 2): m of travel for r = 1 m/m and p = 1 m
     ...         return along_track(at, site, B, np.array([5e-5, 2e-5]))  # typical sizes of r and p
 
-    A diagnosis tries it with ``gtpin.diagnose(dataset, effects=[*gtpin.catalogue(), CableChain()])``. How far it moves the
-    TCP, to first order, for r = 50 um/m and p = 20 um:
+    A diagnosis with this effect: ``gtpin.diagnose(dataset, effects=[*gtpin.catalogue(), CableChain()])``. The first-order
+    displacement of the TCP, um, for r = 50 um/m and p = 20 um:
 
     >>> kinematics = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))).kinematics
     >>> q = np.array([[0.1, 0.2, 0.0], [-0.3, -0.1, -0.2]])
@@ -120,39 +122,42 @@ class Effect(ABC):
     the track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation alone
     is not this effect. Left out, all columns are the core."""
     plausible: ClassVar[Mapping[str, Range]] = {}
-    """By parameter, what physics allows: a cause with a parameter outside by more than three standard deviations is dropped."""
+    """By parameter, the range that physics allows. A cause with a parameter outside its range by more than three standard
+    deviations is dropped."""
     usual: ClassVar[Mapping[str, Range]] = {}
-    """By parameter, the expected range: a cause with a parameter outside is still named, with a warning to check it."""
+    """By parameter, the expected range. A cause with a parameter outside its range is still named, with a warning to check
+    it."""
     most_values: ClassVar[int] = 1
-    """How often it may act at one site with another value of its nonlinear parameter each: lines of a gear."""
+    """Largest number of values of the nonlinear parameter that the effect can have at one site: several periods of a gear."""
     between_visits: ClassVar[bool] = False
-    """Whether it differs between visits of one pose, and so looks like a lack of repeatability."""
+    """Whether the displacement differs between visits of one pose. The effect then looks like a lack of repeatability."""
     of_travel: ClassVar[bool] = False
-    """Whether its parameters in metres are of an actuator's travel, and so in radians where that turns."""
+    """Whether the parameters in metres are of an actuator's travel. They are in radians where the actuator turns."""
     stretches_frame: ClassVar[bool] = False
-    """Whether it scales all measured positions in proportion; then no smooth nonparametric term does so as well."""
+    """Whether it scales all measured positions by one factor. The smooth nonparametric terms then contain no such scaling."""
     exported_as: ClassVar[Literal["", "link_spring", "cart_springs", "drive_scale"]] = ""
-    """What it becomes in an exported mechanism: a spring along the link, springs under the cart, a scale of the drive."""
+    """What represents it in an exported mechanism: a spring along the link, springs under the cart, or a scale of the drive.
+    Empty: none of these."""
 
     @abstractmethod
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Where it can act: names of actuators or rods, ``arm`` for all rods together, ``platform`` or ``frame``."""
+        """Sites at which it can act: names of actuators or rods, ``arm`` for all rods together, ``platform`` or ``frame``."""
 
     @abstractmethod
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Displacements B of N poses for coefficients of one, and the typical sizes sigma of the coefficients.
+        """Displacements B at N poses for unit coefficients, and the typical sizes sigma of the coefficients.
 
-        A row of B may depend on the row's own pose and covariates and on ``at.references`` alone, so that a pose is predicted
-        the same whichever poses are predicted with it.
+        A row of B may depend only on the row's own pose and covariates and on ``at.references``. The prediction of a pose then
+        does not depend on the other poses of the same call.
 
         Parameters
         ----------
         at
-            The N poses: commands, covariates, rods' directions and forces.
+            The N poses, with their commands, covariates, and directions and forces of the rods.
         site
             One of :meth:`sites`.
         nonlinear
-            The value of its nonlinear parameter (a period, a place), for effects that have one.
+            The value of the nonlinear parameter (a period, the place of a step), for effects that have one.
         """
 
     @property
@@ -161,22 +166,22 @@ class Effect(ABC):
         return type(self).nonlinear_values is not Effect.nonlinear_values
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """Covariates without which it can't be tested or applied at a site."""
+        """Covariates that the effect needs at a site. Without them it can't be tested or applied there."""
         return ()
 
     def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
-        """Values of its nonlinear parameter to try; none where it has no such parameter."""
+        """Values of the nonlinear parameter to try; empty where the effect has no such parameter."""
         return ()
 
     def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
-        """Commands, m or rad, at which its displacement along a track jumps; tables of corrections have points there."""
+        """Commands, m or rad, at which the displacement along a track is discontinuous; correction tables have points there."""
         return ()
 
     def untestable(self, at: Situation, site: str) -> Untestable | str | None:
-        """Why these data can't show it, as far as that is clear before it is fitted; None where they may.
+        """The reason why these data can't show the effect, if it is known before a fit; otherwise None.
 
-        Left out: a covariate of :meth:`covariates` is missing or constant, or :meth:`nonlinear_values` has no values. An effect
-        of your own may give its reason as a string, which reports show as it is.
+        By default the reasons are: a covariate of :meth:`covariates` is missing or constant, or :meth:`nonlinear_values` is
+        empty. An effect of your own may return its reason as a string. Reports show this string unchanged.
         """
         for name in self.covariates(at.robot, site):
             if not at.has(name):
@@ -188,18 +193,18 @@ class Effect(ABC):
         return None
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What its displacements depend on, first what a plot has on its axis: covariates, commands ``q1``, ``q2``, ...,
-        ``load`` (the rods' forces), ``direction`` (of a rod) or ``position`` (of the TCP).
+        """Names of the quantities on which the displacements depend. The first is the horizontal axis of a plot.
 
-        Left out: its covariates, and the command of the actuator at its site.
+        They are covariates, commands ``q1``, ``q2``, ..., ``load`` (the rods' forces), ``direction`` (of a rod) or
+        ``position`` (of the TCP). By default: its covariates, and the command of the actuator at its site.
         """
         own = (f"q{number(robot, site)}",) if site in robot.sites else ()
         return (*self.covariates(robot, site), *own)
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Physical parameters that the coefficients amount to, by name: value and unit.
+        """Physical parameters computed from the coefficients, by name: value and unit. Nonlinear parameters come first.
 
-        Left out: the first coefficient, as ``coefficient`` names it. Those that are nonlinear come first.
+        By default there is one parameter: the first coefficient, with the name and unit in ``coefficient``.
         """
         name, unit = self.coefficient
         return {name: (float(coefficients[0]), unit)}
@@ -207,14 +212,14 @@ class Effect(ABC):
     def parameters_at(
         self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
     ) -> dict[str, tuple[float, str]]:
-        """The same at a site, in its units."""
+        """The physical parameters at a site, in the units of that site: m where its actuator slides, rad where it turns."""
         found = self.parameters(coefficients, nonlinear)
         if not (self.of_travel and turns(robot, site)):
             return found
         return {name: (value, TURNING.get(unit, unit)) for name, (value, unit) in found.items()}
 
     def basis_of(self, at: Situation, site: str, values: Sequence[float]) -> Basis:
-        """Displacements for several values of the nonlinear parameter, side by side; without values, :meth:`basis` itself."""
+        """Displacements for several values of the nonlinear parameter: the columns of :meth:`basis` for each, side by side."""
         if len(values) < 2:
             return self.basis(at, site, *values)
         return side_by_side([self.basis(at, site, value) for value in values])
@@ -222,7 +227,7 @@ class Effect(ABC):
     def parameters_of(
         self, robot: Robot, site: str, coefficients: Floats, values: Sequence[float]
     ) -> dict[str, tuple[float, str]]:
-        """Physical parameters for several values: those of the second value are called ``NAME_2``, and so on."""
+        """Physical parameters for several values of the nonlinear parameter; for the second value ``NAME_2``, and so on."""
         if len(values) < 2:
             return self.parameters_at(robot, site, coefficients, values[0] if len(values) else None)
         found: dict[str, tuple[float, str]] = {}
@@ -233,9 +238,9 @@ class Effect(ABC):
 
 
 TURNING = {"m": "rad", "m/m": "rad/rad"}
-"""Units of travel of an actuator that turns."""
+"""Units of travel of an actuator that slides, and the units that replace them where it turns."""
 
 
 def unit(values: Sequence[float] | Floats, size: float) -> Floats:
-    """Sizes of coefficients, in the effect's unit."""
+    """Sizes of coefficients: relative values times one size, in the unit of that size."""
     return np.asarray(values, dtype=float) * size

@@ -1,4 +1,4 @@
-"""Travel per count of a drive is off by a constant factor."""
+"""Scale error of a drive: its travel per count is wrong by a constant factor."""
 
 from __future__ import annotations
 
@@ -15,10 +15,13 @@ from gtpin.robot.robot import Robot
 
 
 class EncoderScale(Effect):
-    """dq = s q: the travel is 1 + s times the command; s > 0 where the actuator goes too far.
+    """dq = s q: the travel is 1 + s times the command q; s > 0 where the actuator moves farther than commanded.
 
-    Parameters: ``scale`` s, m/m (rad/rad of an arm); ``uneven``: s at the upper end of the range less s at the lower end,
-    m/m.
+    dq is the deviation of the travel from the command, m (rad where the actuator turns). The modulation: s varies a little
+    along the track.
+
+    Parameters: ``scale`` s, m/m (rad/rad where the actuator turns); ``uneven``: s at the upper end of the range less s at the
+    lower end, in the same unit.
 
     Typical size 1e-4. The pitch error of a precision rack is at most 12 um per 500 mm, 24e-6 (Machine Design, Comparing
     Rack-and-Pinion Sets to Other Options). The norms of the track directions in Table II of Dressler et al. 2010 differ from
@@ -52,5 +55,5 @@ class EncoderScale(Effect):
         return along_track(at, site, columns, unit(size, 1e-4))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Scale, and what it changes by from one end to the other."""
+        """The scale, and its change from the lower to the upper end of the range."""
         return {"scale": (float(coefficients[0]), "m/m"), "uneven": (-2.0 * float(coefficients[1]), "m/m")}

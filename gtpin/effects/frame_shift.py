@@ -1,4 +1,4 @@
-"""The measurement frame sits elsewhere in each session."""
+"""The measurement frame has another pose in each session."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from gtpin.robot.robot import Robot
 
 
 class FrameShift(Effect):
-    """dT = s + w x (T - T_home), dR = w, s and w constant in each session, as after the tracker was set up again.
+    """dT = s + w x (T - T_home), dR = w: the measured poses shift and rotate by a constant amount in each session.
 
-    s, m, and w, rad, are in the base frame, about the TCP at home; positive where what is seen moves towards the positive
-    axis. The sessions' mean is geometry. A session that the fit has not seen has the mean shift.
+    T is the measured TCP position, T_home that at home, m; dR is a rotation vector. The shift s, m, and the rotation vector
+    w, rad, are in the base frame. s is positive where the measured positions move towards the positive axis, w is
+    right-handed. A cause is an instrument that was set up again. Geometry absorbs the mean over the sessions. In a prediction,
+    a session that was not in the fit has the mean shift.
 
-    Parameters: ``shift_x[k]``, ``shift_y[k]``, ``shift_z[k]``, m, and ``turn_x[k]``, ``turn_y[k]``, ``turn_z[k]``, rad, of the
-    k-th session in the order of their names, less the mean.
+    Parameters: ``shift_x[k]``, ``shift_y[k]``, ``shift_z[k]``, m, and ``turn_x[k]``, ``turn_y[k]``, ``turn_z[k]``, rad: s and w
+    of session k less their means over the sessions. Sessions are sorted by name.
 
-    Typical size 40 um and 15 urad: a network of some reference marks, each of them known to 15 um + 6 um/m across the line
-    of sight (Leica Absolute Tracker, user's manual, after ISO 10360-10).
+    Typical size 40 um and 15 urad. This is assumed for a network of a few reference marks, each known to 15 um + 6 um/m
+    across the line of sight (Leica Absolute Tracker, user's manual, after ISO 10360-10).
     """
 
     id = "frame_shift"
@@ -40,14 +42,14 @@ class FrameShift(Effect):
         return ("session",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """All six freedoms of the frame for each session."""
+        """The six degrees of freedom of the frame, for each session."""
         twist, freedom = frame_twist(at)
         sessions = session_columns(at)
         columns = np.concatenate([twist * member[:, None, None] for member in sessions.T], axis=2)
         return Basis(np.tile(freedom, sessions.shape[1]), twist=columns)
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Shifts and turns of each session."""
+        """Shifts and turns of the frame in each session, less their means over the sessions."""
         by_session = coefficients.reshape(-1, 6)
         return {
             f"{name}[{k + 1}]": (float(value), unit)

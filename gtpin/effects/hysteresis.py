@@ -1,4 +1,4 @@
-"""Friction in guides and joints: what gives way under a load comes back short of where it was."""
+"""Hysteresis from friction in guides and joints: a deflection under load depends on the direction of approach."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from gtpin.effects.situation import Situation
 
 
 def approach(at: Situation, actuator: int | None) -> Floats:
-    """(N,) -1 to 1: the direction in which an actuator came to rest; zero where the data of the fit did not tell it.
+    """(N,) direction of approach of an actuator, -1 to 1; zero where the data of the fit did not contain it.
+
+    It is +1 where the actuator moved towards larger commands before it stopped, and -1 where towards smaller ones.
 
     Raises
     ------
     ModelError
-        If the data of the fit did, and these do not.
+        If the data of the fit contained it, and these data do not.
     """
     if actuator is None:
         return np.zeros(len(at))

@@ -1,4 +1,4 @@
-"""Play in a spherical joint, taken up by the sign of the link's force."""
+"""Play in a spherical joint: the link's length depends on the sign of its force."""
 
 from __future__ import annotations
 
@@ -18,22 +18,24 @@ from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 
 FEWEST = 2
-"""Poses that must have the rarer sign of force: a single one looks like a gross error."""
+"""Smallest number of poses with the rarer sign of the force: a single pose can't be distinguished from a gross error."""
 
 
 class JointClearance(Effect):
-    """dL = c sign(F), F the link's axial force, tension positive: the play lets a link in tension be longer by c than in the
-    middle of the play, and shorter by c in compression.
+    """dL = c sign(F); dL is the change of the link's length, m, and F its axial force, N, tension positive.
 
-    Where the force is small the joint may float, and with the force its seat yields.
+    In tension the link is longer by c than in the middle of the play. In compression it is shorter by c. The modulation: where
+    the force is small, the ball can be anywhere within the play; under larger forces the socket also deforms.
 
-    At a joint of a robot without rods dq = c sign(M), M what the joint carries about its own axis, positive towards larger
-    commands: without a covariate of approach, the load decides the side of the play.
+    At a joint of a robot without rods: dq = c sign(M). dq is the deviation of the joint from its command, rad or m. M is the
+    moment about the joint's axis, N m, or the force along it, N, positive towards larger commands. The sign of the load
+    decides at which side of the play the joint rests. Where the direction of approach decides it, the effect is ``backlash``.
 
-    Parameters: ``half_play`` c, m, positive for real play; ``play`` = 2 c, m; ``yielding``, m for every spread of the force
-    in the fit: what goes on with the force beyond the play itself.
+    Parameters: ``half_play`` c, m, positive for real play; ``play`` = 2 c, m; ``yielding``, m: further change of length,
+    beyond the play, when the force changes by one spread. The spread is the standard deviation over the poses of the fit; at a
+    joint of a robot without rods, the absolute mean is added to it. Where a joint turns, the parameters are in rad.
 
-    Typical size 15 um to either side: a guess for a ball joint that has run in; new ones are preloaded, and have none.
+    Typical size 15 um in each direction. It is a guess for a worn ball joint; new ball joints are preloaded and have no play.
     """
 
     id = "joint_clearance"
@@ -55,7 +57,7 @@ class JointClearance(Effect):
         return links(robot) or joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
-        """Play shows only where the force changes its sign."""
+        """``one_sign`` or ``no_load``: play can be observed only where the force changes its sign."""
         if not at.robot.rods:
             if not loaded(at, site):
                 return Untestable("no_load")
@@ -65,11 +67,11 @@ class JointClearance(Effect):
         return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The load."""
         return ("load",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """The sign of the force, floating where it is small, and yielding."""
+        """The sign of the force, a smooth transition where the force is small, and yielding."""
         if not at.robot.rods:
             load, (mean, wide) = own_load(at, site)
             spread = max(abs(mean) + wide, 1e-9)
@@ -87,6 +89,6 @@ class JointClearance(Effect):
         return of_lengths(at, [i], columns[:, None, :], unit(sizes, 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Half the play, the whole, and what goes on with the force."""
+        """Half the play, the play, and the further change with the force."""
         half, yielding = float(coefficients[0]), float(coefficients[2])
         return {"half_play": (half, "m"), "play": (2.0 * half, "m"), "yielding": (yielding, "m")}

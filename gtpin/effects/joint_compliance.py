@@ -1,4 +1,4 @@
-"""A joint's drive gives way about its own axis under the joint's load."""
+"""Compliance of a joint's drive: the joint deflects about its own axis under its load."""
 
 from __future__ import annotations
 
@@ -18,21 +18,23 @@ from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 
 GIVE = {True: 3e-5, False: 5e-8}
-"""Size of the compliance of a joint that turns, rad/(N m), and of one that slides, m/N."""
+"""Typical size of the compliance of a joint that turns, rad/(N m), and of a joint that slides, m/N."""
 
 
 class JointCompliance(Effect):
-    """dq = c M, M what the joint carries about its own axis (along it, where it slides): gravity of the links beyond it and of
-    the payload, and the force on the tool.
+    """dq = c M; dq is the deviation of the joint from its command, rad (m where it slides), and M the load on the joint.
 
-    M is positive where it pulls towards larger commands. The drive stiffens with the load, and friction holds back a little.
+    M is the moment about the joint's axis, N m. For a sliding joint it is the force along the axis, N. It comes from gravity of
+    the links beyond the joint and of the payload, and from the force on the tool. M is positive where it acts towards larger
+    commands. The modulation: c depends on the load, and friction causes a small hysteresis.
 
-    Parameters: ``compliance`` c, rad/(N m) or m/N, positive where the drive gives way to the load; ``stiffening``: by how much
-    c rises as the load becomes twice the usual, negative where the drive stiffens; ``hysteresis``: by how much c is larger than
-    in the mean where the joint came to rest moving towards larger commands.
+    Parameters: ``compliance`` c, positive where the joint moves in the direction of the load; ``stiffening``: by how much c
+    increases when the load becomes twice the usual one, negative where the drive becomes stiffer; ``hysteresis``: c less its
+    mean, where the joint moved towards larger commands before it stopped. All are in rad/(N m), or in m/N where the joint
+    slides. The usual load is the absolute mean over the poses of the fit plus one standard deviation.
 
-    Typical size 3e-5 rad/(N m): a strain wave gear of medium size turns by 1 rad for some 3e4 N m. Of sliding joints 5e-8 m/N,
-    as ``cart_compliance`` has it.
+    Typical size 3e-5 rad/(N m): the stiffness of a medium-sized strain wave gear is about 3e4 N m/rad. For sliding joints
+    5e-8 m/N, as in ``cart_compliance``.
     """
 
     id = "joint_compliance"
@@ -50,15 +52,15 @@ class JointCompliance(Effect):
         return joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
-        """A joint that carries nothing does not give way."""
+        """``no_load`` where the joint carries no load, because it then has no deflection."""
         return None if loaded(at, site) else Untestable("no_load")
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The load and the payload."""
         return ("load", "payload")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """The load, its stiffening, and friction."""
+        """The load, its modulation by stiffening, and hysteresis from friction."""
         j = at.robot.sites.index(site)
         load, (mean, spread) = own_load(at, site)
         usual = max(abs(mean) + spread, 1e-9)
@@ -67,23 +69,23 @@ class JointCompliance(Effect):
         return along_track(at, site, columns, unit(sizes, GIVE[turns(at.robot, site)]))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Compliance, and how it depends on the load and on the direction of approach."""
+        """The compliance, and its dependence on the load and on the direction of approach."""
         names = ("compliance", "stiffening", "hysteresis")
         return {name: (float(c), "rad/(N m)") for name, c in zip(names, coefficients, strict=True)}
 
     def parameters_at(
         self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
     ) -> dict[str, tuple[float, str]]:
-        """The same, m/N where the joint slides."""
+        """The same parameters, in m/N where the joint slides."""
         unit = "rad/(N m)" if turns(robot, site) else "m/N"
         return {name: (value, unit) for name, (value, _) in self.parameters(coefficients, nonlinear).items()}
 
 
 LEAST_LOAD = 1e-6
-"""Load about a joint's own axis, over all that it carries, below which it is rounding."""
+"""Smallest load on a joint's own axis, relative to the largest load on any joint. Smaller loads are rounding errors."""
 
 
 def loaded(at: Situation, site: str) -> bool:
-    """Whether a joint carries something along or about its own axis at any pose."""
+    """Whether a joint has a force along its axis, or a moment about it, at any pose."""
     load, _ = own_load(at, site)
     return bool(np.abs(load).max() > LEAST_LOAD * max(float(np.abs(at.joint_loads).max()), 1e-3))

@@ -1,4 +1,4 @@
-"""An out-of-round ball: a link's length varies with its direction."""
+"""Runout of a ball joint: the link's length varies with its direction, because the ball is not round."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 ORDERS = [(m, n) for m, n in product(range(6), repeat=2) if 1 <= m + n <= 5]
-"""Of the waves over the two angles of a link."""
+"""Orders (m, n) of the products of cosines over the two angles of a link."""
 
 
 class JointRunout(Effect):
-    """dL = f(a, b), a and b the two small angles of the link about its mean direction in the fit: f > 0 makes it longer.
+    """dL = f(a, b); dL is the change of the link's length, m, positive where it is longer.
 
-    f is a sum of products of cosines, slow ones the larger. What is constant or linear in the angles is geometry.
+    a and b are the two small angles, rad, between the link and its mean direction over the poses of the fit. f is a sum of
+    products of cosines. Cosines of long wavelength have larger typical sizes. Geometry absorbs the part of f that is constant
+    or linear in the angles.
 
-    Parameters: ``rms`` of f over the range of directions, m; ``largest_wave``, the largest of its coefficients, m.
+    Parameters: ``rms``, root mean square of f over the range of directions, m; ``largest_wave``, the largest absolute
+    coefficient of f, m.
 
-    Typical size 15 um. Balls of grade 100 are round to 2.5 um, of grade 200 to 5 um (ISO 3290); seats that were turned or
-    worn are not so round.
+    Typical size 15 um. Balls of grade 100 are round to 2.5 um, of grade 200 to 5 um (ISO 3290). Machined or worn sockets are
+    less round.
     """
 
     id = "joint_runout"
@@ -38,11 +41,11 @@ class JointRunout(Effect):
         return links(robot)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The direction of the link."""
         return ("direction",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Waves over the two angles of the link about their mean; slopes are geometry's own."""
+        """Products of cosines over the two angles of the link about its mean direction."""
         i = rods_of(at, site)[0]
         a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
         waves = [np.cos(np.pi / 2.0 * m * (a + 1.0)) * np.cos(np.pi / 2.0 * n * (b + 1.0)) for m, n in ORDERS]
@@ -51,7 +54,7 @@ class JointRunout(Effect):
         return of_lengths(at, [i], np.stack(waves, axis=1)[:, None, :], unit(size, 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """How far the joint is from round."""
+        """Root mean square of f, and its largest coefficient."""
         # A cosine's mean square is a half, a product's of two a quarter.
         square = np.array([0.25 if m and n else 0.5 for m, n in ORDERS])
         rms = float(np.sqrt(square @ coefficients**2))

@@ -11,16 +11,18 @@ from gtpin.effects.smooth import cosines, extent
 from gtpin.robot.robot import Robot
 
 ORDERS, DECAY = 14, 1.2
-"""Cosines along the track, and how fast their sizes decay; shorter ones would imitate ``rack_periodic``."""
+"""Number of cosines along the track, and the power p: the size of order k is proportional to k^-p. Cosines of higher order
+would be confused with ``rack_periodic``."""
 
 
 class Linearity(Effect):
-    """dq = f(q), smooth, f > 0 where the cart is farther along its track than commanded. ISO 230-1: EXX of a track X.
+    """dq = f(q), f a smooth function; f > 0 where the cart is farther along its track than commanded. ISO 230-1: EXX.
 
-    f is a sum of cosines over the range of travel whose sizes decay with their order, slow ones the larger.
+    dq is the deviation of the travel from the command q, m (rad where the actuator turns). f is a sum of cosines over the
+    range of travel. Cosines of long wavelength have larger typical sizes.
 
-    Parameters: ``rms`` and ``peak_to_valley`` of f about its straight line over the whole range, m (rad of an arm);
-    ``end_to_end``, f at the upper end of the range less f at the lower, m.
+    Parameters: ``rms`` and ``peak_to_valley`` of f over the whole range, after the best straight line is subtracted, m (rad
+    where the actuator turns); ``end_to_end``, f at the upper end of the range less f at the lower end, in the same unit.
 
     Typical size 50 um. Cart 2 of Dressler et al. 2010 departed from a straight line by 25 to 140 um (section III.C, fig. 5).
     """
@@ -41,13 +43,13 @@ class Linearity(Effect):
         return carts(robot)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Cosines along the track, the slower the larger; the first is nearly the slope that geometry leaves."""
+        """Cosines along the track. Those of long wavelength are larger; the first is nearly a straight line."""
         j = at.robot.sites.index(site)
         columns, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
         return along_track(at, site, columns, drive_sizes(at, site, size, 5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """How large the deviation is, about its straight line, and from end to end."""
+        """Root mean square and peak to valley about the best straight line, and the difference between the ends."""
         rms, span = extent(coefficients)
         ends = -2.0 * float(coefficients[::2].sum())
         return {"rms": (rms, "m"), "peak_to_valley": (span, "m"), "end_to_end": (ends, "m")}

@@ -1,4 +1,4 @@
-"""Links stretch under load."""
+"""Compliance of links: rods change their length under load, links of other robots bend and twist."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 
 LINKS = 6
-"""Of an arm."""
+"""Number of links at the site ``arm``."""
 
 
 class LinkCompliance(Effect):
-    """dL = c F, F a rod's axial force, tension positive: a rod in tension gets longer, by c for every newton.
+    """dL = c F; dL is the change of a rod's length, m, and F its axial force, N, tension positive.
 
     The forces are computed with the closures' Jacobian from the weights of plate, links and payload, and from the force on
     the tool. The modulation: c depends on the load, and differs between tension and compression. Friction in the joints
@@ -32,19 +32,24 @@ class LinkCompliance(Effect):
     Parameters: ``compliance`` c, m/N, at ``arm`` the mean of all links; ``stiffening``: by how much c increases, m/N,
     when the force becomes twice the usual one, negative where the link becomes stiffer (the usual force is the absolute mean
     over the poses of the fit plus one standard deviation); ``tension_less_compression``: c in tension less c in compression,
-    m/N; ``hysteresis``: c less its mean, m/N, where the link's actuator came to rest moving towards larger commands; at
-    ``arm`` ``spread``: the standard deviation of c between the links, m/N; of legs of variable length ``drawn_out``: by how
+    m/N; ``hysteresis``: c less its mean, m/N, where the link's actuator moved towards larger commands before it stopped; at
+    ``arm`` ``spread``: the standard deviation of c between the links, m/N; for legs of variable length ``drawn_out``: by how
     much c increases, m/N, from the middle of the leg's range to its upper end.
 
     Typical size 4e-8 m/N, that is 25 N/um. A steel tube, 2.04 m long with a section of 5 cm^2, has L / (E A) =
     2.04 / (210e9 * 5e-4) = 1.9e-8 m/N. The two ball joints are assumed to have about as much together. For other links the
     attribute ``link`` of ``<compliance>`` in the URDF gives the typical size, m/N.
 
-    A link of a robot without rods bends and twists as a beam from its joint to the next, fixed at its root, under what hangs on
-    its tip: shift = f F l^3 / 3 + ..., turn = f M l + ... across the beam, turn = g M l about it (Euler-Bernoulli and
-    Saint-Venant: see :mod:`gtpin.effects.chain_motions`). Parameters: ``bending`` f = 1 / (E I) and ``torsion`` g = 1 / (G J)
-    positive; at ``arm`` the same for all links. Typical size 1e-5: an aluminium tube of 0.1 m diameter and 4 mm wall has
-    E I = 70e9 * 3.14 * 0.05^3 * 0.004 = 1.1e5 N m^2, and G J three quarters of it.
+    A link of a robot without rods bends and twists as a beam of length l, m, along the unit vector u from its joint to the
+    next joint. The beam is fixed at its root. F, N, and M, N m, are the force and moment on its tip. The motion of the tip,
+    m and rad, is shift = f F l^3 / 3 + f (M x u) l^2 / 2 and turn = f (u x F) l^2 / 2 + f M l for the components of F and M
+    across u, and turn = g M l for the component of M along u (Euler-Bernoulli bending and Saint-Venant torsion: see
+    :mod:`gtpin.effects.chain_motions`). Parameters: ``bending`` f = 1 / (E I), positive where the link bends in the direction
+    of the load; ``torsion`` g = 1 / (G J); ``stiffening``: by how much f increases when the force becomes twice the usual one.
+    All are in 1/(N m^2); at ``arm`` they are the same for all links.
+
+    Typical size of ``bending`` 1e-5 1/(N m^2): an aluminium tube of 0.1 m diameter and 4 mm wall has
+    E I = 70e9 * 3.14 * 0.05^3 * 0.004 = 1.1e5 N m^2, and G J is three quarters of E I.
     """
 
     id = "link_compliance"
@@ -66,19 +71,19 @@ class LinkCompliance(Effect):
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """All links together, and each."""
+        """``arm``, that is all links together, and each link."""
         return arm_and_links(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | str | None:
-        """Links that carry nothing do not bend."""
+        """``no_load`` where no link of a robot without rods carries a load."""
         return Untestable("no_load") if not at.robot.rods and not at.joint_loads.any() else None
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The load and the payload."""
         return ("load", "payload")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """One compliance, stiffening with the load, what compression differs by, and what each link differs by."""
+        """The common compliance, then its modulation: load, tension or compression, friction, link, and length of a leg."""
         if not at.robot.rods:
             return _of_beams(at, site)
         rods = rods_of(at, site)
@@ -99,7 +104,7 @@ class LinkCompliance(Effect):
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Compliance, how it depends on the load, and how links differ."""
+        """The compliance, its dependence on the load, and the difference between links."""
         whole, stiffening, pulled, held = (float(c) for c in coefficients[:4])
         own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]
         drawn = coefficients[4 + len(own) :]
@@ -116,19 +121,19 @@ class LinkCompliance(Effect):
     def parameters_at(
         self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
     ) -> dict[str, tuple[float, str]]:
-        """The same; of a robot without rods flexibilities of a beam."""
+        """The same parameters; for a robot without rods, the flexibilities of a beam, 1/(N m^2)."""
         if robot.rods:
             return self.parameters(coefficients, nonlinear)
         return {name: (float(c), "1/(N m^2)") for name, c in zip(BEAM, coefficients, strict=False)}
 
 
 FLEXIBILITY = 1e-5
-"""Size of a beam's flexibility in bending, 1/(N m^2)."""
+"""Typical size of a beam's flexibility in bending, 1/(N m^2)."""
 BEAM = ("bending", "torsion", "stiffening")
 
 
 def _of_beams(at: Situation, site: str) -> Basis:
-    """Bending, torsion, and bending that stiffens with the load."""
+    """Basis with three columns: bending, torsion, and the dependence of bending on the load."""
     twists = []
     for link in links_at(at.robot, site):
         length, loads = reach(at, link), tip_loads(at, link)

@@ -1,4 +1,4 @@
-"""How far machines depart from the cores of effects: the size of each modulation, with its source."""
+"""Sizes of the modulations of effects: how much real machines differ from the core of an effect, with the sources."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Modulation:
-    """Sizes of the columns that modulate an effect, relative to its core: prior standard deviations.
+    """Typical sizes of the modulation columns of effects, relative to the core: prior standard deviations.
 
-    They move verdicts, as the numbers of ``gtpin/diagnosis/priors.py`` do; effects use them, and import nothing of a diagnosis.
+    They influence verdicts, as the numbers in ``gtpin/diagnosis/priors.py`` do. They are in a separate module because effects
+    do not import the diagnosis.
     """
 
     # Drives.
@@ -18,50 +19,52 @@ class Modulation:
     lag: float = 0.2
     """Lag along the track, and with the speed. Assumed."""
     scale: float = 0.1
-    """Scale of a drive along the track: a mean over its whole length varies less than its parts. Assumed."""
+    """Scale of a drive along the track: the mean over the whole length varies less than parts of it. Assumed."""
     period: float = 0.25
-    """Period's change of amplitude from the middle of the track to its ends, and its first harmonic. Assumed."""
+    """Change of the amplitude from the middle of the track to its ends, and amplitude of the second harmonic. Assumed."""
     line: float = 0.1
-    """The same change of amplitude of a line of a turning joint: gears are round, and the drift would pass for another period.
-    Assumed."""
+    """The same change of amplitude for one period of a turning joint. It is small because gears are round, and because a larger
+    one could be confused with another period. Assumed."""
     slope: float = 0.3
-    """Slope beyond a step, over the whole range: the second rack has a scale of its own. Assumed."""
+    """Slope beyond a step, over the whole range: the second rack segment has its own scale. Assumed."""
     own_track: float = 0.3
     """Cross coupling along the actuator's own track. Assumed."""
 
-    # What gives way.
+    # Compliances and clearances.
     stiffening: float = 0.2
-    """Compliance at twice the usual load. Derived: in contacts of balls (Hertz) it falls to 2^(-1/3), 21 % less."""
+    """Change of a compliance at twice the usual load. Derived: in contacts of balls (Hertz) it falls to 2^(-1/3), 21 % less."""
     compression: float = 0.2
-    """Compliance of a link in compression against tension. Assumed."""
+    """Difference of a link's compliance between tension and compression. Assumed."""
     friction: float = 0.05
-    """Share of a deflection that friction in guides and joints holds back, to either side. Assumed."""
+    """Hysteresis: change of a deflection with the direction of approach, caused by friction in guides and joints. Assumed."""
     places: float = 0.1
-    """Compliance of a cart along its track. Assumed."""
+    """Variation of a cart's compliance along its track. Assumed."""
     tipping: float = 0.5
-    """The same of its compliance in turning, relative to that: more would pass for the track's own twist. Assumed."""
+    """Factor on ``places`` for the cart's rotational compliance. With a larger one the effect could be confused with a twist of
+    the track. Assumed."""
     links: float = 0.2
-    """Links of one arm: compliance, expansion. Assumed: they are of one make."""
+    """Difference of compliance or expansion between the links of one arm. Assumed: the links are of the same type."""
     extension: float = 0.5
-    """Compliance of a leg over its range: its screw is longer where it is extended. Assumed."""
+    """Variation of a leg's compliance over its range: an extended leg has a longer screw. Assumed."""
     soft_clearance: float = 0.3
-    """Play that floats where the force is small. Assumed."""
+    """Smooth transition of a play where the force is small. Assumed."""
     yielding: float = 0.15
-    """Play that grows with the force. Assumed."""
+    """Increase of a play with the force. Assumed."""
 
-    # What grows with temperature.
+    # Thermal expansion.
     warming: float = 0.1
-    """Expansion of a link, 5 K warmer. Assumed."""
+    """Change of a link's expansion coefficient when it is 5 K warmer. Assumed."""
     late: float = 0.15
-    """Expansion over time: the thermometer is not the part. Assumed."""
+    """Change of an expansion coefficient over time: the sensor does not measure the part itself. Assumed."""
     uneven: float = 0.15
-    """Expansion along a track: one end may warm more. Assumed."""
+    """Change of an expansion coefficient along a track: one end may become warmer than the other. Assumed."""
     late_zero: float = 0.1
-    """Motion of a track's zero over time, m times its expansion. Assumed."""
+    """Change over time of the motion of a track's zero, in m times the expansion coefficient. Assumed."""
 
     # The instrument.
     wander: float = 0.05
-    """Shift of what is seen where the instrument's scale varies, m times the scale. Assumed: a part of it, some metres away."""
+    """Shift of the measured positions where the instrument's scale varies, in m times the scale. Assumed: the instrument is
+    some metres away, and only a part of its scale varies."""
 
     # What a recorded column moves.
     curvature: float = 0.2
@@ -69,4 +72,4 @@ class Modulation:
 
 
 MODULATION = Modulation()
-"""Those of the catalogue."""
+"""The sizes that the effects of the catalogue use."""

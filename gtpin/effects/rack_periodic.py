@@ -1,4 +1,4 @@
-"""Periodic deviation along a track: a rack's tooth, a pinion's turn."""
+"""Periodic deviation along a track, with the period of a rack's tooth or of a pinion's turn."""
 
 from __future__ import annotations
 
@@ -15,28 +15,33 @@ from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 SHORTEST, LONGEST = 0.008, 0.25
-"""Periods that are tried, m or rad: from a fine tooth to a large pinion's turn."""
+"""Shortest and longest period that is tried, m or rad: a fine tooth, and one turn of a large pinion."""
 
 TURN = 2.0 * np.pi
-"""One turn, rad: an eccentric encoder's period."""
+"""One turn, rad: the period of an eccentric encoder."""
 MOST_A_TURN = 202.0
-"""Periods a turn that are tried at most at a turning joint of a chain: a strain wave gear of ratio 101 makes two for each turn
-of its input."""
+"""Largest number of periods per turn that is tried at a turning joint of a robot without rods. A strain wave gear of ratio 101
+has two periods for each turn of its input."""
 LEAST_TURNS = 1.5
-"""Periods that a joint must have gone through: fewer are a linearity."""
+"""Smallest number of periods in the joint's range of commands. With fewer the deviation is a ``linearity``."""
 
 
 class RackPeriodic(Effect):
-    """dq = A cos(2 pi q / p - phi), with two harmonics and an amplitude that drifts along the track.
+    """dq = A cos(2 pi q / p - phi); dq is the deviation of the travel from the command q, m (rad where the actuator turns).
 
-    Parameters: ``period`` p, m (rad of an arm); ``amplitude`` A > 0 at mid-range, m; ``phase`` phi, rad: a crest lies at
-    q = p phi / (2 pi); ``harmonic``, amplitude of the second harmonic, m. The period is its nonlinear parameter.
+    The modulation: the amplitude changes along the track, and the deviation has a second harmonic, with the period p / 2.
 
-    At a turning joint of a robot without rods, several lines are one cause: gears and encoders have several periods a turn.
-    Their parameters are called ``period_2``, ``amplitude_2``, ``phase_2`` and so on. A ``harmonic`` is a line of its own.
+    Parameters: ``period`` p, m, the nonlinear parameter; ``amplitude`` A > 0 at the middle of the range, m; ``phase`` phi,
+    rad: the deviation has a maximum at q = p phi / (2 pi); ``harmonic``, amplitude of the second harmonic, m. Where the
+    actuator turns, rad replaces m.
+
+    At a turning joint of a robot without rods, one cause can have several periods, because gears and encoders have several
+    periods per turn. The parameters of the second period are ``period_2``, ``amplitude_2``, ``phase_2``, and so on. A second
+    harmonic is then a period of its own, and there is no parameter ``harmonic``.
 
     Typical size 20 um. Dressler et al. 2010, section III.C: the manufacturer expects variations with a period of the length
-    between the rack's teeth. Precision rack drives are said to run true to 10 um (Machine Design, see ``encoder_scale``).
+    between the rack's teeth. For precision rack drives a deviation of 10 um is stated (Machine Design, see
+    ``encoder_scale``).
     """
 
     id = "rack_periodic"
@@ -46,7 +51,7 @@ class RackPeriodic(Effect):
     coefficient = ("cosine", "m")
     of_chains = ChainWords(
         clause="{site} departs periodically from its command",
-        remedy="Look for what has these periods: an eccentric encoder, a gear, a strain wave; or compensate by the curve below.",
+        remedy="Look for what has these periods: an eccentric encoder, a gear, a strain wave; or compensate by the curve.",
     )
     of_travel = True
     core = (0, 1)
@@ -57,7 +62,7 @@ class RackPeriodic(Effect):
         return carts(robot)
 
     def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
-        """Periods, so dense that the phase over the whole track is off by at most a twelfth of a turn."""
+        """Periods to try, so dense that the phase error over the whole track is at most a twelfth of a turn."""
         q = at.q[:, at.robot.sites.index(site)]
         span = max(float(np.ptp(q)), 1e-9)
         if turns(at.robot, site) and not at.robot.rods:
@@ -68,7 +73,7 @@ class RackPeriodic(Effect):
         return [float(1.0 / f) for f in frequencies]
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Cosine and sine of the period, their drift along the track, and the first harmonic where it is no line of its own."""
+        """Cosine and sine of the period, their change along the track, and for robots with rods the second harmonic."""
         assert nonlinear is not None
         j = at.robot.sites.index(site)
         phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
@@ -80,7 +85,7 @@ class RackPeriodic(Effect):
         return along_track(at, site, np.stack(columns, axis=1), drive_sizes(at, site, sizes, 2e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Period, amplitude, phase and harmonic."""
+        """Period, amplitude, phase, and for robots with rods the second harmonic."""
         c, s = coefficients[:2]
         found = {
             "period": (float(nonlinear or 0.0), "m"),

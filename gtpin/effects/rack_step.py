@@ -18,13 +18,16 @@ FEWEST = 3
 
 
 class RackStep(Effect):
-    """dq = h + m (q - p) where q > p, else 0: beyond the place p the cart is farther along by h, and farther with every metre.
+    """dq = h + m (q - p) where q > p, otherwise 0; dq is the deviation of the travel from the command q, m.
 
-    Parameters: ``place`` p, m (rad of an arm); ``step`` h, m; ``slope`` m, m/m: the pitch error of the segment beyond. The
-    place is its nonlinear parameter.
+    p is the command at which the second rack segment begins. Beyond it, the cart is farther along its track by h. The
+    modulation: the second segment has a pitch error m, so the deviation changes linearly with q.
 
-    Typical size 50 um. Sections of precision racks that are checked and matched keep to 40 um of position over any length
-    (Machine Design, see ``encoder_scale``).
+    Parameters: ``place`` p, m, the nonlinear parameter; ``step`` h, m, positive where the cart is farther than commanded beyond
+    the place; ``slope`` m, m/m, the pitch error of the second segment. Where the actuator turns, rad replaces m.
+
+    Typical size 50 um. Segments of precision racks that are checked and matched have position errors of at most 40 um over
+    any length (Machine Design, see ``encoder_scale``).
     """
 
     id = "rack_step"
@@ -43,7 +46,7 @@ class RackStep(Effect):
         return tracks(robot)
 
     def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
-        """Places between neighbouring commands, away from the ends."""
+        """Places to try: the middle between neighbouring commands, except near the ends of the track."""
         q = np.unique(at.q[:, at.robot.sites.index(site)])
         between = (q[1:] + q[:-1]) / 2.0
         edge = max(FEWEST - 1, len(between) // 100)

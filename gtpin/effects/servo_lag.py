@@ -1,4 +1,4 @@
-"""Deviation that grows with speed."""
+"""Servo lag: a deviation in proportion to the speed."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from gtpin.effects.smooth import modulated
 from gtpin.robot.robot import Robot
 
 FAST = 0.3
-"""Speed, m/s, over which the lag may vary."""
+"""Speed, m/s or rad/s, that scales the modulation of the lag by the speed."""
 
 
 class ServoLag(Effect):
     """dq = -tau speed: at the instant of measurement the actuator is behind its command by tau times its speed.
 
-    Parameters: ``lag`` tau, s, positive where it stays behind.
+    dq is the deviation of the travel from the command, m (rad where the actuator turns). The speed is the actuator's, m/s or
+    rad/s. The modulation: tau varies a little along the track and with the speed.
 
-    Typical size 0.2 ms. A position loop of gain Kv, some 10 to 100 / s, follows with an error of speed / Kv (Mechanical
-    Engineers' Handbook, vol. 2, Controller Design); that velocity feed-forward leaves about a hundredth of it is a guess.
+    Parameters: ``lag`` tau, s, positive where the actuator is behind its command.
+
+    Typical size 0.2 ms. A position loop of gain Kv, about 10 to 100 / s, has a following error of speed / Kv (Mechanical
+    Engineers' Handbook, vol. 2, Controller Design). It is a guess that velocity feed-forward leaves about a hundredth of it.
     """
 
     id = "servo_lag"

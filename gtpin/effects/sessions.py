@@ -1,4 +1,4 @@
-"""Sessions as columns."""
+"""Indicator columns of sessions."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from gtpin.errors import ModelError, warn
 
 
 def session_columns(at: Situation) -> Floats:
-    """(N, sessions) one where a pose belongs to the session, else zero.
+    """(N, sessions) 1 where a pose belongs to the session, otherwise 0.
 
-    A session that the fit has not seen belongs to all of them alike, so that it has the mean shift, with a warning.
+    A session that was not in the fit gets equal values in all columns. Its shift is then the mean shift. A warning says so.
 
     Raises
     ------

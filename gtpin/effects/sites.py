@@ -1,4 +1,4 @@
-"""Where effects can act on a robot."""
+"""Sites: the parts of a robot at which effects can act."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from gtpin.robot.robot import Robot
 
 
 def carts(robot: Robot) -> tuple[str, ...]:
-    """Sites of the actuators."""
+    """Sites of all actuators, of robots with and without rods."""
     return robot.sites
 
 
@@ -23,7 +23,7 @@ def tracks(robot: Robot) -> tuple[str, ...]:
 
 
 def joints(robot: Robot) -> tuple[str, ...]:
-    """Sites of the counted joints of a robot without rods."""
+    """Sites of the joints with an actuator of a robot without rods."""
     return () if robot.rods else robot.sites
 
 
@@ -33,20 +33,20 @@ def links(robot: Robot) -> tuple[str, ...]:
 
 
 def arm_and_links(robot: Robot) -> tuple[str, ...]:
-    """All rods together, and each; of a robot without rods, its moving links."""
+    """``arm`` and each rod. ``arm`` means all rods together. For a robot without rods, its moving links replace the rods."""
     return ("arm", *(robot.rod_sites or (link.name for link in moving_links(robot))))
 
 
 def links_at(robot: Robot, site: str) -> list[MovingLink]:
-    """The moving links of a robot without rods that a site means: one, or all for ``arm``."""
+    """The moving links at a site of a robot without rods: one link, or all links for ``arm``."""
     return [link for link in moving_links(robot) if site in ("arm", link.name)]
 
 
 def turns(robot: Robot, site: str) -> bool:
-    """Whether a site is an actuator that turns instead of sliding."""
+    """Whether a site is an actuator that turns (revolute). False for one that slides (prismatic), and for other sites."""
     return site in robot.sites and robot.actuators[robot.sites.index(site)].revolute
 
 
 def number(robot: Robot, site: str) -> int:
-    """Number of an actuator, as covariates count them: 1, 2, ..."""
+    """Number of an actuator, 1, 2, ..., as in the names of commands and covariates (``q1``, ``approach1``)."""
     return robot.sites.index(site) + 1

@@ -1,4 +1,4 @@
-"""What an effect may depend on: commands, covariates, poses, directions and forces of the rods."""
+"""The quantities on which an effect may depend: commands, covariates, poses, and directions and forces of the rods."""
 
 from __future__ import annotations
 
@@ -33,26 +33,28 @@ _OF_LOADS = ("joint_loads", "force")
 
 @dataclass(frozen=True)
 class References:
-    """What covariates are counted from, and what they are divided by: fixed when an effect is fitted, kept with it.
+    """Reference values that are subtracted from quantities, and spreads that divide them.
+
+    They are computed when an effect is fitted, and stored with it. A spread is a standard deviation over the poses of the fit.
 
     Parameters
     ----------
     temperature
-        degC at which the geometry holds.
+        Temperature, degC, at which the geometry is valid.
     time
-        Start and span, s.
+        First value and range of the column ``time``, s.
     sessions
-        In the order of their effects' coefficients.
+        Names of the sessions, in the order of their coefficients.
     force
         (k,) mean and (k,) spread of each rod's axial force, N.
     direction
         (k, 3) mean unit vector of each rod, from carrier to platform, base frame, and (k,) its spread, rad.
     covariates
-        Names of those that the fit knew: its coefficients count on them.
+        Names of the covariates of the fit. The fitted effects need those of them that they use.
     commands
-        Of a robot without rods: (n,) least and (n,) largest commands, m or rad.
+        Robots without rods: (n,) smallest and (n,) largest commands, m or rad.
     joints
-        Of a robot without rods: (J + 1, 6) mean and (J + 1, 6) spread of what its joints carry, N and N m, as in
+        Robots without rods: (J + 1, 6) mean and (J + 1, 6) spread of the loads on J joints and the TCP, N and N m, as in
         :func:`~gtpin.kinematics.joint_loads.joint_loads`.
     """
 
@@ -70,7 +72,8 @@ class References:
 class Situation:
     """N poses of a robot, and the measurement conditions of each.
 
-    Members that speak of rods are for robots with rods; ``bodies`` and ``joint_loads`` are for all others.
+    Members for rods exist only for robots with rods; ``bodies`` and ``joint_loads`` only for robots without rods. The number
+    of rods is k, of actuators n, and of Pinocchio joints J.
 
     Parameters
     ----------
@@ -79,7 +82,7 @@ class Situation:
     q
         (N, n) commands, m or rad.
     poses
-        The N poses of this geometry at q, base frame, m.
+        The N poses of this geometry at q, base frame; positions in m.
     covariates
         By name, (N,) each.
     fixed
@@ -112,16 +115,16 @@ class Situation:
         Raises
         ------
         ModelError
-            If it is not there.
+            If the covariate is missing.
         """
         if name not in self.covariates:
             raise ModelError(f"the covariate {name} is missing", column=name, hint=f"give a column {name}")
         return np.asarray(self.covariates[name], dtype=float)
 
     def has(self, name: str) -> bool:
-        """Whether a covariate is there or, where the references are those of an earlier fit, was there.
+        """Whether a covariate is in these data or, where ``fixed`` is given, was in the data of the earlier fit.
 
-        An effect that was fitted with a covariate keeps its form, and asks for it, wherever it is applied.
+        An effect that was fitted with a covariate needs this covariate wherever it is applied.
         """
         return name in (self.covariates if self.fixed is None else self.fixed.covariates)
 
@@ -133,12 +136,15 @@ class Situation:
         return changed
 
     def varies(self, name: str) -> bool:
-        """Whether a covariate is there and takes more than one value."""
+        """Whether a covariate is in these data and has more than one value."""
         return name in self.covariates and bool((self.covariates[name] != self.covariates[name][0]).any())
 
     @cached_property
     def vectors(self) -> tuple[Floats, Floats]:
-        """d = T + R P - C and R P, both (N, k, 3), base frame, m."""
+        """d = T + R P - C and R P, both (N, k, 3), base frame, m, with T, R the pose and P, C the rod's two joints.
+
+        P is in the TCP frame: the joint on the platform. C is in the base frame: the joint on the carrier.
+        """
         return rod_vectors(self.poses, self._rods.ends(self.q))
 
     @cached_property
@@ -153,25 +159,25 @@ class Situation:
 
     @cached_property
     def response(self) -> Floats:
-        """(N, 6, k) motion of the TCP, base frame, by lengthening each rod: m and rad per m."""
+        """(N, 6, k) motion of the TCP per change of each rod's length, base frame, m/m and rad/m."""
         return np.asarray(np.linalg.inv(pose_jacobian(*self.vectors)) * self.length[:, None, :])
 
     @cached_property
     def command_jacobian(self) -> Floats:
-        """(N, 6, n) motion of the TCP, base frame, by the commands."""
+        """(N, 6, n) motion of the TCP per change of each command, base frame, m and rad per m or rad."""
         if isinstance(self.kinematics, ChainKinematics):
             return self.kinematics.by_commands(self.bodies)
         return self.kinematics.command_jacobian(self.q, self.poses)
 
     @cached_property
     def bodies(self) -> Bodies:
-        """How the TCP answers to displaced joints and tool."""
+        """First-order motion of the TCP for displacements of the joints' placement frames and of the tool."""
         assert isinstance(self.kinematics, ChainKinematics)
         return self.kinematics.bodies(self.q)
 
     @cached_property
     def joint_loads(self) -> Floats:
-        """(N, J + 1, 6) what every joint and the TCP carry: see :func:`~gtpin.kinematics.joint_loads.joint_loads`."""
+        """(N, J + 1, 6) loads on each joint and the TCP, N and N m: :func:`~gtpin.kinematics.joint_loads.joint_loads`."""
         assert isinstance(self.kinematics, ChainKinematics)
         return joint_loads(self.kinematics.robot, self.q, *self._tool)
 
@@ -182,12 +188,12 @@ class Situation:
 
     @cached_property
     def force(self) -> Floats:
-        """(N, k) axial force of each rod, N, tension positive: gravity of plate, rods and payload, and the tool's force."""
+        """(N, k) axial force of each rod, N, tension positive, from gravity of plate, rods and payload and the tool's force."""
         return rod_forces(self._rods, self.q, self.poses, *self._tool)
 
     @cached_property
     def _tool(self) -> tuple[Floats | None, Floats | None]:
-        """(N, 3) force on the tool and (N,) payload, where they are given."""
+        """(N, 3) force on the tool, base frame, N, and (N,) payload, kg, where they are given."""
         # Loads that the fit knew must be given; one that it did not know counts where it is given.
         given = {name: self.covariate(name) for name in _TOOL if self.has(name) or name in self.covariates}
         payload = given.pop("payload", None)
@@ -202,7 +208,7 @@ class Situation:
 
     @cached_property
     def references(self) -> References:
-        """The references of an earlier fit, or else of this data."""
+        """``fixed``, the references of an earlier fit, where given; otherwise computed from these data."""
         if self.fixed is not None:
             return self.fixed
         time = self.covariate("time") if self.has("time") else np.zeros(1)
@@ -236,15 +242,16 @@ class Situation:
 
     @cached_property
     def time(self) -> Floats:
-        """(N,) time from -1 at the first to 1 at the last pose of the fit."""
+        """(N,) time without unit, from -1 at the first pose of the fit to 1 at the last."""
         start, span = self.references.time
         return np.asarray(2.0 * (self.covariate("time") - start) / span - 1.0)
 
     @cached_property
     def travel(self) -> Floats:
-        """(N, n) commands from -1 to 1 over the actuators' ranges; over one turn where there is no end to them.
+        """(N, n) commands without unit, from -1 at the lower to 1 at the upper end of the actuator's range.
 
-        Joints of a robot without rods often work in a small part of their range: over the commands of the fit.
+        For a range without limits: from -pi to pi. For a robot without rods, whose joints often use a small part of their
+        range: from the smallest to the largest command of the fit.
         """
         lower, upper = self.robot.lower, self.robot.upper
         if not self.robot.rods:
@@ -255,13 +262,13 @@ class Situation:
 
     @cached_property
     def load(self) -> Floats:
-        """(N, k) rods' forces, less their mean and over their spread in the fit."""
+        """(N, k) (F - mean) / spread of the rods' forces F, without unit; mean and spread are over the poses of the fit."""
         mean, spread = self.references.force
         return np.asarray((self.force - mean) / spread)
 
     @cached_property
     def tilt(self) -> Floats:
-        """(N, k, 2) directions of the rods about their mean in the fit, in spreads."""
+        """(N, k, 2) the two components of each rod's direction across its mean direction, divided by the spread in the fit."""
         mean, spread = self.references.direction
         tilts = np.empty((*self.along.shape[:2], 2))
         for i, axis in enumerate(mean):
@@ -272,12 +279,12 @@ class Situation:
 
 
 LEAST_SPREAD = 0.02
-"""Least spread of a load, over the largest of its kind that the robot carries anywhere: loads of another kind may follow on a
-joint that carried nothing in the fit."""
+"""Smallest spread of a load, relative to the largest load of its kind (force or moment) on any joint. A joint without a load
+in the fit may have a load in a later prediction."""
 
 
 def _least_spread(loads: Floats) -> Floats:
-    """(6,) least spreads of forces, N, and moments, N m."""
+    """(6,) smallest spreads of forces, N, and moments, N m."""
     largest = np.abs(loads).max(axis=(0, 1))
     kinds = np.repeat([largest[:3].max(), largest[3:].max()], 3)
     return np.asarray(np.maximum(LEAST_SPREAD * kinds, 1e-9))

@@ -13,14 +13,14 @@ from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 
 ORDERS, DECAY = 14, 1.2
-"""Cosines along the track in each direction, and how fast their sizes decay."""
+"""Number of cosines along the track for each direction, and the power p: the size of order k is proportional to k^-p."""
 
 
 class Straightness(Effect):
     """dC = f_a(q) a + f_b(q) b, a smooth displacement of the cart, m, the same for all its joints. ISO 230-1: EYX, EZX.
 
-    a and b are the unit vectors across the track about which ``track_direction[cart].a`` and ``.b`` turn: for the
-    Gantry-Tau a points up and b horizontally, right-handed with the track (track x a = b).
+    q is the command. a and b are unit vectors across the track, base frame: the parameters ``track_direction[cart].a`` and
+    ``.b`` rotate the track about them. For the Gantry-Tau a points up and b is horizontal, with track x a = b.
 
     Parameters: ``rms_a``, ``rms_b``, ``peak_to_valley_a``, ``peak_to_valley_b``, m, each after the best straight
     line is subtracted, because a slope belongs to the direction of the track, which is geometry.
@@ -52,7 +52,7 @@ class Straightness(Effect):
         return Basis(unit(np.tile(size, 2), 4e-5), carrier_joints=carrier_joints)
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """How far the track is from straight in both directions."""
+        """Root mean square and peak to valley of the deviation in each direction."""
         found: dict[str, tuple[float, str]] = {}
         for direction, part in zip("ab", np.split(coefficients, 2), strict=True):
             rms, span = extent(part)

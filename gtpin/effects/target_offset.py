@@ -11,7 +11,9 @@ from gtpin.robot.robot import Robot
 
 
 class TargetOffset(Effect):
-    """dT = R p: the target is at p in the TCP frame, not at the TCP; R is the platform's orientation.
+    """dT = R p: the target is at p in the TCP frame, not at the TCP; R rotates from the TCP frame to the base frame.
+
+    dT is the deviation of the measured position, m, base frame.
 
     A geometry in which all joints on the platform are moved by -p predicts the same poses. Geometry therefore absorbs the
     offset as far as the tolerances of these joints allow.
@@ -32,7 +34,7 @@ class TargetOffset(Effect):
         return ("platform",)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The position of the TCP."""
         return ("position",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:

@@ -1,4 +1,4 @@
-"""Links grow with their temperature."""
+"""Thermal expansion of links."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from gtpin.robot.robot import Robot
 class ThermalLinks(Effect):
     """dL = alpha L (temp_link - reference): a warm link is longer where alpha > 0.
 
-    The reference is the dataset's ``reference_temperature``, degC. The modulation: alpha changes with time, because the
-    sensor does not measure the link itself, and with the temperature difference. At ``arm`` each link differs a little from
-    the others.
+    L is the link's length, m, and dL its change. The reference is the dataset's ``reference_temperature``, degC. The
+    modulation: alpha changes with time, because the sensor does not measure the link itself, and with the temperature
+    difference. At ``arm`` each link differs a little from the others. A link of a robot without rods expands along the line
+    from its joint to the next joint.
 
     Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread``: the standard deviation of
     alpha between the links, 1/K.
 
     Typical size 8e-6 / K: larger than carbon fibre along the tube (-1e-6 to 1e-6 / K), smaller than steel (12e-6 / K) and
-    aluminium (23e-6 / K; handbook values).
+    aluminium (23e-6 / K; handbook values). For links of robots without rods 1.5e-5 / K.
     """
 
     id = "thermal_links"
@@ -39,15 +40,15 @@ class ThermalLinks(Effect):
     core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "expansion": Range(
-            -2e-6, 1e-4, "no link shrinks in the warm but carbon fibre, by 1e-6/K, and plastics grow by 1e-4/K"
+            -2e-6, 1e-4, "of link materials only carbon fibre shrinks with heat, by 1e-6/K; plastics expand by 1e-4/K"
         )
     }
     usual: ClassVar[Mapping[str, Range]] = {
-        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K: a third or three times as much is seldom a link's")
+        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K, and few links have a third or three times as much")
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """All links together, and each."""
+        """``arm``, that is all links together, and each link."""
         return arm_and_links(robot)
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
@@ -55,7 +56,7 @@ class ThermalLinks(Effect):
         return ("temp_link",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """One expansion, how it depends on the warming, what each link differs by, and a lag that grows with time."""
+        """The common expansion, then its modulation: temperature difference, time, and for robots with rods each link."""
         warm = at.covariate("temp_link") - at.references.temperature
         late = at.time if at.has("time") else np.zeros(len(at))
         if not at.robot.rods:
@@ -75,7 +76,7 @@ class ThermalLinks(Effect):
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, 8e-6))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Expansion, and how links differ."""
+        """The mean expansion, and the standard deviation between links."""
         own = coefficients[3:]
         if not own.size:
             return {"expansion": (float(coefficients[0]), "1/K")}

@@ -1,4 +1,4 @@
-"""A guideway grows with the frame's temperature, from a fixed point."""
+"""Thermal expansion of a guideway about a fixed point."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from gtpin.robot.robot import Robot
 
 
 class ThermalTrack(Effect):
-    """dq = alpha (q - q0) (temp_frame - reference): in the warm a cart beyond the fixed point q0 is farther along its track.
+    """dq = alpha (q - q0) (temp_frame - reference); dq is the deviation of the travel from the command q, m.
 
-    Linear in alpha and -alpha q0. One end of the track may warm more than the other, and the growth may go on or fade with
-    the time, as the thermometer is not the track.
+    q0 is the fixed point: the command at which the track does not move. When the frame is warmer than the reference and
+    alpha > 0, a cart at q > q0 is farther along its track than commanded. The reference is the dataset's
+    ``reference_temperature``, degC. The coefficients are alpha and -alpha q0. The modulation: one end of the track may become
+    warmer than the other, and the expansion may change with time, because the sensor does not measure the track itself.
 
-    Parameters: ``expansion`` alpha, 1/K; ``at_zero`` = -alpha q0, m/K: how far the cart at q = 0 moves for every kelvin;
-    ``fixed_point`` q0, m, of little meaning where alpha is small.
+    Parameters: ``expansion`` alpha, 1/K; ``at_zero`` = -alpha q0, m/K: the displacement of the cart at q = 0 per kelvin;
+    ``fixed_point`` q0, m, which is inaccurate where alpha is small. Where the actuator turns, rad replaces m.
 
-    Typical size 1e-5 / K: steel has 12e-6 / K (handbook value), and the frame on which the track is held less or more.
+    Typical size 1e-5 / K: steel has 12e-6 / K (handbook value). The frame that holds the track may expand less or more.
     """
 
     id = "thermal_track"
@@ -35,10 +37,10 @@ class ThermalTrack(Effect):
     coefficient = ("expansion", "1/K")
     core = (0, 1)
     plausible: ClassVar[Mapping[str, Range]] = {
-        "expansion": Range(-2e-6, 1e-4, "no guideway shrinks in the warm, and plastics grow by 1e-4/K")
+        "expansion": Range(-2e-6, 1e-4, "no guideway shrinks with heat, and even plastics expand by only 1e-4/K")
     }
     usual: ClassVar[Mapping[str, Range]] = {
-        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K: a third or three times as much is seldom a guideway's")
+        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K, and few guideways have a third or three times as much")
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
@@ -50,7 +52,7 @@ class ThermalTrack(Effect):
         return ("temp_frame",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Growth along the track, growth at its zero, and their modulation."""
+        """Expansion in proportion to the command, motion of the track's zero, and their modulation."""
         j = at.robot.sites.index(site)
         warm = at.covariate("temp_frame") - at.references.temperature
         q = at.q[:, j]
@@ -62,7 +64,7 @@ class ThermalTrack(Effect):
         return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Expansion, the motion of the track's zero, and the point that stays."""
+        """The expansion, the motion of the track's zero, and the fixed point."""
         expansion, zero = (float(c) for c in coefficients[:2])
         fixed = -zero / expansion if expansion else 0.0
         return {"expansion": (expansion, "1/K"), "at_zero": (zero, "m/K"), "fixed_point": (fixed, "m")}

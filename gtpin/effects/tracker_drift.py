@@ -12,15 +12,16 @@ from gtpin.effects.smooth import cosines, span
 from gtpin.robot.robot import Robot
 
 ORDERS, DECAY = 8, 1.3
-"""Cosines over the time of the fit for each freedom of the frame, and how fast their sizes decay."""
+"""Number of cosines over the time of the fit for each degree of freedom of the frame, and the power p: the size of order k is
+proportional to k^-p."""
 
 
 class TrackerDrift(Effect):
     """dT = s(t) + w(t) x (T - T_home), dR = w(t): all measured poses shift and rotate smoothly with time.
 
-    T is the TCP position, T_home that at home. The shift s, m, and the rotation vector w, rad, are in the base frame; s is
-    positive where the measured poses move towards the positive axis. The constant part of s and w is left out, because
-    geometry absorbs it. Outside the time range of the fit the drift is constant.
+    T is the TCP position, m, T_home that at home; dR is a rotation vector. The shift s, m, and the rotation vector w, rad, are
+    in the base frame; s is positive where the measured positions move towards the positive axis, w is right-handed. The
+    constant part of s and w is left out, because geometry absorbs it. Outside the time range of the fit the drift is constant.
 
     Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: s and w at the end of the fit's time
     range less at its beginning; ``largest_shift``, m, and ``largest_turn``, rad: the largest difference between two times,
@@ -45,14 +46,14 @@ class TrackerDrift(Effect):
         return ("time",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Slow waves over time of all six freedoms of the frame; the constant is geometry's."""
+        """Cosines over time for the six degrees of freedom of the frame, without the constant, which geometry absorbs."""
         waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, ORDERS, DECAY)
         twist, freedom = frame_twist(at)
         columns = np.concatenate([twist * wave[:, None, None] for wave in waves.T], axis=2)
         return Basis(np.concatenate([freedom * s for s in size]), twist=columns)
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Drift from beginning to end, and the largest on the way."""
+        """The drift from beginning to end, and the largest difference between two times."""
         by_order = coefficients.reshape(-1, 6)
         drift = -2.0 * by_order[::2].sum(axis=0)
         spans = [span(c) for c in by_order.T]

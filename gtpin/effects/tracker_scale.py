@@ -1,4 +1,4 @@
-"""The instrument's length scale is off."""
+"""Scale error of the instrument: measured lengths are wrong by a constant factor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 SCALE = 3e-5
-"""Size of the scale, m/m."""
+"""Typical size of the scale error, m/m."""
 
 
 class TrackerScale(Effect):
@@ -40,11 +40,11 @@ class TrackerScale(Effect):
         return ("frame",)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """What it depends on."""
+        """The position of the TCP."""
         return ("position",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Growth of the measured positions about home, and shifts as the scale wanders."""
+        """Scaling of the measured positions about home, and shifts where the scale varies with time or temperature."""
         waves = []
         if at.has("time"):
             t = np.clip(at.time, -1.0, 1.0)

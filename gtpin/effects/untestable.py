@@ -1,4 +1,4 @@
-"""Why data can't show an effect, as a typed value; ``gtpin.report.reasons`` makes sentences of it."""
+"""The reason why data can't show an effect, as a typed value. ``gtpin.report.reasons`` writes it as a sentence."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Untestable:
-    """Why data can't show an effect at a site.
+    """The reason why data can't show an effect at a site.
 
     Parameters
     ----------
@@ -28,8 +28,8 @@ class Untestable:
         ``missing``, ``constant``: a covariate that the effect depends on has no column, or does not vary.
         ``too_few_commands``: the commands are too few, or too close together, for its nonlinear parameter.
         ``one_sign``: the link's force does not change its sign.
-        ``no_load``: the joint carries nothing along or about its own axis.
-        ``single_joint``: the cart carries one joint, about which it turns without an effect on the TCP.
+        ``no_load``: the joint or link carries no load that the effect depends on.
+        ``single_joint``: the cart carries one joint. A rotation of the cart about it has no effect on the TCP.
         ``absorbed``: geometric calibration absorbs it, even at ten times its typical size.
         ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested with the
         recorded loads only. With other loads it could be the cause although that test does not find it.
@@ -46,7 +46,7 @@ class Untestable:
 
 
 def as_untestable(found: Untestable | str | None) -> Untestable | None:
-    """What ``Effect.untestable`` gives, as a typed value: an effect of a user's own may give a reason in words."""
+    """The result of ``Effect.untestable`` as a typed value. A user's own effect may return a string: kind ``other``."""
     if isinstance(found, str):
         return Untestable("other", words=found) if found else None
     return found

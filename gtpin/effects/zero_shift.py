@@ -1,4 +1,4 @@
-"""The zero of a drive moved between sessions."""
+"""Shift of a drive's zero between sessions."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from gtpin.robot.robot import Robot
 
 
 class ZeroShift(Effect):
-    """dq = z(session): in a session the actuator is farther along by z than commanded, about the sessions' mean.
+    """dq = z(session); dq is the deviation of the travel from the command, m (rad where the actuator turns).
 
-    The mean itself is geometry. A session that the fit has not seen has the mean shift.
+    The shift z is constant in each session, and positive where the actuator is farther than commanded. Geometry absorbs the
+    mean over the sessions. In a prediction, a session that was not in the fit has the mean shift.
 
-    Parameters: ``shift[k]``, m (rad of an arm), of the k-th session in the order of their names, less the mean;
-    ``largest_difference`` between two sessions, m.
+    Parameters: ``shift[k]``, m: z of session k less the mean over the sessions, which are sorted by name;
+    ``largest_difference``, m, between two sessions. Where the actuator turns, rad replaces m.
 
-    Typical size 40 um: a guess for what homing on a switch and a marker pulse leaves. The whole Gantry-Tau repeated to 13 um
-    in the mean and 50 um at most, without homing in between (Dressler et al. 2010, section I, after Crothers et al. 2009).
+    Typical size 40 um: a guess for the error of homing on a switch and a marker pulse. Without homing, the repeatability of
+    the whole Gantry-Tau was 13 um in the mean and 50 um at most (Dressler et al. 2010, section I, after Crothers et al. 2009).
     """
 
     id = "zero_shift"
@@ -41,7 +42,7 @@ class ZeroShift(Effect):
         return ("session",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """One shift for each session."""
+        """One column for each session: a constant shift."""
         columns = session_columns(at)
         return along_track(at, site, columns, drive_sizes(at, site, np.ones(columns.shape[1]), 4e-5))
 
