@@ -73,8 +73,8 @@ def calibrate(
         joints, lengths and one direction per cart.
     kinematics
         Solver for robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose, in Pinocchio; it is
-        an order of magnitude slower, and its result is the same except for rounding. It needs a geometry that can be written as a
-        URDF. For robots without rods, Pinocchio is used in both cases.
+        an order of magnitude slower, and its result is the same except for rounding. It needs a geometry that a URDF can carry.
+        For robots without rods, Pinocchio is used in both cases.
     progress
         Called with the name of the step, the iteration, and the RMS residual in units of the noise.
 

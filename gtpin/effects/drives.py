@@ -28,6 +28,22 @@ def drive_sizes(at: Situation, site: str, relative: Sequence[float] | Floats, si
     return whole / RIM if turns(at.robot, site) and not at.robot.rods else whole
 
 
+SLOWEST_LINE = 3.0
+"""Periods a turn of a turning joint up to which a deviation counts as smooth; faster ones are lines of ``rack_periodic``.
+Assumed: an encoder's eccentricity and the harmonics of a housing are one to three a turn, gears more."""
+LEAST_ORDERS = 3
+"""Half waves that a smooth deviation has at least."""
+
+
+def smooth_orders(at: Situation, j: int, most: int) -> int:
+    """Half waves over a drive's travel that count as smooth: all, but at a turning joint of a chain only the slow ones."""
+    if at.robot.rods or not at.robot.actuators[j].revolute:
+        return most
+    lower, upper = (float(ends[j]) for ends in at.references.commands)
+    # k half waves over a span are k pi / span periods a turn.
+    return min(most, max(LEAST_ORDERS, int(SLOWEST_LINE * (upper - lower) / np.pi)))
+
+
 def drive_load(at: Situation, site: str) -> Floats:
     """(N,) (load - mean) / spread of the load on a drive, without unit; mean and spread are over the poses of the fit.
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import rods_of
-from gtpin.effects.drives import drive_load
+from gtpin.effects.drives import drive_load, smooth_orders
 from gtpin.effects.joint_compliance import loaded
 from gtpin.effects.sessions import session_columns
 from gtpin.effects.situation import Situation
@@ -24,7 +24,7 @@ CONDITIONS = ("time", "temp_frame", "temp_link", "payload")
 
 def along_coordinates(at: Situation, j: int) -> Functions:
     """Over what a cart may move along its track."""
-    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, 12, 1.0)
+    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 12), 1.0)
     for k in range(at.robot.n_actuators):
         if k != j:
             yield (f"q{j + 1}", f"q{k + 1}"), *plane(at.travel[:, j], at.travel[:, k], 5)
@@ -35,7 +35,7 @@ def along_coordinates(at: Situation, j: int) -> Functions:
 
 def aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
     """Over what a cart may stray across its track and turn."""
-    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, 8, 1.0)
+    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 8), 1.0)
     for over, waves, size in conditions(at):
         if over == ("session",):
             yield over, waves, size

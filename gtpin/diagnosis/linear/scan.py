@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 BATCH = 64
 """Settings whose displacements are held in memory at once."""
-KEPT = 6_000_000
+KEPT = 8_000_000
 """Numbers up to which all values' displacements are kept between scans."""
 REFINED, REFINEMENTS = 13, 4
 """Settings tried around the best of the scan, and how often, each time nearer."""
