@@ -61,9 +61,8 @@ def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
 
     rotation = Rotation.from_matrix(some.R)
     as_written = next(position_readings(turned=True))
-    readings: list[RotationReading] = [
-        reading for reading in (*misread(), *orientation_readings(as_written, turned=True)) if reading.looks
-    ]
+    known: list[RotationReading] = [*misread(), *orientation_readings(as_written, turned=True)]
+    readings = [reading for reading in known if reading.looks]
     now, *others = left([some.R, *(reading.read(rotation) for reading in readings)])
     least = min(others)
     if not (least < LEFT * now and least < now - GAIN):
