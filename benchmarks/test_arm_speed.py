@@ -27,13 +27,13 @@ def measured() -> Dataset:
     return make_case(1, robot="ur5", effects=effects, energy=1000.0, poses=200).dataset
 
 
-def test_200_poses(benchmark: Any, measured: Dataset) -> None:
+def test_an_arm_s_200_poses(benchmark: Any, measured: Dataset) -> None:
     warnings.simplefilter("ignore")
     found = benchmark.pedantic(gtpin.calibrate, args=(measured,), rounds=5, warmup_rounds=1)
     assert len(found.names) == 42
 
 
-def test_200_poses_by_least_squares(benchmark: Any, measured: Dataset) -> None:
+def test_an_arm_s_200_poses_by_least_squares(benchmark: Any, measured: Dataset) -> None:
     geometry = gtpin.Geometry.nominal(gtpin.load_robot("ur5"))
     R = Rotation.from_quat(measured.orientation.copy(), scalar_first=True)  # type: ignore[union-attr]
 
@@ -46,7 +46,7 @@ def test_200_poses_by_least_squares(benchmark: Any, measured: Dataset) -> None:
     assert found.success
 
 
-def test_a_diagnosis_of_200_poses(benchmark: Any, measured: Dataset) -> None:
+def test_an_arm_s_diagnosis_of_200_poses(benchmark: Any, measured: Dataset) -> None:
     warnings.simplefilter("ignore")
     found = benchmark.pedantic(gtpin.diagnose, args=(measured,), rounds=2)
     assert found.causes
