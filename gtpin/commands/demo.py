@@ -37,7 +37,7 @@ class DemoRobot(StrEnum):
         return Path(__file__).with_name("scenarios") / f"{self}.toml"
 
     @property
-    def full_name(self) -> str:
+    def spoken(self) -> str:
         """The robot's name as users write it."""
         return {DemoRobot.GANTRY_TAU: "Gantry-Tau", DemoRobot.UR5: "UR5"}[self]
 
@@ -74,7 +74,7 @@ def demo(
     has = ", ".join(f"{truth.effect} at {truth.site}" for truth in case.effects)
     errors = " -> ".join(f"{length(error)} {name}" for name, error in held_out.items())
     text = rendered(
-        f"A virtual {robot.full_name}, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
+        f"A virtual {robot.spoken}, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
         diagnosis_summary(found),
         f"\nWhat was hidden (dataset.truth.json): the machine has {has}.",
         f"True position error on {len(case.commands)} poses that were never measured, RMS: {errors}.",

@@ -9,9 +9,10 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import Measured, Point, Problem
+from gtpin.calibration.problem import Point, Problem
 from gtpin.data.orientation_convention import misread
 from gtpin.data.readings import RotationReading, orientation_readings, position_readings
+from gtpin.kinematics.poses import Poses
 
 Floats = npt.NDArray[np.float64]
 
@@ -48,17 +49,22 @@ def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
     A = J.reshape(-1, J.shape[2]) * weight[:, None]
     solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
 
-    def left(R: Floats) -> float:
-        difference = Measured(some.q, some.T, R).minus(predicted)
-        r = np.einsum("nij,nj->ni", problem.whitening, difference).ravel() * weight
-        return float(((r - A @ (solve @ r)).reshape(-1, 6)[:, 3:] ** 2).sum())
+    def left(rotations: list[Floats]) -> Floats:
+        """What remains of each reading of the rotations; all at once, since each alone is small."""
+        count = len(rotations)
+        read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
+        all_predicted = Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1)))
+        difference = read.minus(all_predicted).reshape(count, -1, 6)
+        r = np.einsum("nij,knj->kni", problem.whitening, difference).reshape(count, -1) * weight
+        remaining = (r - (r @ solve.T) @ A.T).reshape(count, -1, 6)
+        return np.asarray((remaining[:, :, 3:] ** 2).sum(axis=(1, 2)))
 
     rotation = Rotation.from_matrix(some.R)
     as_written = next(position_readings(turned=True))
-    readings: list[RotationReading] = [*misread(), *orientation_readings(as_written, turned=True)]
-    now = left(some.R)
-    tried = [(left(reading.read(rotation)), reading) for reading in readings if reading.looks]
-    least = min(value for value, _ in tried)
+    known: list[RotationReading] = [*misread(), *orientation_readings(as_written, turned=True)]
+    readings = [reading for reading in known if reading.looks]
+    now, *others = left([some.R, *(reading.read(rotation) for reading in readings)])
+    least = min(others)
     if not (least < LEFT * now and least < now - GAIN):
         return []
-    return [reading for value, reading in tried if value <= AS_GOOD * least]
+    return [reading for value, reading in zip(others, readings, strict=True) if value <= AS_GOOD * least]

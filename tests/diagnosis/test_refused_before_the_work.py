@@ -1,0 +1,86 @@
+"""What can't be diagnosed is said before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.data import Dataset
+from gtpin.errors import GtpinError
+from gtpin.plant import simulate
+
+
+@pytest.fixture(scope="module")
+def measured() -> Dataset:
+    return simulate(gtpin.load_robot("ur5"), "ur5", poses=60, seed=0).dataset
+
+
+def link(name: str) -> str:
+    return f'<link name="{name}"/>'
+
+
+def hinge(parent: str, child: str, x: float) -> str:
+    return (
+        f'{link(child)}<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+    )
+
+
+FIXED = f'{link("base")}{link("end")}<joint name="j" type="fixed"><parent link="base"/><child link="end"/></joint>'
+APART = (
+    f"{link('base')}{hinge('base', 'left', 0.0)}{hinge('left', 'left_far', 0.1)}{hinge('base', 'right', 5.0)}"
+    '<loop_joint name="pin"><link1 link="left_far" xyz="0.1 0 0"/><link2 link="right" xyz="0.1 0 0"/></loop_joint>'
+    '<gtpin><actuator joint="left_joint"/><platform link="left_far"/></gtpin>'
+)
+
+
+def refused(run: Callable[..., object]) -> str:
+    """The error of a diagnosis that must not have come to a fit."""
+    steps: list[str] = []
+    with pytest.raises(GtpinError) as error:
+        run(progress=lambda step, number, value: steps.append(step))
+    assert steps == []
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def of_robot(body: str, dataset: Dataset, folder: Path) -> Dataset:
+    file = folder / "robot.urdf"
+    file.write_text(f'<robot name="r">{body}</robot>')
+    return replace(dataset, robot=str(file), q=dataset.q[:, :1], covariates={})
+
+
+def test_poses_too_few_for_the_geometry(measured: Dataset) -> None:
+    few = measured.take(np.arange(7))  # 42 numbers, 42 parameters
+    assert "measure at least 8 poses" in refused(lambda **told: gtpin.diagnose(few, **told))
+
+
+def test_poses_too_few_for_geometry_frame_and_target(measured: Dataset) -> None:
+    free = measured.instrument.model_copy(update={"frame": "free", "target": "free"})
+    few = replace(measured.take(np.arange(8)), instrument=free)
+    assert "measure at least 9 poses" in refused(lambda **told: gtpin.diagnose(few, **told))
+
+
+def test_commands_that_are_all_the_same(measured: Dataset) -> None:
+    still = replace(measured, q=np.tile(measured.q[:1], (len(measured), 1)))
+    assert "the same commands" in refused(lambda **told: gtpin.diagnose(still, **told))
+
+
+def test_a_robot_that_does_not_move(measured: Dataset, tmp_path: Path) -> None:
+    fixed = of_robot(FIXED, measured, tmp_path)
+    assert "nothing moves" in refused(lambda **told: gtpin.diagnose(fixed, **told))
+
+
+def test_loops_that_can_not_be_closed(measured: Dataset, tmp_path: Path) -> None:
+    apart = of_robot(APART, measured, tmp_path)
+    assert "loop" in refused(lambda **told: gtpin.diagnose(apart, **told))
+
+
+def test_an_effect_at_a_site_that_it_does_not_have(measured: Dataset) -> None:
+    said = refused(lambda **told: gtpin.diagnose(measured, exclude=["joint_compliance@cart1"], **told))
+    assert "shoulder_lift_joint" in said
