@@ -93,7 +93,7 @@ class ConvergenceError(GtpinError):
 
 
 class GtpinWarning(UserWarning):
-    """Something that was noticed, set aside or assumed, and that the user should know.
+    """A warning: gtpin found something unusual in the data, did not use some rows, or made an assumption.
 
     Examples
     --------

@@ -63,18 +63,18 @@ def calibrate(
     robot
         The nominal robot; the one that the dataset names by default.
     model
-        One of the paper's models 1 to 5 (see :func:`~gtpin.calibration.paper_models.model_geometry`) in place of the
-        parameters that the next three choose. They leave out by design what others hold, so the noise is estimated from what
-        they leave, whatever was declared.
+        One of the paper's models 1 to 5 (see :func:`~gtpin.calibration.paper_models.model_geometry`), in place of the
+        parameters that ``directions``, ``scale`` and ``without`` choose. These models omit effects by design. Therefore the
+        noise is estimated from their residuals, and declared sigmas are not used.
     orientations
         Whether models 2, 4 and 5 also use the carts' measured rotation along their tracks.
     directions, scale, without
         Choice of parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
         joints, lengths and one direction per cart.
     kinematics
-        Of robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose by Pinocchio, an order of
-        magnitude slower, with the same result to rounding, for geometries that a URDF carries. Robots without rods have
-        Pinocchio in either case.
+        Solver for robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose, in Pinocchio; it is
+        an order of magnitude slower, and its result is the same except for rounding. The geometry must be expressible as a
+        URDF. For robots without rods, Pinocchio is used in both cases.
     progress
         Called with the name of the step, the iteration, and the RMS residual in units of the noise.
 

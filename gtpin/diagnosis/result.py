@@ -130,7 +130,7 @@ class Diagnosis(Shown):
         return effect_curve(self, cause, quantity)
 
     def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
-        """Position residuals over the workspace, seen along two axes (``xy``, ``xz``, ``yz``), before or after the causes."""
+        """Position residuals in a plane of the base frame (``xy``, ``xz``, ``yz``), geometry alone or with causes."""
         from gtpin.report.show.diagnosis import workspace
 
         return workspace(self, view, after=after)

@@ -34,7 +34,7 @@ class Robot(Chain):
     Raises
     ------
     RobotError
-        If the URDF does not make a robot.
+        If the URDF does not describe a complete robot.
 
     Examples
     --------
