@@ -143,8 +143,8 @@ def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _
 
 
 CARRIED = 0.25
-"""Payload that an arm carries, over the mass of its moving links. Assumed: 5 kg of 18 for a UR5, 10 of 29 for a UR10, 3 of 18 for
-a Panda, by their makers."""
+"""Payload that an arm carries, over the mass of its moving links. Assumed: 5 kg of 18 for a UR5, 10 of 29 for a UR10, 3 of 18
+for a Panda, by their makers."""
 
 
 def _efforts(robot: Robot) -> tuple[float, ...]:
