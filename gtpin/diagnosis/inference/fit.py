@@ -15,7 +15,7 @@ from gtpin.diagnosis.inference.findings import Cause, Question, Unexplained
 from gtpin.diagnosis.inference.held_out import held_out
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_idle
-from gtpin.diagnosis.inference.questions import questions, without_impossible
+from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
 from gtpin.diagnosis.inference.two_groups import with_one_measurement
@@ -79,6 +79,10 @@ def fit(
     found = with_smaller_errors(hypotheses, found, neighbours)
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
+    if asked.impossible and (other := with_possible(hypotheses, found, asked.impossible)):
+        model, causes = _fitted(prepared, settled, other)
+        again = questions(other, causes, hypotheses.priors)
+        found, asked = (found, asked) if again.impossible else (other, again)
     if asked.impossible:
         found = without_impossible(hypotheses, found, asked.impossible)
         model, causes = _fitted(prepared, settled, found)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Cause, Doubt, Question
 from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.linear.evidence import without
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.effect import Range
 
@@ -31,6 +32,26 @@ def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> Que
         if not wrong:
             unusual += [q for name, own in effect.usual.items() if (q := _outside(cause, name, own, True, priors))]
     return Questioned(tuple(impossible), tuple(unusual))
+
+
+def with_possible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion | None:
+    """The conclusion with the next of its class in the place of each cause that can't be; None where a class has no other.
+
+    What no machine can have has no prior probability: the others of the class share its probability.
+    """
+    places = {(q.effect, q.site) for q in asked}
+    model, classes = found.model, dict(found.classes)
+    for cause in found.classes:
+        if cause.place not in places:
+            continue
+        left = [m for m in classes.pop(cause) if m.recorded and m.hypothesis.place not in places]
+        if not left:
+            return None
+        model = hypotheses.extended(without(hypotheses.groups, model, cause, sweeps=1), left[0].hypothesis)
+        whole = sum(member.probability for member in left)
+        likelier = [replace(member, probability=member.probability / whole) for member in left]
+        classes[left[0].hypothesis] = tuple(likelier)
+    return replace(found, model=model, classes=classes)
 
 
 def without_impossible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion:

@@ -83,7 +83,9 @@ def _experiments(
     words = set(group.lacking.covariates) or {word for member in group.members for word in concerns(member, robot)}
     if "load" in words:
         words |= set(FORCES)
-    tried = [possible(known, words, POOL, rng, effort) for effort in (_efforts(known.robot) if "load" in words else (1.0,))]
+    tried = [
+        possible(known, words, POOL, rng, effort) for effort in (_efforts(known.robot) if "load" in words else (1.0,))
+    ]
     for trials in sorted(tried, key=lambda t: -len(_testable(group, t))):
         shown = _testable(group, trials)
         if not shown:
