@@ -278,6 +278,8 @@ class Situation:
         return tilts
 
 
+LIGHT = np.repeat([1.0, 0.1], 3)
+"""Spread of a load, N and N m, that is divided by where the robot itself carries nothing: its URDF has no masses."""
 LEAST_SPREAD = 0.02
 """Smallest spread of a load, relative to the largest load of its kind (force or moment) on any joint. A joint without a load
 in the fit may have a load in a later prediction."""
@@ -287,4 +289,4 @@ def _least_spread(loads: Floats) -> Floats:
     """(6,) smallest spreads of forces, N, and moments, N m."""
     largest = np.abs(loads).max(axis=(0, 1))
     kinds = np.repeat([largest[:3].max(), largest[3:].max()], 3)
-    return np.asarray(np.maximum(LEAST_SPREAD * kinds, 1e-9))
+    return np.asarray(np.maximum(LEAST_SPREAD * kinds, LIGHT))

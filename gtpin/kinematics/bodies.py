@@ -88,7 +88,7 @@ def driven_twists(robot: Robot) -> Floats:
     by_velocity = list(robot.model.idx_vs)
     for follower in robot.followers:
         if follower.master_v in robot.driven:
-            joint_id = by_velocity.index(follower.index_v)
+            joint_id = by_velocity.index(follower.index_v, 1)  # the universe, 0, has no velocity of its own
             own = follower.multiplier * joint_axis(robot.model, joint_id)
             twists[index_of(joint_id), :, robot.driven.index(follower.master_v)] = own
     return twists

@@ -12,7 +12,7 @@ from gtpin.data import Dataset, Instrument
 from gtpin.diagnosis import diagnose as room
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.untestable import Untestable
-from gtpin.errors import GtpinError, ModelError
+from gtpin.errors import GtpinError
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise
 
@@ -142,7 +142,7 @@ def test_positions_of_few_poses_never_end_in_a_crash():
     assert found.verdict == "none"
 
 
-def test_a_robot_without_rods_is_refused(tmp_path):
+def test_an_arm_without_masses_is_diagnosed_and_loads_are_untestable(tmp_path):
     urdf = tmp_path / "arm.urdf"
     urdf.write_text(ARM, encoding="utf-8")
     rng = np.random.default_rng(1)
@@ -159,8 +159,10 @@ def test_a_robot_without_rods_is_refused(tmp_path):
         position=T + 1e-5 * rng.standard_normal((60, 3)),
         instrument=Instrument(position_sigma=1e-5),
     )
-    with pytest.raises(ModelError, match="no rods"):
-        gtpin.diagnose(dataset)
+    found = gtpin.diagnose(dataset)
+    assert found.verdict == "none"
+    untestable = {(c.effect, c.site) for c in found.candidates if not c.testable}
+    assert {("joint_compliance", site) for site in found.model.robot.sites} <= untestable  # no masses, no loads
 
 
 @pytest.mark.parametrize("word", ["gremlins", "backlash@cart9", "backlash@", "@cart1", ""])

@@ -104,9 +104,9 @@ CONSTANTS = (
     ("docs/diagnosis.md", "{} % for related hypotheses", 100 * priors.PRIORS.related),
     ("docs/diagnosis.md", "or both depend on load), {} % for all others", 100 * priors.PRIORS.other),
     ("docs/diagnosis.md", "With more than {} poses, the search uses", f"{MOST_POSES:,}"),
-    ("docs/next_experiment.md", "with an expected gain of less than {} nats is not proposed", splitting.HOPELESS),
-    ("docs/next_experiment.md", "Up to {} nats it says", splitting.SETTLED),
-    ("docs/next_experiment.md", "up to {} nat what to observe", splitting.LEAST),
+    ("docs/next_experiment.md", "With an expected gain of less than {} nats it is not proposed", splitting.HOPELESS),
+    ("docs/next_experiment.md", "With less than {} nats, it says", splitting.SETTLED),
+    ("docs/next_experiment.md", "With less than {} nat, the entry", splitting.LEAST),
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
 )
 """Numbers that a page says of the code, and the code's own."""

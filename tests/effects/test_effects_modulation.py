@@ -19,6 +19,10 @@ DRIVEN = DriverEffect(Column("payload", 10.0, 20.0), [Driver("payload", "platfor
 ALL = {**EFFECTS, DRIVEN.id: DRIVEN}
 
 
+OF_ARMS = {"line"}
+"""Numbers that only robots without rods use: the test of an arm's lines holds them."""
+
+
 def sizes() -> dict[tuple[str, str, str], Floats]:
     """Typical sizes of the coefficients, by robot, effect and site."""
     return {
@@ -38,6 +42,6 @@ def test_every_number_changes_the_modulation_of_an_effect_and_no_core(name, monk
     ]:
         monkeypatch.setattr(module, "MODULATION", doubled)
     changed = {place: np.flatnonzero(after != before[place]) for place, after in sizes().items()}
-    assert any(len(columns) for columns in changed.values())
+    assert name in OF_ARMS or any(len(columns) for columns in changed.values())
     for (_, effect, _), columns in changed.items():
         assert not set(columns) & set(ALL[effect].core)

@@ -33,7 +33,7 @@ def same(one: gtpin.Poses, other: gtpin.Poses) -> bool:
 # -------------------------------------------------------------------------------------------------- there and back
 
 
-@pytest.mark.parametrize("name", effects_by_id())
+@pytest.mark.parametrize("name", sorted({name for name, _ in PLACES}))
 @given(data=st.data())
 @settings(ODD, max_examples=2)
 def test_a_model_with_any_effect_predicts_the_same_bits_when_it_is_read_again(tmp_path, name, data):
@@ -163,13 +163,13 @@ ARM = f"""<robot name="arm"><link name="link0"/><link name="link1"/><link name="
 {JOINT.format(1, 2)}</robot>"""
 
 
-def test_effects_of_a_robot_without_rods_are_refused(tmp_path, written):
+def test_effects_of_another_kind_of_robot_are_refused(tmp_path, written):
     (tmp_path / "arm.urdf").write_text(ARM)
     gtpin.write_model(gtpin.read_model(tmp_path / "arm.urdf"), tmp_path)
     told = json.loads((tmp_path / "model.json").read_text())
     told["effects"] = json.loads(written[1])["effects"]
     (tmp_path / "model.json").write_text(json.dumps(told))
-    with pytest.raises(ModelError, match=r"model\.json, column effects: .*no rods"):
+    with pytest.raises(ModelError, match=r"model\.json, column effects\.0"):
         gtpin.read_model(tmp_path)
 
 

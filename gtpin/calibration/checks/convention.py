@@ -38,6 +38,8 @@ def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
     measured = fit.problem.measured
     if measured.R is None or len(measured.T) < LEAST:
         return []
+    if measured.q.shape[1] == 1:  # turns about one axis: conventions agree, but for how they scale the noise across it
+        return []
     rows = np.linspace(0, len(measured.T) - 1, min(len(measured.T), ROWS)).astype(int)
     some = measured.take(rows)
     assert some.R is not None
