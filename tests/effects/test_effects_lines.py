@@ -30,7 +30,8 @@ def test_two_lines_move_the_joint_by_the_sum_of_both() -> None:
 
 def test_parameters_of_the_second_line_have_its_number_and_are_angles() -> None:
     found = RackPeriodic().parameters_of(ROBOT, SITE, np.array([3e-4, 4e-4, 0, 0, 6e-5, 8e-5, 0, 0]), (0.5, 0.25))
-    assert found["period"] == (0.5, "rad") and found["period_2"] == (0.25, "rad")
+    assert found["period"] == (0.5, "rad")
+    assert found["period_2"] == (0.25, "rad")
     np.testing.assert_allclose([found["amplitude"][0], found["amplitude_2"][0]], [5e-4, 1e-4], rtol=1e-12)
 
 
