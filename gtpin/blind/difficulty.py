@@ -112,7 +112,8 @@ class Difficulty:
         X = self.whitened(basis.displacement(self.situation) * basis.sigma)
         d = self.whitened(displacement[:, :, None])[:, 0]
         c = np.linalg.solve(X.T @ X + np.eye(X.shape[1]) / best.scale**2, X.T @ d) * basis.sigma
-        return {name: value for name, (value, _) in best.effect.parameters(c, best.nonlinear).items()}
+        robot = self.situation.robot
+        return {n: value for n, (value, _) in best.effect.parameters_at(robot, best.site, c, best.nonlinear).items()}
 
     def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, float | None]:
         """The energy that an effect explains, and its scale and nonlinear parameter."""

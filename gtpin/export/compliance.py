@@ -40,7 +40,7 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
         Names of the effects that it now holds.
     """
     active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
-    if not active:
+    if not active or not robot.rods:  # links of a chain bend, for which a mechanism of rigid bodies has no part
         return mechanism, set()
     force = active[0].references.force[0]
     below, at, above = (_stretch(model, active, force + step) for step in (-STEP, 0.0, STEP))
