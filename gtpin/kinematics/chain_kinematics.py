@@ -14,6 +14,7 @@ from gtpin.errors import ClosureError
 from gtpin.kinematics.bodies import Bodies, bodies, configurations, driven_twists, responses
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.kinematics.rotations import twist_jacobian
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -94,7 +95,7 @@ class ChainKinematics:
         twists = np.zeros((count + 1, 6, len(self.geometry.parameters)))
         for column, p in enumerate(self.geometry.parameters):
             index, deviation = (count, platform) if p.kind == "platform" else (p.owner - 1, placements[p.owner])
-            twists[index, :, column] = np.asarray(pin.Jexp6(deviation))[:, p.component]
+            twists[index, :, column] = twist_jacobian(deviation)[:, p.component]
         return twists
 
     def _open(self, q: Floats, twists: Mapping[int, Floats], poses: Poses) -> None:

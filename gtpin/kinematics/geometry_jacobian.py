@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.posture import ClosedPosture
+from gtpin.kinematics.rotations import twist_jacobian
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Parameter, rotation_axes
 
@@ -192,13 +193,13 @@ def _scale(posture: ClosedPosture, _: Regressors, __: Geometry, p: Parameter) ->
 
 
 def _platform(posture: ClosedPosture, _: Regressors, geometry: Geometry, p: Parameter) -> Floats:
-    twist = np.asarray(pin.Jexp6(geometry.platform))[:, p.component]
+    twist = twist_jacobian(geometry.platform)[:, p.component]
     return np.concatenate([posture.R @ twist[:3], posture.R @ twist[3:]])
 
 
 def _placement(posture: ClosedPosture, regressors: Regressors, geometry: Geometry, p: Parameter) -> Floats:
     twist = geometry.deviations("placement", "joint", (posture.robot.model.njoints, 6))[p.owner]
-    return regressors.twist(p.owner, np.asarray(pin.Jexp6(twist))[:, p.component])
+    return regressors.twist(p.owner, twist_jacobian(twist)[:, p.component])
 
 
 _KINDS: dict[str, Callable[[ClosedPosture, Regressors, Geometry, Parameter], Floats]] = {

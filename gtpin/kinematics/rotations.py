@@ -54,6 +54,24 @@ def left_jacobian(vector: Floats) -> Floats:
     return np.asarray(np.eye(3) + (1.0 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * (K @ K))
 
 
+def twist_jacobian(twist: Floats) -> Floats:
+    """(6, 6) matrix that takes a change of a twist (6,), m and rad, to the twist of the change, in the moved frame's axes.
+
+    The series sum_k (-ad)^k / (k + 1)! (Lynch and Park, Modern Robotics, 2017, ch. 3): closed forms lose half of the digits at
+    turns of less than a milliradian, as deviations of placements are.
+    """
+    ad = np.zeros((6, 6))
+    ad[:3, :3] = ad[3:, 3:] = skew(twist[3:])
+    ad[:3, 3:] = skew(twist[:3])
+    term, total = np.eye(6), np.eye(6)
+    k = 1
+    while np.abs(term).max() > np.finfo(float).eps:
+        term = -term @ ad / (k + 1)
+        total = total + term
+        k += 1
+    return np.asarray(total)
+
+
 def from_quaternions(wxyz: Floats) -> Floats:
     """(N, 3, 3) rotation matrices of unit quaternions (N, 4), scalar first."""
     return np.asarray(Rotation.from_quat(wxyz, scalar_first=True).as_matrix())

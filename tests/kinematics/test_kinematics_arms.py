@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
+from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pinocchio as pin
@@ -134,9 +135,10 @@ def test_an_exported_arm_predicts_what_the_model_predicts(arm: tuple[gtpin.Robot
     other = yourdfpy.URDF.load(str(file), load_meshes=False, load_collision_meshes=False, build_scene_graph=False)
     assert other.robot.links
     again = gtpin.load_robot(file)
-    held = next(joint for joint in robot.description.tree.joints if joint.child == robot.tcp_frame)
+    joints = fromstring(robot.description.xml).findall("joint")
+    held = next(joint for joint in joints if joint.find("child").get("link") == robot.tcp_frame)
     # A link that is fixed moves with its joint; one that a joint moves gets a link of its own at the new TCP.
-    assert again.tcp_frame == (robot.tcp_frame if held.kind == "fixed" else f"{robot.tcp_frame}_tcp")
+    assert again.tcp_frame == (robot.tcp_frame if held.get("type") == "fixed" else f"{robot.tcp_frame}_tcp")
     q = np.random.default_rng(6).uniform(-2.0, 2.0, (50, robot.n_actuators))
     difference = gtpin.Model(geometry).predict(q).minus(gtpin.Model(gtpin.Geometry.nominal(again)).predict(q))
     assert np.abs(difference).max() <= 1e-9
