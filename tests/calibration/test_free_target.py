@@ -1,0 +1,77 @@
+"""A target that sits anywhere on an arm, measured from anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import gtpin
+from gtpin.calibration.free_target import target_on_platform
+from gtpin.calibration.problem import Measured
+from gtpin.data import Instrument
+from gtpin.errors import DatasetError
+from gtpin.kinematics.poses import Poses
+from gtpin.plant import make_case
+
+ROBOT = gtpin.load_robot("ur5")
+FOLDED = np.array([0.0, -1.5, 1.5, -1.5, -1.5, 0.0])
+NOISE = 2e-5
+
+
+def measured_elsewhere(seed: int, count: int = 60) -> tuple[Poses, Poses, pin.SE3]:
+    """Nominal poses, those of a target X in a frame F by Pinocchio's own products, some with gross errors, and X."""
+    rng = np.random.default_rng(seed)
+    q = FOLDED + rng.uniform(-0.8, 0.8, (count, 6))
+    plain = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).predict(q)
+    X = pin.SE3(pin.exp3(rng.standard_normal(3)), 0.1 * rng.standard_normal(3))
+    F = pin.SE3(pin.exp3(rng.standard_normal(3)), 3.0 * rng.standard_normal(3))
+    seen = [F * pin.SE3(R, T) * X for T, R in zip(plain.T, plain.R, strict=True)]
+    T = np.array([M.translation for M in seen]) + NOISE * rng.standard_normal((count, 3))
+    T[:3] += 0.5
+    return plain, Poses(T, np.array([M.rotation for M in seen])), X
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("orientations", [True, False])
+def test_the_target_is_found_to_the_noise_of_the_mean_in_spite_of_gross_errors(seed: int, orientations: bool) -> None:
+    plain, seen, X = measured_elsewhere(seed)
+    measured = Measured(np.zeros((len(seen.T), 6)), seen.T, seen.R if orientations else None)
+    found = target_on_platform(plain, measured, free_frame=True)
+    assert np.linalg.norm(found.translation - X.translation) < 3.0 * NOISE
+    if orientations:
+        assert np.linalg.norm(pin.log3(found.rotation.T @ X.rotation)) < 1e-9
+
+
+def test_with_frame_and_target_free_poses_that_were_not_measured_are_predicted_as_if_both_were_known() -> None:
+    case = make_case(4, robot="ur5", poses=80, held_out=40)
+    rng = np.random.default_rng(0)
+    X = pin.SE3(pin.exp3(rng.standard_normal(3)), np.array([0.06, -0.03, 0.09]))
+    F = pin.SE3(pin.exp3(rng.standard_normal(3)), np.array([2.0, -1.0, 0.4]))
+
+    def elsewhere(T: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        moved = [F * pin.SE3(r, t) * X for t, r in zip(T, R, strict=True)]
+        return np.array([M.translation for M in moved]), np.array([M.rotation for M in moved])
+
+    wxyz = case.dataset.orientation
+    assert wxyz is not None
+    T, R = elsewhere(case.dataset.position, np.array([pin.Quaternion(*row).matrix() for row in wxyz]))
+    quaternions = [pin.Quaternion(rotation) for rotation in R]
+    dataset = replace(
+        case.dataset,
+        position=T,
+        orientation=np.array([[Q.w, Q.x, Q.y, Q.z] for Q in quaternions]),
+        instrument=Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5, frame="free", target="free"),
+    )
+    known = gtpin.calibrate(case.dataset).model.predict(case.commands.q).T - case.truth.T
+    free = gtpin.calibrate(dataset).model.predict(case.commands.q).T - elsewhere(case.truth.T, case.truth.R)[0]
+    # Twelve numbers more, of 80 poses with six readings each.
+    assert np.sqrt((free**2).sum(axis=1).mean()) < 1.1 * np.sqrt((known**2).sum(axis=1).mean())
+
+
+def test_a_free_target_on_rods_is_refused() -> None:
+    dataset = make_case(1, poses=40, held_out=1).dataset
+    with pytest.raises(DatasetError, match="free target"):
+        gtpin.calibrate(replace(dataset, instrument=Instrument(target="free")))
