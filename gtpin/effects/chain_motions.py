@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Floats
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.bodies import index_of
+from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.rotations import skew
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import MovingLink
@@ -57,14 +59,26 @@ def of_joint(at: Situation, site: str, ways: Floats, columns: Floats, sigma: Flo
 def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Basis:
     """Basis of motions (N, 6, m), m and rad, of the tips of a site's links relative to their roots, in the axes of each tip."""
     found = zip(links_at(at.robot, site), twists, strict=True)
-    return Basis(sigma, placements=tuple((link.tip, twist) for link, twist in found))
+    carried = {link.tip: _target(at, link).actionInverse @ twist for link, twist in found}
+    return Basis(sigma, placements=tuple(carried.items()))
+
+
+def _target(at: Situation, link: MovingLink) -> pin.SE3:
+    """Where the frame that ``Bodies`` has at a link's tip sits in the tip's axes.
+
+    It is the tip's own, but for the last link: that ends at the URDF's TCP, and a target may sit elsewhere.
+    """
+    assert isinstance(at.kinematics, ChainKinematics)
+    robot = at.kinematics.robot
+    last = link.tip == robot.model.njoints - 1
+    return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()
 
 
 def reach(at: Situation, link: MovingLink) -> Floats:
-    """(3,) vector from a link's own joint to its tip (the next joint, or the TCP), in the tip's axes, m."""
+    """(3,) vector from a link's own joint to its tip (the next joint, or the URDF's TCP), in the tip's axes, m."""
     robot = at.kinematics.geometry.robot
     last = link.tip == robot.model.njoints - 1
-    placement = robot.tcp_placement if last else robot.model.jointPlacements[link.tip + 1]
+    placement = robot.load_placement if last else robot.model.jointPlacements[link.tip + 1]
     return np.asarray(placement.rotation.T @ placement.translation)
 
 
@@ -80,9 +94,10 @@ def tip_loads(at: Situation, link: MovingLink) -> Floats:
     """
     model = at.robot.model
     weight = OWN_WEIGHT * float(model.inertias[link.joint_id].mass) * model.gravity.linear
-    loads = at.joint_loads[:, link.tip].copy()
-    loads[:, :3] += weight @ at.bodies.R[:, link.tip]
-    return loads
+    target = _target(at, link)
+    loads = at.joint_loads[:, link.tip] @ target.dualAction.T
+    loads[:, :3] += weight @ at.bodies.R[:, link.tip] @ target.rotation.T
+    return np.asarray(loads)
 
 
 def bending(length: Floats, loads: Floats) -> Floats:

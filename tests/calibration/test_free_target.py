@@ -12,9 +12,12 @@ import gtpin
 from gtpin.calibration.free_target import target_on_platform
 from gtpin.calibration.problem import Measured
 from gtpin.data import Instrument
+from gtpin.effects import Situation
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.plant import make_case
+from gtpin.robot.moving_links import moving_links
 
 ROBOT = gtpin.load_robot("ur5")
 FOLDED = np.array([0.0, -1.5, 1.5, -1.5, -1.5, 0.0])
@@ -75,3 +78,27 @@ def test_a_free_target_on_rods_is_refused() -> None:
     dataset = make_case(1, poses=40, held_out=1).dataset
     with pytest.raises(DatasetError, match="free target"):
         gtpin.calibrate(replace(dataset, instrument=Instrument(target="free")))
+
+
+@pytest.mark.parametrize("effect", ["link_compliance", "thermal_links"])
+def test_where_the_target_sits_changes_what_is_seen_of_the_last_link_and_not_how_it_moves(effect: str) -> None:
+    """The motion of the target is that of the TCP, carried along by the lever between them."""
+    site = moving_links(ROBOT)[-1].name
+    nominal = gtpin.Geometry.nominal(ROBOT)
+    place = pin.SE3(pin.exp3(np.array([0.9, -1.4, 0.6])), np.array([0.08, -0.15, 0.11]))
+    twist = pin.log6(place).vector
+    values = [twist[p.component] if p.kind == "platform" else 0.0 for p in nominal.parameters]
+    q = FOLDED + np.random.default_rng(2).uniform(-0.8, 0.8, (8, 6))
+    known = {"payload": np.linspace(0.0, 4.0, 8), "temp_link": np.linspace(20.0, 26.0, 8)}
+    seen = []
+    for geometry in (nominal, nominal.with_values(np.array(values))):
+        kinematics = gtpin.Model(geometry).kinematics
+        at = Situation(kinematics, q, kinematics.forward(q), known)
+        seen.append(effects_by_id()[effect].basis(at, site).displacement(at))
+    R = gtpin.Model(nominal).predict(q).R
+    lever = np.einsum("nij,j->ni", R, place.translation)
+    carried = seen[0].copy()
+    carried[:, :3] += np.cross(seen[0][:, 3:], lever[:, :, None], axisa=1, axisb=1, axisc=1)
+    cores = [0, 1] if effect == "link_compliance" else [0]  # modulations count on the loads' spread at the target
+    np.testing.assert_allclose(seen[1][..., cores], carried[..., cores], rtol=0, atol=1e-9 * np.abs(carried).max())
+    assert np.abs(carried).max() > 0.0
