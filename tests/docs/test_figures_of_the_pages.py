@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import t
 
 from gtpin.blind.judged import Judged
 from gtpin.diagnosis import priors
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
 from gtpin.diagnosis.planning import discrimination as splitting
+from gtpin.effects.drives import SLOWEST_LINE
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "pages"))
@@ -108,6 +110,9 @@ CONSTANTS = (
     ("docs/next_experiment.md", "With less than {} nats, it says", splitting.SETTLED),
     ("docs/next_experiment.md", "With less than {} nat, the entry", splitting.LEAST),
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
+    ("docs/diagnosis.md", "smooth means at most {} periods a turn", SLOWEST_LINE),
+    ("docs/diagnosis.md", "gains more than {} nats (`line`", priors.PRIORS.line),
+    ("docs/diagnosis.md", "{} standard deviations wide to either side", f"{t.ppf(0.975, 1) * 1.5**0.5:.0f}"),
 )
 """Numbers that a page says of the code, and the code's own."""
 
