@@ -144,13 +144,13 @@ def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _
     return Prediction.of(trials, np.hstack([others, X]))
 
 
-CARRIED = 0.25
-"""Payload that an arm carries, over the mass of its moving links. Assumed: 5 kg of 18 for a UR5, 10 of 29 for a UR10, 3 of 18
-for a Panda, by their makers."""
+CARRIED = 0.16
+"""Payload that any arm carries, over the mass of its moving links: the least of 5 kg of 18 (UR5), 10 of 29 (UR10) and 3 of 18
+(Panda), by their makers' data sheets."""
 
 
 def _efforts(robot: Robot) -> tuple[float, ...]:
-    """Times the loads that any machine takes: an arm takes no more than its maker allows."""
+    """Times the loads that any machine takes; of an arm, in proportion to its mass."""
     if robot.rods:
         return EFFORTS
     mass = sum(float(robot.model.inertias[j].mass) for j in robot.moving_joints)
