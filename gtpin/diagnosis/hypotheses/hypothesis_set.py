@@ -168,22 +168,27 @@ class HypothesisSet:
         best = self._scans[hypothesis].best(model, self.columns(model))
         return Gain(best.gain, Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma))
 
-    def widened(self, model: Model) -> Model | None:
-        """A model with one more line of one of its periodic errors: the one that gains most; None where none gains."""
-        best: tuple[float, Hypothesis, Hypothesis] | None = None
+    def further_line(self, model: Model) -> tuple[float, Hypothesis, Hypothesis] | None:
+        """Of a model's periodic errors the one that gains most by one more line, with that line and without it.
+
+        The gain is in worth, to first order; None where no line gains.
+        """
         if self.design.situation.robot.rods:
             return None
+        best: tuple[float, Hypothesis, Hypothesis] | None = None
         for term in causes(model):
             if not 0 < len(term.values) < term.effect.most_values or term.template not in self.scanned:
                 continue
             line = self._scanned(term.template, model)
-            if line.value > max(self.priors.line, best[0] if best else 0.0) and isinstance(line.term, Hypothesis):
-                wider = term.with_lines((*term.lines, *line.term.lines))
-                best = (line.value, term, wider)
-        if best is None:
-            return None
-        _, old, wider = best
-        return self._with_lines(self._replaced(model, old, wider), wider)
+            gain = line.value - self.priors.line
+            if gain > (best[0] if best else 0.0) and isinstance(line.term, Hypothesis):
+                best = (gain, term.with_lines((*term.lines, *line.term.lines)), term)
+        return best
+
+    def widened(self, model: Model, wider: Hypothesis, old: Hypothesis) -> Model:
+        """A model with more lines in the place of one of its periodic errors, all of them estimated again."""
+        found = self._with_lines(self._replaced(model, old, wider), wider)
+        return tuned(self.groups, found.terms, found.scale)
 
     def _with_lines(self, model: Model, term: Hypothesis) -> Model:
         """The model with each line of a hypothesis estimated again given the others, or left out where it is not worth it."""
@@ -199,10 +204,10 @@ class HypothesisSet:
         return model
 
     def _replaced(self, model: Model, old: Hypothesis, new: Hypothesis) -> Model:
-        """The model with one hypothesis in the place of another, all scales estimated again."""
+        """The model with one hypothesis in the place of another, at the same scales."""
         if new not in self.groups.columns:
             self._add(new)
-        return tuned(self.groups, tuple(new if term == old else term for term in model.terms), model.scale)
+        return fixed(self.groups, tuple(new if term == old else term for term in model.terms), model.scale)
 
     def extended(self, model: Model, term: Term) -> Model:
         """A model with one more explanation, all scales estimated again."""

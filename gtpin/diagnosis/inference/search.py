@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
 from gtpin.diagnosis.linear.evidence import NOTHING, without
 
@@ -57,21 +55,17 @@ def search(
 
 def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
     while True:
-        wider = hypotheses.widened(model)
+        line = hypotheses.further_line(model)
         gains = hypotheses.net_gains(model, terms) if len(model.terms) < most(hypotheses) else {}
         best = max(gains.values(), key=lambda g: g.value, default=None)
-        ahead = -np.inf if wider is None else hypotheses.worth(wider) - hypotheses.worth(model)
-        if wider is not None and ahead > max(1e-9, best.value if best else 0.0):
-            model = _pruned(hypotheses, wider)
-            continue
         larger = model
-        if best is not None and best.value >= 0.0:
+        if best is not None and best.value >= (line[0] if line else 0.0):
             larger = hypotheses.extended(model, best.term)
             larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
+        if line is not None and hypotheses.worth(larger) <= hypotheses.worth(model) + 1e-9:
+            larger = _pruned(hypotheses, hypotheses.widened(model, *line[1:]))
         if hypotheses.worth(larger) <= hypotheses.worth(model) + 1e-9:
-            if wider is None or ahead <= 1e-9:
-                return model
-            larger = _pruned(hypotheses, wider)
+            return model
         model = larger
 
 
