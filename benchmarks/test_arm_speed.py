@@ -1,4 +1,7 @@
-"""An arm of six joints, 200 poses: calibration, SciPy's least squares with numerical derivatives on the same, diagnosis."""
+"""An arm of six joints: calibration and diagnosis, SciPy's least squares with numerical derivatives, FIGAROH's regressor.
+
+FIGAROH is compared with where it is installed: ``pip install figaroh``.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,19 @@ Floats = npt.NDArray[np.float64]
 pytestmark = pytest.mark.benchmark(group="arm", timer=time.process_time)
 
 
+def _measured(poses: int) -> Dataset:
+    effects = [("joint_compliance", "shoulder_lift_joint")]
+    return make_case(1, robot="ur5", effects=effects, energy=5.0 * poses, poses=poses).dataset
+
+
 @pytest.fixture(scope="module")
 def measured() -> Dataset:
-    effects = [("joint_compliance", "shoulder_lift_joint")]
-    return make_case(1, robot="ur5", effects=effects, energy=1000.0, poses=200).dataset
+    return _measured(200)
+
+
+@pytest.fixture(scope="module")
+def many() -> Dataset:
+    return _measured(16_800)
 
 
 def test_an_arm_s_200_poses(benchmark: Any, measured: Dataset) -> None:
@@ -50,3 +62,51 @@ def test_an_arm_s_diagnosis_of_200_poses(benchmark: Any, measured: Dataset) -> N
     warnings.simplefilter("ignore")
     found = benchmark.pedantic(gtpin.diagnose, args=(measured,), rounds=2)
     assert found.causes
+
+
+def test_an_arm_s_16_800_poses(benchmark: Any, many: Dataset) -> None:
+    warnings.simplefilter("ignore")
+    found = benchmark.pedantic(gtpin.calibrate, args=(many,), rounds=1)
+    assert benchmark.stats.stats.min < 20.0
+    assert len(found.names) == 42
+
+
+def test_an_arm_s_diagnosis_of_16_800_poses(benchmark: Any, many: Dataset) -> None:
+    warnings.simplefilter("ignore")
+    found = benchmark.pedantic(gtpin.diagnose, args=(many,), rounds=1)
+    assert benchmark.stats.stats.min < 120.0
+    assert found.causes
+
+
+def test_an_arm_s_derivative_by_its_placements(benchmark: Any, measured: Dataset) -> None:
+    kinematics = ChainKinematics(gtpin.Geometry.nominal(gtpin.load_robot("ur5")))
+    found = benchmark(lambda: kinematics.geometry_jacobian(measured.q, kinematics.forward(measured.q)))
+    assert found.shape == (len(measured), 6, 42)
+
+
+def test_an_arm_s_derivative_by_figaroh(benchmark: Any, measured: Dataset) -> None:
+    warnings.simplefilter("ignore")
+    figaroh = pytest.importorskip("figaroh.calibration.calibration_tools")
+    robot = gtpin.load_robot("ur5")
+    model = robot.model
+    settings = {
+        "NbSample": len(measured),
+        "IDX_TOOL": model.getFrameId(robot.tcp_frame),
+        "start_frame": "universe",
+        "end_frame": robot.tcp_frame,
+        "calib_model": "full_params",
+        "measurability": [True] * 6,
+        "q0": robot.neutral,
+        "config_idx": list(range(model.nq)),
+    }
+
+    def regressor() -> Floats:
+        made = figaroh.calculate_identifiable_kinematics_model(measured.q, model, model.createData(), settings)
+        return np.asarray(made, dtype=np.float64)
+
+    found = benchmark(regressor).reshape(6, len(measured), 36).transpose(1, 0, 2)
+    kinematics = ChainKinematics(gtpin.Geometry.nominal(robot))
+    poses = kinematics.forward(measured.q)
+    own = kinematics.geometry_jacobian(measured.q, poses)
+    # FIGAROH's rows are in the axes of the TCP, and it has no columns of the tool.
+    np.testing.assert_allclose(np.hstack([poses.R @ found[:, :3], poses.R @ found[:, 3:]]), own[:, :, :36], atol=1e-12)

@@ -11,11 +11,13 @@ if TYPE_CHECKING:
     from gtpin.calibration.calibrate import calibrate
     from gtpin.calibration.result import Calibration
     from gtpin.data import Commands, Dataset
+    from gtpin.data.instrument_tables import InstrumentTable
     from gtpin.diagnosis.diagnose import diagnose
     from gtpin.diagnosis.result import Diagnosis
     from gtpin.effects.catalogue import catalogue
     from gtpin.errors import GtpinError, GtpinWarning
     from gtpin.estimate import Estimate
+    from gtpin.instruments.instrument import Component, Instrument, Unknown
     from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
     from gtpin.kinematics.poses import Poses
@@ -33,11 +35,15 @@ _HOME = {
     "calibrate": "gtpin.calibration.calibrate",
     "Calibration": "gtpin.calibration.result",
     "Commands": "gtpin.data",
+    "Component": "gtpin.instruments.instrument",
     "Dataset": "gtpin.data",
     "diagnose": "gtpin.diagnosis.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
     "catalogue": "gtpin.effects.catalogue",
     "Estimate": "gtpin.estimate",
+    "Instrument": "gtpin.instruments.instrument",
+    "InstrumentTable": "gtpin.data.instrument_tables",
+    "Unknown": "gtpin.instruments.instrument",
     "GtpinError": "gtpin.errors",
     "GtpinWarning": "gtpin.errors",
     "geometry_jacobian": "gtpin.kinematics.geometry_jacobian",
@@ -84,6 +90,7 @@ __all__ = [
     "Calibration",
     "ClosedPosture",
     "Commands",
+    "Component",
     "Dataset",
     "Diagnosis",
     "Estimate",
@@ -91,9 +98,12 @@ __all__ = [
     "Geometry",
     "GtpinError",
     "GtpinWarning",
+    "Instrument",
+    "InstrumentTable",
     "Model",
     "Poses",
     "Robot",
+    "Unknown",
     "__version__",
     "calibrate",
     "catalogue",

@@ -76,4 +76,5 @@ FIGURES = (
     Figure("noise_floor", "diagnosis/noise_floor.py", 15),
     Figure("priors", "diagnosis/priors.py", 16),
     Figure("imitators", "effects/confusable.py", 1),
+    Figure("instruments", "instruments/smallest_shown.py", 3),
 )

@@ -15,8 +15,17 @@ from pathlib import Path
 
 from figures import FIGURES, ROOT
 from priors_listed import modulation_listed, priors_listed
-from scores import jugglebot, machine_scores, real_causes, real_ladder, real_sign, sealed_score, sealed_sentence
-from speed import command_table
+from scores import (
+    jugglebot,
+    machine_scores,
+    real_causes,
+    real_ladder,
+    real_panda,
+    real_sign,
+    sealed_score,
+    sealed_sentence,
+)
+from speed import arm_command_table, arm_table, command_table
 from speed import table as speed_table
 
 BLOCK = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
@@ -28,11 +37,14 @@ TABLES: dict[str, Callable[[], str]] = {
     "jugglebot": jugglebot,
     "real_causes": real_causes,
     "real_ladder": real_ladder,
+    "real_panda": real_panda,
     "real_sign": real_sign,
     "modulation_listed": modulation_listed,
     "priors_listed": priors_listed,
     "speed": speed_table,
     "speed_of_commands": command_table,
+    "speed_of_arms": arm_table,
+    "speed_of_arm_commands": arm_command_table,
 }
 
 

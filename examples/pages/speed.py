@@ -1,7 +1,10 @@
 """The figures of docs/speed.md.
 
     python examples/pages/speed.py            # measures them anew: minutes on a machine that does nothing else
+    python examples/pages/speed.py --arms     # measures those of arms anew, the others stay as they are
     python examples/pages/speed.py --check    # measures the benchmarks anew, and compares their ratios with the record
+
+The row of FIGAROH is measured where FIGAROH is installed (``pip install figaroh``), else it stays as it is.
 
 Absolute times are a machine's; what the check compares are ratios of times in one run.
 """
@@ -12,6 +15,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +34,16 @@ RATIOS = {
         "test_61_poses_with_60_parameters",
     ),
 }
+ARM_RATIOS = {
+    "`least_squares` over the calibration of 200 poses of an arm": (
+        "test_an_arm_s_200_poses_by_least_squares",
+        "test_an_arm_s_200_poses",
+    ),
+    "FIGAROH's regressor of 200 poses of an arm over gtpin's derivative": (
+        "test_an_arm_s_derivative_by_figaroh",
+        "test_an_arm_s_derivative_by_its_placements",
+    ),
+}
 ROWS = {
     "test_pinocchio_one_posture_after_the_other": "a closed posture by Pinocchio, from a neighbour within 50 mm a cart",
     "test_arrays_of_many_postures": "a closed posture among 20,000, in arrays",
@@ -40,32 +54,65 @@ ROWS = {
     "test_a_million_rows_of_csv": "reading a million rows of CSV",
 }
 """Benchmarks, and how the page calls them."""
+ARM_ROWS = {
+    "test_an_arm_s_derivative_by_its_placements": "derivative of 200 poses by 42 parameters",
+    "test_an_arm_s_derivative_by_figaroh": "the same by FIGAROH's kinematic regressor, 36 parameters",
+    "test_an_arm_s_200_poses": "calibration of 200 poses, 42 parameters",
+    "test_an_arm_s_200_poses_by_least_squares": "the same by `least_squares` with numerical derivatives",
+    "test_an_arm_s_diagnosis_of_200_poses": "diagnosis of 200 poses",
+    "test_an_arm_s_16_800_poses": "calibration of 16,800 poses",
+    "test_an_arm_s_diagnosis_of_16_800_poses": "diagnosis of 16,800 poses",
+}
+"""The same of an arm."""
+ARM_POSES = (200, 16_800)
+"""Poses of the datasets of an arm; a tenth is visited twice."""
+HARD = """robot = "ur5"
+effect = [
+    {id = "rack_periodic", site = "shoulder_lift_joint", amplitude = 1.0},
+    {id = "rack_periodic", site = "wrist_1_joint", amplitude = 1.0},
+    {id = "joint_compliance", site = "shoulder_lift_joint", amplitude = 1.0},
+    {id = "backlash", site = "elbow_joint", amplitude = 1.0},
+    {id = "encoder_scale", site = "wrist_2_joint", amplitude = 1.0},
+]
+noise = {tails = 5.0, gross = 0.005, declared = false, free = true, free_target = true}
+covariates = {payloads = [0.0, 1.0, 2.0], sessions = 2}
+seed = 5
+"""
+"""An arm that has much to find, in all columns: five causes, frame, target and noise unknown."""
 COMMANDS = (1_000, 10_000, 100_000, 1_000_000)
 """Poses of the datasets on which whole commands are measured; a tenth is visited twice."""
 
 
-def benchmarks() -> dict[str, float]:
+def benchmarks(where: str = "benchmarks") -> dict[str, float]:
     """Median seconds by benchmark; of one posture where it is of many."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "benchmarks.json"
         options = ["-q", "-p", "no:xdist", "-o", "addopts=", f"--benchmark-json={file}"]
-        command = [sys.executable, "-m", "pytest", "benchmarks", *options]
+        command = [sys.executable, "-m", "pytest", where, *options]
         subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
         found = json.loads(file.read_text(encoding="utf-8"))["benchmarks"]
     return {b["name"]: b["stats"]["median"] / b["extra_info"].get("postures", 1) for b in found}
 
 
-def commands() -> list[dict[str, float]]:
-    """CPU seconds and peak memory, GB, of whole commands."""
+def commands(sizes: Sequence[int] = COMMANDS, scenario: str = "") -> list[dict[str, float]]:
+    """CPU seconds and peak memory, GB, of whole commands, on data of a scenario file's text."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for poses in COMMANDS:
-            run(["simulate", "-o", f"{folder}/{poses}", "--poses", str(poses)])
+        file = Path(folder) / "scenario.toml"
+        file.write_text(scenario, encoding="utf-8")
+        machine = ["--scenario", str(file)] if scenario else []
+        for poses in sizes:
+            run(["simulate", "-o", f"{folder}/{poses}", "--poses", str(poses), *machine])
             row: dict[str, float] = {"poses": poses}
             for name in ("calibrate", "diagnose"):
                 row[f"{name}_s"], row[f"{name}_gb"] = run([name, f"{folder}/{poses}", "-o", f"{folder}/{name}{poses}"])
             rows.append(row)
     return rows
+
+
+def arms() -> dict[str, list[dict[str, float]]]:
+    """Whole commands on data of an arm: without effects, and of one that has much to find."""
+    return {"plain": commands(ARM_POSES, 'robot = "ur5"\n'), "hard": commands(ARM_POSES, HARD)}
 
 
 def run(arguments: list[str]) -> tuple[float, float]:
@@ -88,27 +135,52 @@ def run(arguments: list[str]) -> tuple[float, float]:
 
 def ratios(times: dict[str, float]) -> dict[str, float]:
     """The ratios that the page shows, by their words."""
-    return {words: times[a] / times[b] for words, (a, b) in RATIOS.items()}
+    pairs = {**RATIOS, **ARM_RATIOS}.items()
+    return {words: times[a] / times[b] for words, (a, b) in pairs if a in times and b in times}
 
 
 def table() -> str:
     """Times and ratios, as the page has them."""
-    record: dict[str, Any] = json.loads(RECORD.read_text(encoding="utf-8"))
-    times = record["benchmarks"]
+    return _times(ROWS, RATIOS)
+
+
+def arm_table() -> str:
+    """The same of an arm."""
+    return _times(ARM_ROWS, ARM_RATIOS)
+
+
+def _times(rows: dict[str, str], shown: Collection[str]) -> str:
+    times = _record()["benchmarks"]
     lines = ["| what | time |", "|---|---|"]
-    lines += [f"| {words} | {_time(times[name])} |" for name, words in ROWS.items()]
+    lines += [f"| {words} | {_time(times[name])} |" for name, words in rows.items()]
     lines += ["", "| ratio, in the same run | |", "|---|---|"]
-    lines += [f"| {words} | {value:.2g} |" for words, value in ratios(times).items()]
+    lines += [f"| {words} | {value:.2g} |" for words, value in ratios(times).items() if words in shown]
     return "\n".join(lines)
 
 
 def command_table() -> str:
     """Whole commands, as the page has them."""
     lines = ["| poses | `calibrate` | `diagnose` |", "|---|---|---|"]
-    for row in json.loads(RECORD.read_text(encoding="utf-8"))["commands"]:
-        cells = [f"{row[f'{name}_s']:.2g} s, {row[f'{name}_gb']:.2f} GB" for name in ("calibrate", "diagnose")]
-        lines.append(f"| {row['poses']:,} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+    return "\n".join(lines + [f"| {row['poses']:,} | {_cells(row)} |" for row in _record()["commands"]])
+
+
+def arm_command_table() -> str:
+    """The same of an arm."""
+    words = {"plain": "no cause; all columns", "hard": "five causes; frame, target and noise unknown; all columns"}
+    lines = ["| poses | machine | `calibrate` | `diagnose` |", "|---|---|---|---|"]
+    found = _record()["arm_commands"]
+    return "\n".join(
+        lines
+        + [f"| {row['poses']:,} | {said} | {_cells(row)} |" for kind, said in words.items() for row in found[kind]]
+    )
+
+
+def _cells(row: dict[str, float]) -> str:
+    return " | ".join(f"{row[f'{name}_s']:.2g} s, {row[f'{name}_gb']:.2f} GB" for name in ("calibrate", "diagnose"))
+
+
+def _record() -> dict[str, Any]:
+    return dict(json.loads(RECORD.read_text(encoding="utf-8")))
 
 
 def _time(seconds: float) -> str:
@@ -120,15 +192,23 @@ def _time(seconds: float) -> str:
 
 def check() -> None:
     """Exit with 1 where a ratio has changed."""
-    recorded = ratios(json.loads(RECORD.read_text(encoding="utf-8"))["benchmarks"])
-    now = ratios(benchmarks())
+    recorded, now = ratios(_record()["benchmarks"]), ratios(benchmarks())
     off = [words for words in now if not 1.0 / FACTOR < now[words] / recorded[words] < FACTOR]
     sys.exit(f"changed by more than a factor of {FACTOR:g}: {', '.join(off)}" if off else 0)
+
+
+def measure(only_arms: bool) -> None:
+    """Write what was measured into the record."""
+    record = _record()
+    record["benchmarks"] |= benchmarks("benchmarks/test_arm_speed.py" if only_arms else "benchmarks")
+    record["arm_commands"] = arms()
+    if not only_arms:
+        record["commands"] = commands()
+    RECORD.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
     if "--check" in sys.argv[1:]:
         check()
-    RECORD.write_text(
-        json.dumps({"benchmarks": benchmarks(), "commands": commands()}, indent=1) + "\n", encoding="utf-8"
-    )
+    else:
+        measure("--arms" in sys.argv[1:])

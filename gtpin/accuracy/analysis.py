@@ -87,7 +87,7 @@ class Accuracy(Shown):
         """
         poses = self.model.kinematics.forward(self.q)
         turns = self.expected.orientation is not None and not self.model.geometry.reduced
-        measures = {name: _range(values) for name, values in asdict(dexterity(self.model, self.q, poses)).items()}
+        measures = {name: range_json(values) for name, values in asdict(dexterity(self.model, self.q, poses)).items()}
         return {
             "schema": SCHEMA,
             "robot": self.model.robot.name,
@@ -195,7 +195,7 @@ def _error_json(error: Error) -> dict[str, float]:
     return {"mean": error.mean, "p95": error.p95, "maximum": error.maximum}
 
 
-def _range(values: Floats) -> dict[str, Any]:
+def range_json(values: Floats) -> dict[str, Any]:
     """Least, median and most over the poses; None for values that are not finite."""
     figures = {"least": values.min(axis=0), "median": np.median(values, axis=0), "most": values.max(axis=0)}
     return {name: _finite(np.asarray(value).tolist()) for name, value in figures.items()}

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
-from gtpin.accuracy.analysis import SCHEMA
+from gtpin.accuracy import figures
+from gtpin.accuracy.analysis import SCHEMA, range_json
+from gtpin.accuracy.chain_workspace import ChainWorkspace, chain_commands, chain_dexterity, chain_workspace
 from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error
+from gtpin.accuracy.map_figures import map_figures
 from gtpin.accuracy.rods import reached_poses
 from gtpin.accuracy.steps import STEP
 from gtpin.errors import ModelError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.euler import well_defined, zyz_change
 from gtpin.model.model import Model
+from gtpin.output.figure import write_figures
 from gtpin.output.json_text import json_text
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 Floats = npt.NDArray[np.float64]
 
@@ -47,8 +52,10 @@ class ChainSensitivity:
         (6, k) absolute changes of the ZYZ Euler angles, likewise, rad; NaN where these are not well defined.
     expected
         The errors to expect.
-    uncertain
-        What was taken to be uncertain, in words.
+    uncertainty, uncertain
+        What was taken to be uncertain, and in words.
+    seed
+        Of the postures and machines that are drawn.
     """
 
     model: Model
@@ -57,7 +64,14 @@ class ChainSensitivity:
     position: Floats
     rotation: Floats
     expected: ExpectedError
+    uncertainty: Uncertainty
     uncertain: str
+    seed: int = 0
+
+    @cached_property
+    def space(self) -> ChainWorkspace:
+        """Where the TCP can be, by postures that fill the joints' ranges."""
+        return chain_workspace(self.model, self.seed)
 
     def to_table(self) -> pd.DataFrame:
         """The columns ``parameter link position_mm rotation_rad cost_m4``; the last has no values."""
@@ -74,7 +88,8 @@ class ChainSensitivity:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """The content of accuracy.json, SI units: as of an :class:`~gtpin.accuracy.analysis.Accuracy`, without its maps."""
+        """The content of accuracy.json, SI units: that of an ``Accuracy`` without ``zyz_range``."""
+        measures = asdict(chain_dexterity(self.model, self.q, self.model.kinematics.forward(self.q)))
         return {
             "schema": SCHEMA,
             "robot": self.model.robot.name,
@@ -85,12 +100,19 @@ class ChainSensitivity:
                 "position": _error(self.expected.position),
                 "orientation": None if self.expected.orientation is None else _error(self.expected.orientation),
             },
+            "dexterity": {name: range_json(values) for name, values in measures.items()},
         }
 
     def write(self, folder: Path) -> None:
-        """Write ``sensitivity.csv`` and ``accuracy.json`` into a new folder."""
+        """Write ``sensitivity.csv``, ``accuracy.json`` and figures into a new folder."""
         self.to_table().to_csv(folder / "sensitivity.csv", index=False, lineterminator="\n")
         (folder / "accuracy.json").write_text(json_text(self.to_json()), encoding="utf-8")
+        write_figures(self._figures, folder)
+
+    def _figures(self) -> dict[str, Figure]:
+        blocks = {"position": self.position, "rotation": self.rotation}
+        bars = figures.bars(blocks, PARAMETERS, self.links, STEP, len(self.q), "rad for rotations")
+        return {"sensitivity": bars, **map_figures(self)}
 
 
 def chain_sensitivity(model: Model, q: Floats | None = None, *, seed: int = 0) -> ChainSensitivity:
@@ -111,7 +133,7 @@ def chain_sensitivity(model: Model, q: Floats | None = None, *, seed: int = 0) -
     kinematics, geometry = model.kinematics, model.geometry
     if not isinstance(kinematics, ChainKinematics):
         raise ModelError(f"{model.robot.name} has rods", hint="use gtpin.accuracy.analysis.analyse")
-    q = _commands(model, seed) if q is None else q
+    q = chain_commands(model, POSES, seed) if q is None else q
     poses = reached_poses(kinematics, q)
     names = {p.owner: model.robot.model.names[p.owner] for p in geometry.parameters if p.kind == "placement"}
     links = (*names.values(), "platform")
@@ -131,17 +153,9 @@ def chain_sensitivity(model: Model, q: Floats | None = None, *, seed: int = 0) -
     calibrated = model.covariance is not None
     uncertain = "covariance of the calibration" if calibrated else "manufacturing tolerances"
     covariance = model.covariance if calibrated else np.diag(geometry.tolerance**2)
-    expected = expected_error(model, q, Uncertainty(covariance), seed=seed)
-    return ChainSensitivity(model, q, links, position, rotation, expected, uncertain)
-
-
-def _commands(model: Model, seed: int) -> Floats:
-    """(N, n) commands that fill the joints' ranges, or a turn where there is no end to them."""
-    robot = model.robot
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
-    q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=seed).random(POSES)
-    return np.asarray(q[model.kinematics.forward(q).reached])
+    uncertainty = Uncertainty(covariance)
+    expected = expected_error(model, q, uncertainty, seed=seed)
+    return ChainSensitivity(model, q, links, position, rotation, expected, uncertainty, uncertain, seed)
 
 
 def _error(error: Error) -> dict[str, float]:

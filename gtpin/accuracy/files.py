@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from gtpin.accuracy import figures
 from gtpin.accuracy.analysis import Accuracy, analyse
-from gtpin.accuracy.expected import Uncertainty, mean_length, response
-from gtpin.accuracy.workspace import Workspace
+from gtpin.accuracy.expected import Uncertainty
+from gtpin.accuracy.map_figures import map_figures
 from gtpin.model.model import Model
 from gtpin.output.figure import write_figures
 from gtpin.output.json_text import json_text
@@ -76,27 +76,4 @@ def write_accuracy(found: Accuracy, new: Path) -> None:
 
 def all_figures(found: Accuracy) -> dict[str, Figure]:
     """The figures of an analysis, by name: bars of the sensitivity, and maps over the box of the poses."""
-    model, space = found.model, found.space
-    made = {"sensitivity": figures.sensitivity_bars(found.sensitivity)}
-    for name, (values, unit, title) in _maps(found, space).items():
-        if name == "orientation" and model.geometry.reduced:
-            continue  # its plate never turns
-        made[f"map_{name}"] = figures.workspace_map(space, values, title, unit)
-    return made
-
-
-def _maps(found: Accuracy, space: Workspace) -> dict[str, tuple[Floats, str, str]]:
-    covariance = response(found.model, space.q, found.uncertainty).covariance
-    position, orientation = mean_length(covariance[:, :3, :3]), mean_length(covariance[:, 3:, 3:])
-    at = space.dexterity
-    return {
-        "position": (*_small(position, "m"), f"Expected position error ({found.uncertain})"),
-        "orientation": (*_small(orientation, "rad"), f"Expected orientation error ({found.uncertain})"),
-        "condition": (at.condition, "largest / smallest gain", "Condition number of TCP position by commands"),
-        "singularity": (at.singularity, "smallest singular value / at home", "Distance from singularity"),
-    }
-
-
-def _small(values: Floats, unit: str) -> tuple[Floats, str]:
-    """Values in thousandths or millionths of a unit, whichever reads better."""
-    return (1e3 * values, f"m{unit}") if values.max() >= 1e-3 else (1e6 * values, f"u{unit}")
+    return {"sensitivity": figures.sensitivity_bars(found.sensitivity), **map_figures(found)}

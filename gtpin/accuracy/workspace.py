@@ -51,6 +51,11 @@ class Workspace:
     poses: Poses
     dexterity: Dexterity
 
+    @property
+    def across(self) -> int:
+        """Index of the axis that slices are orthogonal to: x."""
+        return 0
+
     def on_grid(self, values: Floats) -> Floats:
         """(nx, ny, nz) of values (M,) at the reachable points; NaN elsewhere."""
         table = np.full(self.reachable.shape, np.nan)

@@ -20,7 +20,7 @@ from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
 Floats = npt.NDArray[np.float64]
@@ -29,19 +29,31 @@ SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Over the typical size."""
 STRIDE = 3
 """Step of a coarse scan of the nonlinear parameter; its values near the best one are tried afterwards."""
+LINE = 4.0
+"""Nats that a further value must be worth, in addition to the logarithm of how many were tried: as in a diagnosis. Energies are
+twice the nats."""
 BATCH = 128
 """Values of the nonlinear parameter whose displacements are held in memory at the same time."""
 
 
 @dataclass(frozen=True)
 class Best:
-    """Energy of a displacement that an effect at a site leaves, at its best scale and nonlinear parameter."""
+    """Energy of a displacement that an effect at a site leaves, at its best scale and nonlinear parameter.
+
+    ``further`` are more values of the nonlinear parameter, where an effect may have several.
+    """
 
     left: float
     scale: float
     nonlinear: float | None
     effect: Effect
     site: str
+    further: tuple[float, ...] = ()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values of the nonlinear parameter."""
+        return () if self.nonlinear is None else (self.nonlinear, *self.further)
 
 
 @dataclass(frozen=True)
@@ -61,8 +73,8 @@ class Difficulty:
 
     @staticmethod
     def of(dataset: Dataset, sigma: Floats, geometry: Geometry) -> Difficulty:
-        """For a dataset and a geometry of a robot with rods, which should be close to the machine's own."""
-        kinematics = RodKinematics(geometry)
+        """For a dataset and a geometry, which should be close to the machine's own."""
+        kinematics = Model(geometry).kinematics
         poses = kinematics.forward(dataset.q)
         temperature = dataset.conditions.reference_temperature
         measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
@@ -99,8 +111,10 @@ class Difficulty:
         for effect in effects_by_id().values():
             for site in effect.sites(at.robot):
                 if not effect.untestable(at, site):
-                    taken, scale, nonlinear = self._by(effect, site, past)
-                    found[f"{effect.id}@{site}"] = Best(float(d @ past) - taken, scale, nonlinear, effect, site)
+                    taken, scale, values = self._by(effect, site, past)
+                    one = values[0] if values else None
+                    left = float(d @ past) - taken
+                    found[f"{effect.id}@{site}"] = Best(left, scale, one, effect, site, tuple(values[1:]))
         return found
 
     def parameters(self, best: Best, displacement: Floats) -> dict[str, float]:
@@ -108,30 +122,63 @@ class Difficulty:
 
         Coefficients that the poses do not determine are as small as the fit allows, in units of the scale.
         """
-        basis = best.effect.basis(self.situation, best.site, best.nonlinear)
+        basis = best.effect.basis_of(self.situation, best.site, best.values)
         X = self.whitened(basis.displacement(self.situation) * basis.sigma)
         d = self.whitened(displacement[:, :, None])[:, 0]
         c = np.linalg.solve(X.T @ X + np.eye(X.shape[1]) / best.scale**2, X.T @ d) * basis.sigma
         robot = self.situation.robot
-        return {n: value for n, (value, _) in best.effect.parameters_at(robot, best.site, c, best.nonlinear).items()}
+        return {n: value for n, (value, _) in best.effect.parameters_of(robot, best.site, c, best.values).items()}
 
-    def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, float | None]:
-        """The energy that an effect explains, and its scale and nonlinear parameter."""
+    def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, list[float]]:
+        """The energy that an effect explains, its scale, and the values of its nonlinear parameter."""
         at = self.situation
-        values = list(effect.nonlinear_values(at, site))
-        if not values:
-            (taken,), (scale,) = self._taken([effect.basis(at, site)], past)
-            return float(taken), float(scale), None
-        tried: dict[int, tuple[float, float]] = {}
-        for places in (range(0, len(values), STRIDE), range(len(values))):
+        tried = list(effect.nonlinear_values(at, site))
+        first = self._value(effect, site, tried, [], past) if tried else None
+        if first is None:
+            return *self._together(effect, site, [], past), []
+        found = [first]
+        taken, scale = self._together(effect, site, found, past)
+        while not at.robot.rods and len(found) < effect.most_values:
+            rest = self._less(effect, site, found, scale, past)
+            value = self._value(effect, site, tried, found, rest)
+            if value is None:
+                break
+            more = [*found, value]
+            wider, its_scale = self._together(effect, site, more, past)
+            if wider < taken + 2.0 * (LINE + np.log(len(tried))):
+                break
+            found, taken, scale = more, wider, its_scale
+        return taken, scale, found
+
+    def _value(self, effect: Effect, site: str, values: list[float], others: list[float], past: Floats) -> float | None:
+        """The value that explains most, of those that the poses can tell from others; None where they can tell none."""
+        at = self.situation
+        allowed = effect.resolved(at, site, np.array(values), others)
+        kept = [value for value, can in zip(values, allowed, strict=True) if can]
+        if not kept:
+            return None
+        tried: dict[int, float] = {}
+        for places in (range(0, len(kept), STRIDE), range(len(kept))):
             near = max(tried, key=lambda i: tried[i]) if tried else None
             waiting = [i for i in places if near is None or abs(i - near) < STRIDE]
             for start in range(0, len(waiting), BATCH):
                 batch = waiting[start : start + BATCH]
-                found = self._taken([effect.basis(at, site, values[i]) for i in batch], past)
-                tried |= {i: (float(t), float(s)) for i, t, s in zip(batch, *found, strict=True)}
-        best = max(tried, key=lambda i: tried[i])
-        return *tried[best], values[best]
+                taken, _ = self._taken([effect.basis(at, site, kept[i]) for i in batch], past)
+                tried |= {i: float(t) for i, t in zip(batch, taken, strict=True)}
+        return kept[max(tried, key=lambda i: tried[i])]
+
+    def _together(self, effect: Effect, site: str, values: list[float], past: Floats) -> tuple[float, float]:
+        """The energy that an effect with some values explains, and its scale."""
+        (taken,), (scale,) = self._taken([effect.basis_of(self.situation, site, values)], past)
+        return float(taken), float(scale)
+
+    def _less(self, effect: Effect, site: str, values: list[float], scale: float, past: Floats) -> Floats:
+        """(I + B B' + s^2 X X')^-1 d from (I + B B')^-1 d, with X the displacements of an effect with some values."""
+        basis = effect.basis_of(self.situation, site, values)
+        X = scale * self.whitened(basis.displacement(self.situation) * basis.sigma)
+        B, lower = self._geometry
+        own = X - B @ cho_solve((lower, True), B.T @ X)
+        return np.asarray(past - own @ np.linalg.solve(np.eye(X.shape[1]) + X.T @ own, X.T @ past))
 
     def _taken(self, bases: list[Basis], past: Floats) -> tuple[Floats, Floats]:
         """(S,) energy that each basis explains at its scale of largest evidence, and the scale."""

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.blind.truth import Kind, TrueEffect, TruePoses, Truth
-from gtpin.plant.build import known_robot
-from gtpin.plant.bulk import draw_case
-from gtpin.plant.case import make_case
+from gtpin.blind.truth import Kind, TrueEffect, TruePoses, TrueReadings, Truth
+from gtpin.plant.build import build, known_robot
+from gtpin.plant.bulk import bulk_recipe
+from gtpin.plant.case import drawn_recipe
 from gtpin.plant.causes.kinds import listed as listed_kinds
 from gtpin.plant.causes.kinds import unlisted as unlisted_kinds
+from gtpin.plant.instruments.build import build_measured
+from gtpin.plant.instruments.case import InstrumentCase
+from gtpin.plant.recipe import Recipe
 from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case
 
@@ -36,7 +39,7 @@ GOLDEN = (5**0.5 - 1) / 2
 
 @dataclass(frozen=True)
 class Draft:
-    """A case to be made: kind, seed of the plant, effects (sites are drawn), number of poses if fixed, and robot."""
+    """A case to be made: kind, seed of the plant, effects (sites are drawn), number of poses if fixed, robot, instruments."""
 
     name: str
     kind: Kind
@@ -44,9 +47,10 @@ class Draft:
     effects: tuple[str, ...] = ()
     poses: int | None = None
     robot: str = ROBOT
+    instruments: tuple[str, ...] = ()
 
 
-def drafts(cases: int, seed: int, robot: str = ROBOT) -> Iterator[Draft]:
+def drafts(cases: int, seed: int, robot: str = ROBOT, instruments: tuple[str, ...] = ()) -> Iterator[Draft]:
     """The cases of a check; a larger check of the same seed begins with the cases of a smaller one.
 
     Kinds have their shares in any sequence of cases. Single effects are used in turn, so that each has about as many cases.
@@ -77,21 +81,40 @@ def drafts(cases: int, seed: int, robot: str = ROBOT) -> Iterator[Draft]:
             effects = (str(own.choice(listed)), str(own.choice(unlisted)))
         poses = POWER_POSES[count[kind] % len(POWER_POSES)] if kind == "power" else None
         count[kind] += 1
-        yield Draft(f"case{number:05d}", kind, int(own.integers(2**31)), tuple(map(str, effects)), poses, robot)
+        yield Draft(
+            f"case{number:05d}", kind, int(own.integers(2**31)), tuple(map(str, effects)), poses, robot, instruments
+        )
 
 
 def made(draft: Draft) -> Case:
-    """Make a case by the plant."""
+    """Make a case by the plant, measured by a tracker."""
+    return build(recipe(draft))
+
+
+def measured(draft: Draft) -> InstrumentCase:
+    """Make a case by the plant, measured by the draft's instruments."""
+    return build_measured(recipe(draft), draft.instruments)
+
+
+def recipe(draft: Draft) -> Recipe:
+    """What the plant makes a case from."""
     if draft.kind == "rough":
-        return draw_case(draft.seed, rough=True, robot=draft.robot)
+        return bulk_recipe(draft.seed, rough=True, robot=draft.robot)
     energy = POWER_ENERGY if draft.kind == "power" else None
     effects = [(name, None) for name in draft.effects]
-    return make_case(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
+    return drawn_recipe(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
 
 
-def truth_of(case: Case, kind: Kind) -> Truth:
-    """The truth of a case, to be sealed."""
+def truth_of(case: Case | InstrumentCase, kind: Kind) -> Truth:
+    """The truth of a case, to be sealed.
+
+    Where other instruments than a tracker alone measured, it has their readings at the commands in place of poses, because
+    readings alone do not tell where the base is; and no sigma, so that D stays open.
+    """
     noise = Noise()
+    alone = isinstance(case, Case) or [gauge.name for gauge in case.gauges] == ["tracker"]
+    held = {} if isinstance(case, Case) or alone else case.held
+    sigma = (noise.position_sigma,) * 3 + (noise.orientation_sigma,) * 3
     return Truth(
         kind=kind,
         effects=tuple(
@@ -108,6 +131,12 @@ def truth_of(case: Case, kind: Kind) -> Truth:
             pose=tuple(case.commands.pose.tolist()),
             position=tuple(map(tuple, case.truth.T.tolist())),
             orientation=tuple(map(tuple, case.truth.quaternions.tolist())),
+        )
+        if alone
+        else None,
+        readings=tuple(
+            TrueReadings(name=name, values=tuple(map(tuple, values.tolist())), sigma=tuple(map(tuple, sigmas.tolist())))
+            for name, (values, sigmas) in held.items()
         ),
-        sigma=(noise.position_sigma,) * 3 + (noise.orientation_sigma,) * 3,
+        sigma=sigma if isinstance(case, Case) else None,
     )

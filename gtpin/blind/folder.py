@@ -39,6 +39,8 @@ class Settings:
         Robot of the cases, or None for cases that somebody else made.
     plant, diagnosis
         Digests of the source files that make the cases, and of those that diagnose them.
+    instruments
+        What measured the cases, with commas between; None for a tracker, and for cases that somebody else made.
     """
 
     cases: int
@@ -47,6 +49,7 @@ class Settings:
     robot: str | None
     plant: str | None
     diagnosis: str
+    instruments: str | None = None
 
 
 def diagnosis_digest() -> str:

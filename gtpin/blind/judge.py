@@ -100,6 +100,10 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
             changes["parameters"] = tuple(row for some in rows for row in some)
     if outcome.baseline is not None and outcome.model is not None and truth.poses is not None:
         changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
+    elif truth.readings and outcome.model_readings:
+        changes["shrunk"] = Shrunk(
+            before=_whitened_rms(truth, outcome.baseline_readings), after=_whitened_rms(truth, outcome.model_readings)
+        )
     return found.model_copy(update=changes)
 
 
@@ -154,6 +158,14 @@ def _shrunk(
     if truth.kind in SMOOTHED:
         changes["smoothed"] = _rms(gaussian_process_positions(dataset, baseline.model, commands) - T)
     return found.model_copy(update=changes)
+
+
+def _whitened_rms(truth: Truth, predicted: Mapping[str, list[list[float]]]) -> float:
+    """RMS error of predicted readings, over the instruments' noise."""
+    errors = [
+        (np.array(predicted[true.name]) - np.array(true.values)) / np.array(true.sigma) for true in truth.readings
+    ]
+    return float(np.sqrt((np.concatenate([error.ravel() for error in errors]) ** 2).mean()))
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:

@@ -19,7 +19,8 @@ class Shrunk(BaseModel):
     Parameters
     ----------
     before, after
-        RMS length of the position error, m, of the geometry alone and of the model with the named causes.
+        RMS length of the position error, m, of the geometry alone and of the model with the named causes; where other
+        instruments than a tracker alone measured, RMS error of their readings over their noise.
     knowing
         The same, of a fit to which the true causes are given; None if there is no such fit.
     smoothed

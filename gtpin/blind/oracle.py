@@ -13,7 +13,6 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -27,7 +26,6 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
     kept = dataset.take(baseline.used(dataset))
     model = baseline.model
     kinematics, geometry = model.kinematics, model.geometry
-    assert isinstance(kinematics, RodKinematics)
     poses = kinematics.forward(kept.q)
     at = Situation(kinematics, kept.q, poses, kept.covariates, None, kept.conditions.reference_temperature)
     measured = measured_poses(kept)
@@ -36,7 +34,7 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
     def whitened(columns: Floats) -> Floats:
         return np.asarray(whitening @ columns[:, : measured.components]).reshape(-1, columns.shape[2])
 
-    bases = [cause.effect.basis(at, cause.site, cause.nonlinear) for cause in causes]
+    bases = [cause.effect.basis_of(at, cause.site, cause.values) for cause in causes]
     sizes = [basis.sigma * cause.scale for basis, cause in zip(bases, causes, strict=True)]
     B = whitened(kinematics.geometry_jacobian(kept.q, poses) * geometry.tolerance)
     J = np.hstack([B, *(whitened(basis.displacement(at) * size) for basis, size in zip(bases, sizes, strict=True))])
@@ -51,6 +49,8 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
         own = slice(place, place := place + len(size))
         uncertain = covariance[own, own] * np.outer(size, size)
         active.append(
-            ActiveEffect(cause.effect, cause.site, cause.nonlinear, step[own] * size, uncertain, at.references)
+            ActiveEffect(
+                cause.effect, cause.site, cause.nonlinear, step[own] * size, uncertain, at.references, cause.further
+            )
         )
     return Model(moved, model.frame, tuple(active))

@@ -13,9 +13,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gtpin.blind.truth import Kind, Six, TrueEffect, TruePoses, Truth
 from gtpin.data import columns
-from gtpin.data.description import read_description, write_description
+from gtpin.data.description import describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
 from gtpin.data.names import POSITION
+from gtpin.data.read_instruments import is_second
+from gtpin.data.second_schema import SecondDescription, describe_second, write_second
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.ownership import MARKER
@@ -131,10 +133,16 @@ def kind_of(effects: list[str]) -> Kind:
 def _robot_of(folder: Path) -> Robot | None:
     """The robot of a dataset; None if the dataset can't be read; its diagnosis will report the error."""
     try:
-        said = read_description(folder / "dataset.toml")
+        said = _described(folder / "dataset.toml").common
         return load_robot(_path_of(folder, said.robot) or said.robot, said.tcp, said.actuators)
     except GtpinError:
         return None
+
+
+def _described(file: Path) -> SecondDescription:
+    """What a dataset.toml says; without instruments where it is of schema 1."""
+    values = read_toml(file)
+    return describe_second(values, file, {}) if is_second(values) else SecondDescription(describe(values, file), ())
 
 
 def _path_of(folder: Path, robot: str) -> Path | None:
@@ -181,11 +189,15 @@ def take_in(case: Given, place: Path) -> None:
         for name, content in _files(case.folder).items():
             (place / name).write_bytes(content)
         try:
-            description = read_description(case.folder / "dataset.toml")
-            urdf = _path_of(case.folder, description.robot)
+            said = _described(case.folder / "dataset.toml")
+            urdf = _path_of(case.folder, said.common.robot)
             if urdf is not None:
                 (place / ROBOT).write_bytes(read_bytes(urdf))
-                write_description(place / "dataset.toml", description.model_copy(update={"robot": ROBOT}))
+                moved = said.common.model_copy(update={"robot": ROBOT})
+                if said.instruments:
+                    write_second(place / "dataset.toml", moved, said.instruments)
+                else:
+                    write_description(place / "dataset.toml", moved)
         except GtpinError:
             return  # its diagnosis reports the error
 

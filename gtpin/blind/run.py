@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any, Protocol
 
 from gtpin.blind.claim import claimed
-from gtpin.blind.draw import ROBOT, Draft, drafts, made, truth_of
+from gtpin.blind.draw import ROBOT, Draft, drafts, made, measured, truth_of
 from gtpin.blind.folder import CheckFolder, Settings, diagnosis_digest
 from gtpin.blind.judge import judge
 from gtpin.blind.judged import Judged
@@ -21,6 +21,7 @@ from gtpin.blind.truth import Truth
 from gtpin.blind.worker import Outcome, diagnose_alone
 from gtpin.errors import GtpinError, warn
 from gtpin.plant.digest import digest as plant_digest
+from gtpin.plant.instruments.choice import checked
 from gtpin.threads import in_one_thread
 
 TAKEN_OUT = 2
@@ -59,20 +60,25 @@ def check(
     watch: Watch,
     address: str | None = None,
     robot: str = ROBOT,
+    instruments: Sequence[str] = (),
     *,
     force: bool = False,
 ) -> Checked:
     """Make cases, diagnose them, open the seals, and judge; resumes the same check if it was stopped.
 
+    ``instruments`` measure the machines in place of a tracker: see :data:`~gtpin.plant.instruments.choice.KINDS`.
+
     Raises
     ------
     GtpinError
-        If cases of the robot can't be made, or the folder belongs to another check and ``force`` is not set.
+        If an instrument is not known, cases of the robot can't be made by it, or the folder belongs to another check and
+        ``force`` is not set.
     """
-    wanted = list(drafts(cases, seed, robot))
+    kinds = checked(instruments)
+    wanted = list(drafts(cases, seed, robot, kinds))
     check_cluster(address)
     folder = CheckFolder(output)
-    settings = Settings(cases, seed, None, robot, plant_digest(), diagnosis_digest())
+    settings = Settings(cases, seed, None, robot, plant_digest(), diagnosis_digest(), ",".join(kinds) or None)
     with claimed(folder, settings, force):
         if not folder.published:
             waiting = {draft.name: draft for draft in wanted if not folder.is_sealed(draft.name)}
@@ -116,7 +122,7 @@ def check_given(
 def _make(root: Path, draft: Draft) -> None:
     """Make a case: its dataset, the digest of its truth, and its truth, last."""
     folder = CheckFolder(root)
-    case = made(draft)
+    case = measured(draft) if draft.instruments else made(draft)
     place = folder.case(draft.name)
     shutil.rmtree(place, ignore_errors=True)  # remains of a run that was stopped
     case.dataset.write(place)

@@ -63,6 +63,26 @@ class TruePoses(BaseModel):
         return np.array(self.position).reshape(-1, 3)
 
 
+class TrueReadings(BaseModel):
+    """What an instrument would read at a case's ``commands.csv`` without noise.
+
+    Row i has id number i of stations or targets, in alphabetical order, again and again: so does what the worker predicts.
+
+    Parameters
+    ----------
+    name
+        The instrument's.
+    values, sigma
+        (H, c) readings and their noise, m or rad; of a tracker positions.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    values: tuple[tuple[Finite, ...], ...]
+    sigma: tuple[tuple[Finite, ...], ...]
+
+
 class Truth(BaseModel):
     """The sealed truth of a case.
 
@@ -74,6 +94,8 @@ class Truth(BaseModel):
         True effects of the machine; can be empty.
     poses
         True poses at the held-out commands, if known.
+    readings
+        What other instruments than a tracker alone would read there; poses are left out then.
     sigma
         (6,) the instrument's noise, m and rad, by which energies are whitened; None if not known.
     """
@@ -83,4 +105,5 @@ class Truth(BaseModel):
     kind: Kind
     effects: tuple[TrueEffect, ...]
     poses: TruePoses | None = None
+    readings: tuple[TrueReadings, ...] = ()
     sigma: Six | None = None

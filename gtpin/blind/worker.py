@@ -10,15 +10,19 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, Field
 
 from gtpin.data import Commands, Dataset
+from gtpin.data.names import ORIENTATION
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.errors import GtpinError
+from gtpin.instruments.predicted import predicted_readings
 from gtpin.model.model import Model
 from gtpin.threads import in_one_thread
 
@@ -34,6 +38,8 @@ class Outcome(BaseModel):
         The content of ``diagnosis.json``; None if the diagnosis failed.
     baseline, model
         (H, 3) positions, m, at ``commands.csv``, of the geometry alone and with the causes; None without such a file.
+    baseline_readings, model_readings
+        What the instruments of a dataset of schema 2 read there by these models, by name: (H, c), with ids in turn.
     error
         Message of the error with which the diagnosis failed.
     """
@@ -41,6 +47,8 @@ class Outcome(BaseModel):
     diagnosis: dict[str, Any] | None = None
     baseline: list[list[Number]] | None = None
     model: list[list[Number]] | None = None
+    baseline_readings: dict[str, list[list[Number]]] = {}
+    model_readings: dict[str, list[list[Number]]] = {}
     error: str | None = None
 
 
@@ -77,9 +85,30 @@ def _diagnosed(files: Mapping[str, bytes], exclude: tuple[str, ...]) -> Outcome:
             diagnosis=diagnosis.to_json(),
             baseline=_positions(diagnosis.baseline.model, commands),
             model=_positions(diagnosis.model, commands),
+            baseline_readings=_readings(diagnosis.baseline.model, commands),
+            model_readings=_readings(diagnosis.model, commands),
         )
 
 
 def _positions(model: Model, commands: Commands) -> list[list[float]]:
     found: list[list[float]] = model.predict(commands.q, commands.covariates).T.tolist()
     return found
+
+
+def _readings(model: Model, commands: Commands) -> dict[str, list[list[float]]]:
+    """What each instrument of a model reads at commands; of a tracker positions."""
+    if not model.instruments:
+        return {}
+    poses = model.predict(commands.q, commands.covariates)
+    found: dict[str, list[list[float]]] = {}
+    for one in model.instruments:
+        read = predicted_readings(model, poses, one.name, _ids_in_turn(one.known, len(commands)))
+        found[one.name] = np.column_stack([values for name, values in read.items() if name not in ORIENTATION]).tolist()
+    return found
+
+
+def _ids_in_turn(known: Mapping[str, Sequence[str]], count: int) -> dict[str, npt.NDArray[np.object_]]:
+    """(count,) ids of stations, planes or targets by column: of row i number i in alphabetical order, again and again."""
+    return {
+        column: np.array(sorted(ids), dtype=object)[np.arange(count) % len(ids)] for column, ids in known.items() if ids
+    }

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from gtpin.calibration.calibrate_readings import calibrate_readings
+from gtpin.calibration.checks.actuators import check_actuators
 from gtpin.calibration.checks.declared_noise import used_noise
 from gtpin.calibration.checks.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
 from gtpin.calibration.checks.failed_fit import explained
@@ -114,7 +116,7 @@ def calibrate(
             raise ModelError(
                 f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
             )
-        _check_actuators(robot, dataset)
+        check_actuators(robot, dataset)
         geometry = model_geometry(model, robot, dataset, orientations=orientations)
     found = _calibrated(
         dataset if model is None else without_sigmas(dataset),
@@ -154,7 +156,9 @@ def _calibrated(
     require(f"calibrating {len(dataset):,} poses", needed)
     if progress is not None and len(dataset) >= MANY:
         progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
-    _check_actuators(geometry.robot, dataset)
+    check_actuators(geometry.robot, dataset)
+    if dataset.readings is not None:
+        return calibrate_readings(dataset, geometry, progress, kinematics)
     geometry = with_free_target(geometry, dataset)
     nominal = Model(geometry, solver=kinematics)
     dataset = with_rounding(prepared(dataset, nominal))
@@ -215,17 +219,3 @@ def without_sigmas(dataset: Dataset) -> Dataset:
     """The dataset without declared noise, for models that are incomplete by design: their residuals determine the weights."""
     undeclared = dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
     return replace(dataset, instrument=undeclared)
-
-
-def _check_actuators(robot: Robot, dataset: Dataset) -> None:
-    if dataset.n_actuators != robot.n_actuators:
-        raise DatasetError(
-            f"{dataset.n_actuators} commands a pose, but {robot.name} has {robot.n_actuators} actuators",
-            file=dataset.file,
-            hint=f"give q1 .. q{robot.n_actuators} ({', '.join(robot.sites)})"
-            + (
-                ", or name those that were commanded: actuators = [...]"
-                if dataset.n_actuators < robot.n_actuators
-                else ""
-            ),
-        )

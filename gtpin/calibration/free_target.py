@@ -7,13 +7,18 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
+from gtpin.calibration.checks.actuators import check_actuators
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
+from gtpin.data.plausible import misplaced
+from gtpin.data.quaternion_order import in_order, order_that_fits
 from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import log
 from gtpin.robot.geometry import Geometry
 
 Floats = npt.NDArray[np.float64]
@@ -22,6 +27,8 @@ POSITION, ROTATION = 0.05, 0.1
 """Tolerances, m and rad, of a free target about its first guess, whose own error is that of the robot: millimetres."""
 ANY_ROTATION = 2.0
 """The same, rad, where orientations were not measured: any rotation is as good."""
+FEWEST, ROWS = 6, 100
+"""Poses that the order of quaternions is recognised from: at least and at most."""
 ROUNDS = 30
 """Alternating fits of the frame and the target, each with new weights."""
 
@@ -32,7 +39,8 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     Raises
     ------
     DatasetError
-        If the robot has rods, whose platform carries no such parameters.
+        If the robot has rods, whose platform carries no such parameters; if it has another number of actuators; or if the
+        measured quaternions fit no target as they stand, but do in another order.
     """
     if dataset.instrument.target != "free":
         return geometry
@@ -41,13 +49,15 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
         raise DatasetError(
             "a free target of a robot with rods", file=dataset.file, column="instrument.target", hint=hint
         )
+    check_actuators(geometry.robot, dataset)
     rows = sane_rows(dataset)
     measured = measured_poses(dataset.take(rows))
     poses = kinematics(geometry).forward(measured.q)
     good = poses.reached
-    guess = pin.log6(
-        target_on_platform(poses[good], measured.take(good), free_frame=dataset.instrument.frame == "free")
-    )
+    poses, measured, free_frame = poses[good], measured.take(good), dataset.instrument.frame == "free"
+    if (order := _misplaced_order(poses, measured, free_frame)) is not None:
+        raise misplaced(dataset, order)
+    guess = pin.log6(target_on_platform(poses, measured, free_frame=free_frame))
     values, parameters = geometry.values.copy(), []
     for i, p in enumerate(geometry.parameters):
         if p.kind == "platform":
@@ -58,6 +68,33 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
         else:
             parameters.append(p)
     return Geometry(geometry.robot, tuple(parameters), values)
+
+
+def _misplaced_order(predicted: Poses, measured: Measured, free_frame: bool) -> str | None:
+    """The order in which the numbers of quaternions stand, where it is not wxyz, by how well a target on the platform fits.
+
+    Positions count as angles, divided by the size of the workspace: a free target takes an inverted rotation for another
+    frame where the robot turns about one axis alone.
+    """
+    if measured.R is None or len(predicted) < FEWEST:
+        return None
+    some = np.linspace(0, len(predicted) - 1, min(len(predicted), ROWS)).astype(int)
+    predicted, measured = predicted[some], measured.take(some)
+    assert measured.R is not None
+    quaternion = Rotation.from_matrix(measured.R.copy()).as_quat(scalar_first=True)
+    size = max(float(np.linalg.norm(predicted.T - predicted.T.mean(axis=0), axis=1).mean()), 1e-6)
+
+    def off(order: str) -> float:
+        R = Rotation.from_quat(in_order(quaternion, order), scalar_first=True).as_matrix()
+        read = Measured(measured.q, measured.T, R)
+        F, X = _turned(predicted.R, R, free_frame)
+        t = target_on_platform(predicted, read, free_frame=free_frame).translation
+        at = (predicted.T + predicted.R @ t) @ F.T
+        left = measured.T - at - (np.median(measured.T - at, axis=0) if free_frame else 0.0)
+        turns = np.linalg.norm(log(np.swapaxes(F @ predicted.R @ X, 1, 2) @ R), axis=1)
+        return float(np.median(turns) + np.median(np.linalg.norm(left, axis=1)) / size)
+
+    return order_that_fits(off)
 
 
 def target_on_platform(predicted: Poses, measured: Measured, *, free_frame: bool) -> pin.SE3:

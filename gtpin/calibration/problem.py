@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Dataset
+from gtpin.kinematics.alignment import alignment
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
@@ -18,8 +19,6 @@ Floats = npt.NDArray[np.float64]
 
 FARTHEST = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
-ALIGNMENTS = 20
-"""Number of reweighted fits for a first guess of the instrument's pose that is robust to gross errors."""
 FRAME_UNIT = 1e-3
 """Unit, m and rad, of the instrument's pose in x: about as large as tolerances, so that x is evenly scaled."""
 
@@ -42,6 +41,42 @@ class Measured:
         if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.all():
             return self
         return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
+
+    def left(self, model: Model, poses: Poses) -> Floats:
+        """(N, c) measured less what a model has at poses, base frame: position, m, and rotation vector, rad."""
+        return self.minus(model.seen(poses))
+
+    def scatter(self, J: Floats, model: Model, _: Poses) -> Floats:
+        """(N, 6, n) derivative of the poses by the commands J (N, 6, n), base frame, in the frame that was measured in."""
+        return in_frame(J, model.frame)
+
+    def seen(self, J: Floats, model: Model, _: Poses) -> Floats:
+        """(N, c, m) motions J (N, 6, m) of the poses, base frame, as they are measured."""
+        return in_frame(J, model.frame)[:, : self.components]
+
+    def unknown_columns(self, model: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
+        """(N, c, k) measurements' derivatives by the instrument's unknowns in prior sigmas, and how many have no prior.
+
+        Those are the last of them: shifts, m, and turns, rad, of a free frame about a pivot (3,), or the middle of the poses.
+        """
+        if not free_frame:
+            return np.zeros((len(self.T), self.components, 0)), 0
+        T = model.seen(poses).T
+        return frame_motions(T - (T.mean(axis=0) if pivot is None else pivot))[:, : self.components], 6
+
+    def at_trials(self, _: npt.NDArray[np.intp], q: Floats, seen: Poses) -> Measured:
+        """These poses, and others after them that would be measured so: all commands, and poses in the instrument's frame."""
+        R = None if self.R is None else np.concatenate([self.R, seen.R])
+        return Measured(q, np.vstack([self.T, seen.T]), R)
+
+    @property
+    def deviation(self) -> Floats:
+        """(0,) values of unknowns with a prior: none."""
+        return np.zeros(0)
+
+    def taken(self, free_frame: bool) -> int:
+        """Number of unknowns without a prior, which take as many numbers of the measurements."""
+        return 6 if free_frame else 0
 
     def minus(self, predicted: Poses) -> Floats:
         """(N, c) measured less predicted: position, m, and rotation vector, rad, instrument's frame."""
@@ -102,9 +137,22 @@ class Problem:
         model = replace(self.start, geometry=moved, frame=self._frame(x))
         return Point(x, model, model.kinematics.forward(self.measured.q, near))
 
+    @property
+    def first(self) -> Floats:
+        """(size,) x of the start."""
+        return np.zeros(self.size)
+
     def residual(self, point: Point) -> Floats:
         """(N, c) whitened measured less predicted."""
-        return self.whiten(self.measured.minus(point.model.seen(point.poses)))
+        return self.residual_at(point, point.poses)
+
+    def residual_at(self, point: Point, poses: Poses) -> Floats:
+        """(N, c) the same for other poses, base frame, than the point's geometry has."""
+        return self.whiten(self.measured.minus(point.model.seen(poses)))
+
+    def columns(self, point: Point, moved: Floats, rows: slice, weight: Floats | None = None) -> Floats:
+        """(M, c, m) motions (M, 6, m) of some rows' poses, base frame, in units of the noise."""
+        return self.whitened_columns(in_frame(moved, point.model.frame), rows, weight)
 
     def whiten(self, values: Floats) -> Floats:
         """(N, c) values in units of the noise."""
@@ -172,24 +220,5 @@ def in_frame(J: Floats, frame: Frame) -> Floats:
 
 
 def rough_frame(predicted: Poses, measured: Measured) -> Frame:
-    """Where the base frame lies in the instrument's frame, by the best fit of the positions (Kabsch), or of the rotations
-    where the positions lie on a line. Gross errors hardly pull: what is far off has little weight.
-    """
-    far = np.linalg.norm(measured.T - np.median(measured.T, axis=0), axis=1)
-    weight = (far <= 10.0 * np.median(far)).astype(float)
-    for _ in range(ALIGNMENTS):
-        frame = _aligned(predicted, measured, weight)
-        off = np.linalg.norm(measured.T - predicted.moved(frame.T, frame.R).T, axis=1)
-        weight = 1.0 / np.maximum(off / max(float(np.median(off)), 1e-9), 1.0)
-    return frame
-
-
-def _aligned(predicted: Poses, measured: Measured, weight: Floats) -> Frame:
-    w = weight / weight.sum()
-    centre_a, centre_b = w @ predicted.T, w @ measured.T
-    a, b = predicted.T - centre_a, measured.T - centre_b
-    # Orientations determine the rotation even if positions don't; 1 m of position counts as much as 1 rad.
-    turns = np.zeros((3, 3)) if measured.R is None else np.einsum("n,nij,nkj->ik", w, measured.R, predicted.R)
-    U, _, Vt = np.linalg.svd((w[:, None] * b).T @ a + turns)
-    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    return Frame(centre_b - R @ centre_a, R)
+    """Where the base frame lies in the instrument's frame: see :func:`~gtpin.kinematics.alignment.alignment`."""
+    return Frame(*alignment(predicted, measured.T, measured.R))

@@ -227,16 +227,36 @@ class Calibration(Shown):
             The column.
         component
             ``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz`` or the travel of an actuator by its site; that of the first by default.
+            Of readings also a reading, by default: ``range`` of a single instrument; ``wire`` or ``cup.x`` of several.
         """
         from gtpin.report.show.calibration import residuals_against
 
         return residuals_against(self, against, component)
 
     def plot_workspace(self, view: str = "xy") -> Figure:
-        """Position residuals over the workspace, seen along two axes: ``xy``, ``xz`` or ``yz``."""
+        """Position residuals, of other readings their size over sigma, seen along two axes: ``xy``, ``xz`` or ``yz``."""
         from gtpin.report.show.calibration import workspace
 
         return workspace(self, view)
+
+    def plot_ball_bar(self, circle: int = 0) -> Figure:
+        """Polar plots of a circular test: deviations of the radius as measured, and left by the calibrated geometry.
+
+        The data need a ``range`` instrument with readings along half a turn or more about a station, as a ball bar's are.
+
+        Parameters
+        ----------
+        circle
+            Place of the circle among those of the data, counted from 0.
+
+        Raises
+        ------
+        DatasetError
+            If there is no such circle.
+        """
+        from gtpin.report.show.calibration import ball_bar
+
+        return ball_bar(self, circle)
 
     def plot_parameters(self) -> Figure:
         """The table of the geometry's parameters."""

@@ -16,15 +16,31 @@ Floats = npt.NDArray[np.float64]
 def calibration_json(calibration: Calibration) -> dict[str, Any]:
     """The content of ``calibration.json``."""
     before, after = _rms(calibration.residual_before), _rms(calibration.residual)
+    errors = {
+        "position_rms_before": before[0],
+        "position_rms_after": after[0],
+        "orientation_rms_before": before[1],
+        "orientation_rms_after": after[1],
+    }
+    noise = {
+        "position_sigma": calibration.noise.position_sigma,
+        "orientation_sigma": calibration.noise.orientation_sigma if calibration.residual.shape[1] == 6 else None,
+        "repeatability": calibration.noise.repeatability,
+        "lack": calibration.noise.lack,
+        "range_ratio": calibration.noise.range_ratio if calibration.noise.sight is not None else None,
+        "source": calibration.noise.source,
+    }
+    return fit_json(calibration, errors, noise)
+
+
+def fit_json(calibration: Calibration, errors: dict[str, Any], noise: dict[str, Any]) -> dict[str, Any]:
+    """The content of ``calibration.json`` with given errors and noise."""
     return {
         "schema": "gtpin-calibration/1",
         "model": "default" if calibration.paper_model is None else calibration.paper_model,
         "poses": calibration.poses,
         "rejected": list(calibration.rejected),
-        "position_rms_before": before[0],
-        "position_rms_after": after[0],
-        "orientation_rms_before": before[1],
-        "orientation_rms_after": after[1],
+        **errors,
         "chi2_per_dof": calibration.chi2_per_dof,
         "iterations": calibration.iterations,
         "parameters": [
@@ -53,12 +69,7 @@ def calibration_json(calibration: Calibration) -> dict[str, Any]:
         "observability": calibration.observability.indices,
         "degrees_of_freedom": calibration.dof,
         "noise": {
-            "position_sigma": calibration.noise.position_sigma,
-            "orientation_sigma": calibration.noise.orientation_sigma if calibration.residual.shape[1] == 6 else None,
-            "repeatability": calibration.noise.repeatability,
-            "lack": calibration.noise.lack,
-            "range_ratio": calibration.noise.range_ratio if calibration.noise.sight is not None else None,
-            "source": calibration.noise.source,
+            **noise,
             "tail_freedom": calibration.freedom if np.isfinite(calibration.freedom) else None,
             "enlarged": calibration.enlarged,
         },

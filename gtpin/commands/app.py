@@ -13,6 +13,7 @@ from gtpin.commands.compare import compare
 from gtpin.commands.demo import demo
 from gtpin.commands.diagnose import diagnose
 from gtpin.commands.export import export
+from gtpin.commands.importing.app import import_app
 from gtpin.commands.predict import predict
 from gtpin.commands.robots import robots
 from gtpin.commands.sensitivity import sensitivity
@@ -53,6 +54,7 @@ for command, *examples in (
     (blind, "gtpin blind -o check --cases 100", "gtpin blind -o check --from cases"),
 ):
     app.command(epilog="\n\n".join(["Examples:" if examples[1:] else "Example:", *examples]))(command)
+app.add_typer(import_app)
 
 
 def _version(wanted: bool) -> None:

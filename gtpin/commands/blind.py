@@ -16,6 +16,7 @@ from gtpin.commands.terminal import AsJson, Force, Output, Seed, tell, write_jso
 from gtpin.errors import GtpinError
 from gtpin.output.results import results_folder
 from gtpin.plant.digest import digest
+from gtpin.plant.instruments.choice import KINDS
 
 CASES = 100
 
@@ -27,6 +28,14 @@ def blind(
     robot: Annotated[
         str | None,
         typer.Option("--robot", help="Name of a robot, or the path of a URDF or MJCF file; default Gantry-Tau."),
+    ] = None,
+    instrument: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--instrument",
+            help=f"What measures: {', '.join(KINDS)}. Can be given several times.",
+            show_default="a tracker, schema 1",
+        ),
     ] = None,
     source: Annotated[
         Path | None,
@@ -46,14 +55,14 @@ def blind(
     from gtpin.blind.run import check, check_given
     from gtpin.blind.score import score
 
-    if source is not None and (cases is not None or robot is not None):
-        one = "--cases" if cases is not None else "--robot"
+    if source is not None and (cases is not None or robot is not None or instrument):
+        one = "--cases" if cases is not None else "--robot" if robot is not None else "--instrument"
         raise GtpinError(f"{one} and --from", hint=f"--from takes all cases of its folder: leave {one} out")
     with _watched(None if source else digest()) as watch:
         if source is not None:
             checked = check_given(output, source, watch, cluster, force=force)
         else:
-            checked = check(output, cases or CASES, seed, watch, cluster, robot or ROBOT, force=force)
+            checked = check(output, cases or CASES, seed, watch, cluster, robot or ROBOT, instrument or (), force=force)
     result = score(checked.cases, checked.about)
     with results_folder(output, SCORE_FILES, force=force) as folder:
         write_json(folder / "judged.json", [case.model_dump(mode="json", exclude_none=True) for case in checked.cases])

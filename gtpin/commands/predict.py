@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
 from gtpin.data import Commands
+from gtpin.data.files import read_table
+from gtpin.instruments.predicted import as_seen, instrument_of, predicted_readings
+from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict as run_prediction
 from gtpin.model.predict import prediction_table
 from gtpin.output.results import result_file
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def predict(
@@ -27,6 +33,15 @@ def predict(
         ),
     ],
     tcp: Tcp = None,
+    instrument: Annotated[
+        str | None,
+        typer.Option(
+            "--instrument",
+            help="Name of an instrument of the model's dataset: write its readings.",
+            metavar="<name>",
+            show_default=False,
+        ),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -35,6 +50,21 @@ def predict(
     with result_file(output, force=force) as new:
         found = read_model(model, tcp=tcp)
         given = Commands.read(commands, found.robot.n_actuators)
-        table = prediction_table(given, run_prediction(found, given))
+        table = _table(found, given, commands, instrument)
         table.to_csv(new, index=False, lineterminator="\n")
     tell(table.to_dict(orient="records"), f"{len(table)} poses predicted. Written: {output}", as_json)
+
+
+def _table(model: Model, given: Commands, file: Path, instrument: str | None) -> pd.DataFrame:
+    """The poses that the first tracker reads, or an instrument's readings, at commands."""
+    import pandas as pd
+
+    seen, tracker = as_seen(model)
+    name = instrument or tracker
+    if name is None:
+        return prediction_table(given, run_prediction(seen, given))
+    table = instrument_of(model, name).table
+    columns = read_table(file, ids=table.ids).columns
+    ids = {column: columns[column] for column in table.ids if column in columns}
+    poses = run_prediction(model, given)
+    return pd.DataFrame({"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids)})

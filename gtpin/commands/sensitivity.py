@@ -48,12 +48,13 @@ def sensitivity(
         if not found.robot.rods:
             chain = chain_sensitivity(found, q, seed=seed)
             chain.write(folder)
-            tell(chain.to_json(), f"{expected_text(chain.to_json())}\nWritten: {_named(output, WRITTEN[:2])}", as_json)
-            return
-        accuracy = write_sensitivity(found, q, folder, seed=seed)
-        (folder / "report.html").write_text(sensitivity_page(accuracy, seed=seed), encoding="utf-8")
+            page, told, text = sensitivity_page(chain, seed=seed), chain.to_json(), expected_text(chain.to_json())
+        else:
+            accuracy = write_sensitivity(found, q, folder, seed=seed)
+            page, told, text = sensitivity_page(accuracy, seed=seed), accuracy.to_json(), accuracy_text(accuracy)
+        (folder / "report.html").write_text(page, encoding="utf-8")
     written = f"Written: {_named(output, WRITTEN)}\nOpen {output / 'report.html'}"
-    tell(accuracy.to_json(), f"{accuracy_text(accuracy)}\n{written}", as_json)
+    tell(told, f"{text}\n{written}", as_json)
 
 
 def _named(folder: Path, files: tuple[str, ...]) -> str:

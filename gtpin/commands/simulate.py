@@ -16,11 +16,15 @@ from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.predict import prediction_table
-from gtpin.plant.scenario import simulate_scenario
+from gtpin.plant.instruments.build import build_measured
+from gtpin.plant.instruments.case import InstrumentCase
+from gtpin.plant.instruments.choice import KINDS
+from gtpin.plant.instruments.plain import simulate_measured
+from gtpin.plant.scenario import scenario_recipe, simulate_scenario
 from gtpin.plant.simulate import Simulation
 from gtpin.plant.simulate import simulate as run_simulation
 from gtpin.plant.truth import Case, case_folders, dataset_folder, truth_names
-from gtpin.references import is_path
+from gtpin.references import seen_from
 from gtpin.robot.library import load_robot
 
 Floats = npt.NDArray[np.float64]
@@ -55,6 +59,14 @@ def simulate(
         bool, typer.Option("--truth", help="Also write truth.csv, the true poses at commands.csv.")
     ] = False,
     tcp: Tcp = None,
+    instrument: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--instrument",
+            help=f"What measures: {', '.join(KINDS)}. Can be given several times.",
+            show_default="a tracker, schema 1",
+        ),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -63,14 +75,21 @@ def simulate(
     With a scenario the machine has the effects that it lists. They stand in DATASET.truth.json, and the true poses at
     commands.csv in DATASET.truth.csv, next to the dataset. Without one, these two are deleted if gtpin wrote them: they are
     the truth of a dataset that is replaced.
+
+    With --instrument the dataset is of schema 2, with a table for each instrument, and DATASET.truth.json also has what is
+    hidden of the instruments and of the geometry.
     """
     if scenario is not None and tcp is not None:
         raise GtpinError("--tcp with --scenario", hint="name the TCP in the robot's URDF: <platform link>")
-    if scenario is None:
+    if instrument:
+        made = _write_measured(instrument, scenario, output, robot, poses, seed, tcp, truth, force)
+        name, rows, seed = made.dataset.robot, len(made.dataset), int(made.name.removeprefix("case"))
+        also = f", truth: {_truth_file(output)}"
+    elif scenario is None:
         name = robot or ROBOT
         with dataset_folder(output, force=force) as folder:
             simulation = run_simulation(
-                load_robot(name, tcp), _seen_from(name, output), poses=poses or POSES, seed=seed or SEED
+                load_robot(name, tcp), seen_from(name, output), poses=poses or POSES, seed=seed or SEED
             )
             simulation = replace(simulation, dataset=replace(simulation.dataset, tcp=tcp))
             write_simulation(simulation, folder, truth)
@@ -95,17 +114,50 @@ def write_simulation(simulation: Simulation, folder: Path, truth: bool) -> None:
 def _write_scenario(
     scenario: Path, output: Path, robot: str | None, poses: int | None, seed: int | None, truth: bool, force: bool
 ) -> Case:
-    place = Path(os.path.abspath(output))
-    if not place.name:
-        raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")
+    place = _named(output)
     with case_folders(place, force=force) as (folder, truth_folder):
         case = simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
-        dataset = replace(case.dataset, robot=_seen_from(case.dataset.robot, output))
+        dataset = replace(case.dataset, robot=seen_from(case.dataset.robot, output))
         replace(case, dataset=dataset).write_dataset(folder)
         case.write_truth(truth_folder, place.name)
         if truth:
             _write_truth(case.commands, case.truth.T, case.truth.R, folder)
     return case
+
+
+def _write_measured(
+    instruments: list[str],
+    scenario: Path | None,
+    output: Path,
+    robot: str | None,
+    poses: int | None,
+    seed: int | None,
+    tcp: str | None,
+    truth: bool,
+    force: bool,
+) -> InstrumentCase:
+    place = _named(output)
+    with case_folders(place, force=force) as (folder, truth_folder):
+        if scenario is None:
+            name = robot or ROBOT
+            found = load_robot(name, tcp)
+            case = simulate_measured(found, name, instruments, poses=poses or POSES, seed=seed or SEED, tcp=tcp)
+        else:
+            case = build_measured(scenario_recipe(scenario, seed=seed, poses=poses, robot=robot), instruments)
+        case = replace(case, dataset=replace(case.dataset, robot=seen_from(case.dataset.robot, output)))
+        case.write_dataset(folder)
+        case.write_truth(truth_folder, place.name)
+        if truth:
+            _write_truth(case.commands, case.truth.T, case.truth.R, folder)
+    return case
+
+
+def _named(output: Path) -> Path:
+    """A folder next to which there is a place for the truth."""
+    place = Path(os.path.abspath(output))
+    if not place.name:
+        raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")
+    return place
 
 
 def _truth_file(output: Path) -> Path:
@@ -114,10 +166,3 @@ def _truth_file(output: Path) -> Path:
 
 def _write_truth(commands: Commands, T: Floats, R: Floats, folder: Path) -> None:
     prediction_table(commands, Poses(T, R)).to_csv(folder / "truth.csv", index=False, lineterminator="\n")
-
-
-def _seen_from(robot: str, output: Path) -> str:
-    """How a dataset in a folder names a robot: a path starts at the folder."""
-    if is_path(robot):
-        return Path(os.path.relpath(robot, output)).as_posix()
-    return robot

@@ -12,14 +12,15 @@ from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, output_p
 from gtpin.data import Dataset
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import check_file
-from gtpin.view.gap import gap_of
+from gtpin.view.reading_gap import gap_with_instruments
 from gtpin.view.still import write_still
 
 
 def view(
     model: ModelReference,
     dataset: Annotated[
-        Path | None, typer.Argument(help="Folder of measured poses, whose gap is shown.", show_default=False)
+        Path | None,
+        typer.Argument(help="Folder of measured poses or readings, whose gap is shown.", show_default=False),
     ] = None,
     output: Annotated[
         Path | None,
@@ -38,18 +39,20 @@ def view(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show the robot in 3-D in the browser: along the poses, errors magnified, rods by their share of the gap."""
+    """Show the robot and its instruments in 3-D in the browser: along the poses, errors magnified, rods by their share."""
     if output is not None:
         check_file(output, force=force)
     found = read_model(model, tcp=tcp)
-    gap = None if dataset is None else gap_of(found, Dataset.read(dataset))
+    gap, instruments = None, found.instruments
+    if dataset is not None:
+        gap, instruments = gap_with_instruments(found, Dataset.read(dataset))
     if output is not None:
-        write_still(output, found, gap, force=force)
+        write_still(output, found, gap, force=force, instruments=instruments)
         tell({"written": str(output)}, f"Written: {output}", as_json)
         return
     from gtpin.view.scene import Scene  # its page is served by an extra
 
-    scene = Scene(found, gap, host, port)
+    scene = Scene(found, gap, host, port, instruments)
     tell({"address": scene.address}, f"Open {scene.address} (Ctrl-C ends)", as_json)
     try:
         threading.Event().wait()

@@ -79,6 +79,12 @@ def compare(
         Of poses that a model's fit sets aside, by name; the model is judged on them all the same.
     """
     given = dataset
+    if dataset.readings is not None:
+        raise DatasetError(
+            "models are compared by measured poses, and these are readings of other instruments",
+            file=dataset.path,
+            hint="calibrate each by itself: gtpin calibrate --model 1 ...",
+        )
     robot = robot_of(dataset) if robot is None else robot
     if not robot.rods:
         raise ModelError(

@@ -26,16 +26,17 @@ Row = tuple[int, list[str]]
 """The number of a line, from 1, and its cells."""
 
 
-def read_csv(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table:
+def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:
     """Read the bytes of a CSV file: UTF-8 with or without BOM, any line ending, trailing blank lines.
 
-    Columns in `ignore` are not looked at. Raises `DatasetError` with the line and column of the first bad cell.
-    Columns of words are left out.
+    Columns in `ignore` are not looked at; those in `ids` hold ids, as `pose` does. Columns of words are left out. Raises
+    `DatasetError` with the line and column of the first bad cell.
     """
     _check_text(file, data)
     names = _names(file, data)
     wanted = {column: name for column, name in enumerate(names) if name not in ignore}
-    values = {column: array("d") for column, name in wanted.items() if kind_of(name) == "number"}
+    numeric = [column for column, name in wanted.items() if kind_of(name) == "number" and name not in ids]
+    values = {column: array("d") for column in numeric}
     texts: dict[int, list[str]] = {column: [] for column in wanted if column not in values}
     lines = array("q")
     for chunk in _chunks(_rows(file, data, len(names))):
@@ -51,7 +52,7 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table:
     for column, name in wanted.items():
         if column in values:
             columns[name] = np.array(values[column])
-        elif kind_of(name) == "id":
+        elif kind_of(name) == "id" or name in ids:
             columns[name] = _ids(file, name, texts[column], lines)
         else:
             read = numbers_or_words(texts[column])

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,17 @@ from gtpin.data.description import (
     Description,
     Instrument,
     describe,
-    read_description,
+    read_toml,
     write_description,
 )
 from gtpin.data.driver import Driver
 from gtpin.data.files import check_folder, find_table, read_table, write_table
 from gtpin.data.ids import Ids
+from gtpin.data.instrument_files import tables_there
+from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
+from gtpin.data.read_instruments import InstrumentContents, is_second, read_instruments
+from gtpin.data.second_schema import write_second
 from gtpin.data.table import Column, Floats
 from gtpin.errors import DatasetError, warn
 from gtpin.output.ownership import refuse_foreign, was_moved_aside
@@ -80,6 +84,9 @@ class Dataset(Shown):
         The table that the rows were read from.
     unusable
         Recorded covariates with impossible values, which were removed from ``covariates``.
+    readings
+        What other instruments than one tracker read, row by row (schema 2); None for a tracker's poses. With them, ``position``
+        has where the nominal TCP is, base frame, and zeros until a robot is known.
 
     Raises
     ------
@@ -114,6 +121,7 @@ class Dataset(Shown):
     row: NDArray[np.int64] = field(default_factory=unnumbered)
     file: Path | None = None
     unusable: frozenset[str] = frozenset()
+    readings: InstrumentRows | None = None
 
     def __post_init__(self) -> None:
         description = self._description(self.robot)
@@ -184,6 +192,7 @@ class Dataset(Shown):
             orientation=None if self.orientation is None else self.orientation[rows],
             covariates={name: values[rows] for name, values in self.covariates.items()},
             row=self.row[rows],
+            readings=None if self.readings is None else self.readings.take(rows),
         )
 
     def in_order(self) -> Dataset:
@@ -192,18 +201,25 @@ class Dataset(Shown):
 
         keys = [pd.factorize(values, sort=True)[0] for values in self.covariates.values()]
         measured = self.position if self.orientation is None else np.hstack([self.position, self.orientation])
+        if self.readings is not None:
+            return self.take(np.lexsort([self.readings.component, self.row, *keys, self.visits]))
         return self.take(np.lexsort([*keys, *measured.T[::-1], self.visits]))
 
     @classmethod
-    def read(cls, path: Path | str) -> Dataset:
+    def read(cls, path: Path | str, instruments: Iterable[type[Any]] = ()) -> Dataset:
         """Read a dataset folder.
+
+        ``instruments`` are classes of a user's own kinds of instruments: see :class:`~gtpin.instruments.Instrument`.
 
         Raises `DatasetError`, with file, line, column and what to do, for anything that the format does not allow.
         Warns of columns that have text in place of numbers, and of covariates that do not vary.
         """
         path = Path(path)
         check_folder(path, "a dataset is the folder that holds dataset.toml")
-        description = read_description(path / "dataset.toml")
+        values = read_toml(path / "dataset.toml")
+        if is_second(values):
+            return cls._of_instruments(path, read_instruments(path, {kind.kind: kind for kind in instruments}))
+        description = describe(values, path / "dataset.toml")
         file = find_table(path, "poses") or path / "poses.csv"
         table = read_table(file)
         pose, q, position = table.column("pose"), columns.commands(table), table.matrix(POSITION)
@@ -229,10 +245,36 @@ class Dataset(Shown):
         )
         columns.warn_of_covariates(table, taken)
         dataset._check_drivers()
-        still = [name for name, values in dataset.covariates.items() if (values == values[0]).all()]
-        if still:
-            text = f"{file}: these covariates do not vary, so they give no information: {', '.join(still)}"
-            warn(text)
+        dataset._warn_of_constants(file)
+        return dataset
+
+    @classmethod
+    def _of_instruments(cls, path: Path, contents: InstrumentContents) -> Dataset:
+        """The dataset of a folder of schema 2."""
+        common, one = contents.description.common, contents.as_tracker()
+        carts = find_table(path, "carts")
+        instrument, position, orientation = one or (Instrument(), np.zeros((len(contents.pose), 3)), None)
+        dataset = cls(
+            robot=common.robot,
+            pose=contents.pose,
+            q=contents.q,
+            position=position,
+            orientation=orientation,
+            covariates=contents.covariates,
+            instrument=instrument,
+            conditions=common.conditions,
+            tolerance=common.tolerance,
+            tcp=common.tcp,
+            actuators=common.actuators,
+            drivers=tuple(Driver(**table.model_dump()) for table in common.driver),
+            carts=CartMeasurements.read(carts, contents.q.shape[1]) if carts else None,
+            path=path,
+            row=contents.rows.line if one else unnumbered(),
+            file=contents.rows.files[0] if one else path,
+            readings=None if one else contents.rows,
+        )
+        dataset._check_drivers()
+        dataset._warn_of_constants(path)
         return dataset
 
     def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv", *, force: bool = False) -> None:
@@ -252,7 +294,15 @@ class Dataset(Shown):
             with writing(folder, DatasetError):
                 names = (name for name in sorted(os.listdir(folder)) if not was_moved_aside(name))
                 refuse_foreign(folder, names, force, DatasetError)
-        with results_folder(folder, FILES, force=force, kind=DatasetError) as new:
+        files = (*FILES, *tables_there(folder))
+        if self.readings is not None:
+            own = [f"{one.name}.{suffix}" for one in self.readings.tables for suffix in ("csv", "parquet")]
+            with results_folder(folder, (*files, *own), force=force, kind=DatasetError) as new:
+                self._write_instruments(new, folder, table)
+                if self.carts is not None:
+                    self.carts.write(new / f"carts.{table}")
+            return
+        with results_folder(folder, files, force=force, kind=DatasetError) as new:
             write_description(new / "dataset.toml", self._description(self._robot_seen_from(folder)))
             write_table(new / f"poses.{table}", poses | dict(self.covariates))
             if self.carts is not None:
@@ -286,6 +336,30 @@ class Dataset(Shown):
             before = [(one.column, one.site, one.motion) for one in self.drivers[:number]]
             if (driver.column, driver.site, driver.motion) in before:
                 raise DatasetError("the driver comes twice", file=file, column=f"driver.{number}", hint="keep one")
+
+    def _warn_of_constants(self, file: Path) -> None:
+        still = [name for name, values in self.covariates.items() if (values == values[0]).all()]
+        if still:
+            warn(f"{file}: these covariates do not vary, so they give no information: {', '.join(still)}")
+
+    def _write_instruments(self, new: Path, folder: Path, table: Literal["csv", "parquet"]) -> None:
+        """Write the description and a table for each instrument that has rows."""
+        rows = self.readings
+        assert rows is not None
+        tables = {i: one.model_copy(update={"file": None}) for i, one in enumerate(rows.tables) if len(rows.rows_of(i))}
+        write_second(new / "dataset.toml", self._description(self._robot_seen_from(folder)), tuple(tables.values()))
+        for index, one in tables.items():
+            mine = rows.rows_of(index)
+            values: dict[str, Column] = {"pose": self.pose[mine]}
+            values |= dict(zip(command_names(self.n_actuators), self.q[mine].T, strict=True))
+            known = (*one.numbers, *one.optional, *one.ids)
+            for name in (name for name in known if name in rows.columns):
+                column = rows.columns[name][mine]
+                blank = (column == "").all() if column.dtype == object else np.isnan(column).all()
+                if not blank:
+                    values[name] = column
+            values |= {name: column[mine] for name, column in self.covariates.items()}
+            write_table(new / f"{one.name}.{table}", values)
 
     def _description(self, robot: str) -> Description:
         return describe(

@@ -18,16 +18,18 @@ from gtpin.errors import DatasetError
 
 SCHEMA = "gtpin-dataset/1"
 
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
-_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+TomlFinite = Annotated[float, Field(allow_inf_nan=False)]
+TomlPositive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
 
-class _Section(BaseModel):
+class Section(BaseModel):
+    """A part of a dataset.toml: unknown keys are errors."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
-class Instrument(_Section):
+class Instrument(Section):
     """What measured the poses, and in which frame.
 
     Sigmas are per axis, m and rad, None where they are to be estimated; `station` is where it stands, m. A `frame` or a
@@ -35,29 +37,29 @@ class Instrument(_Section):
     platform.
     """
 
-    position_sigma: _Positive | None = None
-    orientation_sigma: _Positive | None = None
+    position_sigma: TomlPositive | None = None
+    orientation_sigma: TomlPositive | None = None
     frame: Literal["robot", "free"] = "robot"
     target: Literal["tcp", "free"] = "tcp"
-    station: Annotated[tuple[_Finite, _Finite, _Finite], Field(strict=False)] | None = None
+    station: Annotated[tuple[TomlFinite, TomlFinite, TomlFinite], Field(strict=False)] | None = None
 
 
-class Conditions(_Section):
+class Conditions(Section):
     """What the commands and the nominal geometry refer to: the temperature in degC."""
 
-    reference_temperature: _Finite = 20.0
+    reference_temperature: TomlFinite = 20.0
 
 
-class DriverTable(_Section):
+class DriverTable(Section):
     """One `[[driver]]`: see :class:`~gtpin.data.driver.Driver`."""
 
-    column: _Name
-    site: _Name
+    column: TomlName
+    site: TomlName
     motion: Motion
-    size: _Positive
+    size: TomlPositive
 
 
-class Description(_Section):
+class Description(Section):
     """The whole of dataset.toml.
 
     `tcp` is the link whose pose is measured and `actuators` the joints that q1 .. qn command, None and empty where the robot's
@@ -65,16 +67,16 @@ class Description(_Section):
     """
 
     schema_: Literal["gtpin-dataset/1"] = Field(alias="schema")
-    robot: _Name
-    tcp: _Name | None = None
-    actuators: Annotated[tuple[_Name, ...], Field(strict=False)] = ()
+    robot: TomlName
+    tcp: TomlName | None = None
+    actuators: Annotated[tuple[TomlName, ...], Field(strict=False)] = ()
     instrument: Instrument = Instrument()
     conditions: Conditions = Conditions()
-    tolerance: dict[_Name, _Positive] = {}
+    tolerance: dict[TomlName, TomlPositive] = {}
     driver: Annotated[tuple[DriverTable, ...], Field(strict=False)] = ()
 
 
-_SECTIONS: dict[str, type[_Section]] = {
+_SECTIONS: dict[str, type[Section]] = {
     "": Description,
     "instrument": Instrument,
     "conditions": Conditions,
@@ -96,13 +98,18 @@ def describe(values: Mapping[str, object], file: Path | None = None) -> Descript
     try:
         return Description.model_validate(values)
     except ValidationError as error:
-        raise _explained(file, error) from None
+        raise explained(file, error) from None
 
 
 def read_description(file: Path) -> Description:
     """Read a dataset.toml; raises `DatasetError` if it is not TOML, not UTF-8, or has an invalid value."""
+    return describe(read_toml(file), file)
+
+
+def read_toml(file: Path) -> dict[str, Any]:
+    """Read a TOML file; raises `DatasetError` if it is not TOML or not UTF-8."""
     try:
-        return describe(tomllib.loads(read_bytes(file).decode("utf-8-sig")), file)
+        return tomllib.loads(read_bytes(file).decode("utf-8-sig"))
     except UnicodeDecodeError:
         raise DatasetError("the file is not UTF-8", file=file, hint="save it as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
@@ -135,7 +142,7 @@ def _written(instrument: Instrument) -> dict[str, Any]:
     return instrument.model_dump(exclude_none=True, exclude={"target"} if instrument.target == "tcp" else None)
 
 
-def _explained(file: Path | None, error: ValidationError) -> DatasetError:
+def explained(file: Path | None, error: ValidationError) -> DatasetError:
     """Turn the first of pydantic's errors into one line with a hint."""
     first = error.errors(include_url=False)[0]
     location = [str(part) for part in first["loc"] if part != "[key]"]
@@ -156,7 +163,8 @@ def _explanation(kind: str, location: list[str], first: Any) -> tuple[str, str]:
         }
         return "the key is missing", example.get(key, "station needs three numbers")
     if key == "schema":
-        return f"{first['input']!r} is not a schema that this version reads", f'write schema = "{SCHEMA}"'
+        hint = f'write schema = "{SCHEMA}", or "gtpin-dataset/2" for several instruments'
+        return f"{first['input']!r} is not a schema that this version reads", hint
     hints = {
         "position_sigma": "1 sigma per axis in m, above 0; leave it out to have the noise estimated",
         "orientation_sigma": "1 sigma per axis in rad, above 0; leave it out to have the noise estimated",
@@ -174,6 +182,11 @@ def _explanation(kind: str, location: list[str], first: Any) -> tuple[str, str]:
         return f"{str(first['input'])[:60]} can't be", "station = [x, y, z], three finite numbers in m"
     if section == "tolerance":
         return f"{str(first['input'])[:60]} can't be", "a tolerance is 1 sigma, a finite number above 0"
+    if key == "instrument" and isinstance(first["input"], list):
+        return (
+            "several instruments are of schema 2",
+            'write schema = "gtpin-dataset/2", or [instrument] in single brackets',
+        )
     if isinstance(first["input"], dict) or kind in ("model_type", "model_attributes_type", "dict_type"):
         return "of the wrong kind", hints.get(key, f"[{key}] is a section of its own")
     return f"{str(first['input'])[:60]!r} can't be", hints.get(key, "correct the value")

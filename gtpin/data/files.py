@@ -59,7 +59,7 @@ def find_table(folder: Path, stem: str) -> Path | None:
     return found[0] if found else None
 
 
-def read_table(file: Path, ignore: Collection[str] = ()) -> Table:
+def read_table(file: Path, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:
     """Read a CSV, or a Parquet file by its suffix; see `read_csv` and `read_parquet`.
 
     Raises `GtpinError` where the file needs more memory than is free.
@@ -69,8 +69,8 @@ def read_table(file: Path, ignore: Collection[str] = ()) -> Table:
     if file.suffix.lower() == ".parquet":
         from gtpin.data.parquet_file import read_parquet
 
-        return read_parquet(file, read_bytes(file), ignore)
-    return read_csv(file, read_bytes(file), ignore)
+        return read_parquet(file, read_bytes(file), ignore, ids)
+    return read_csv(file, read_bytes(file), ignore, ids)
 
 
 def write_table(file: Path, columns: Mapping[str, Column]) -> None:

@@ -17,7 +17,7 @@ from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
 
 
-def read_parquet(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table:
+def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:
     """Read the bytes of a Parquet file; rows are numbered as in a CSV, the first is 2.
 
     Numbers may be integers, floats, decimals or text that spells them. Raises `DatasetError` like `read_csv`.
@@ -38,7 +38,7 @@ def read_parquet(file: Path, data: bytes, ignore: Collection[str] = ()) -> Table
     for name in names:
         if name in ignore:
             continue
-        if kind_of(name) == "id":
+        if kind_of(name) == "id" or name in ids:
             columns[name] = _ids(file, name, table[name])
             continue
         found: Floats | int | None = _floats(table[name])

@@ -106,13 +106,18 @@ def check_measurements(
     if dataset.orientation is not None:
         order = misplaced_order(dataset.orientation[keep], rotation[keep], at)
         if order is not None:
-            what = f"the measured orientation looks like {order} quaternions, as if {first_misplaced(order)}"
-            hint = "give qw qx qy qz in that order of meaning, scalar first"
-            raise DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
+            raise misplaced(dataset, order)
     if not keep.all():
         text = f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}"
         warn(_located(dataset, text))
     return keep
+
+
+def misplaced(dataset: Dataset, order: str) -> DatasetError:
+    """The error that the numbers of quaternions stand in another order."""
+    what = f"the measured orientation looks like {order} quaternions, as if {first_misplaced(order)}"
+    hint = "give qw qx qy qz in that order of meaning, scalar first"
+    return DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
 
 
 def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDArray[np.bool_]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import permutations
 from typing import TYPE_CHECKING
 
@@ -44,14 +45,30 @@ def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, F
             return None
         expected = turned * expected
     wanted = expected.as_quat(scalar_first=True)
-    as_named = _off(quaternion, wanted, _AS_NAMED)
+    return order_that_fits(lambda order: _off(quaternion, wanted, order))
+
+
+def order_that_fits(off: Callable[[str], float]) -> str | None:
+    """The order of w, x, y and z that fits far better than ``wxyz``; None where that fits, or no order does.
+
+    Parameters
+    ----------
+    off
+        Median angle, rad, between the robot and quaternions whose columns stand in an order.
+    """
+    as_named = off(_AS_NAMED)
     if as_named <= _OFF:
         return None
     orders = ["xyzw", *("".join(order) for order in permutations(_AS_NAMED))]  # of orders alike, the usual one
-    off = np.array([_off(quaternion, wanted, order) for order in orders])
-    if off.min() > min(_AGREES, as_named / _FAR_BETTER):
+    found = np.array([off(order) for order in orders])
+    if found.min() > min(_AGREES, as_named / _FAR_BETTER):
         return None
-    return orders[int(np.argmax(off <= off.min() + _ALIKE))]
+    return orders[int(np.argmax(found <= found.min() + _ALIKE))]
+
+
+def in_order(quaternion: Floats, order: str) -> Floats:
+    """(N, 4) quaternions wxyz, from columns that stand in an order."""
+    return quaternion[:, [order.index(part) for part in _AS_NAMED]]
 
 
 def first_misplaced(order: str) -> str:
@@ -62,7 +79,7 @@ def first_misplaced(order: str) -> str:
 
 def _off(quaternion: Floats, wanted: Floats, order: str) -> float:
     """Median angle, rad, between wanted quaternions wxyz and measured ones, read in an order."""
-    read = quaternion[:, [order.index(part) for part in _AS_NAMED]]
+    read = in_order(quaternion, order)
     # Medians, so that gross errors in a few rows decide nothing.
     return float(np.median(2.0 * np.arccos(np.minimum(np.abs((read * wanted).sum(axis=1)), 1.0))))
 

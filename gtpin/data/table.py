@@ -38,6 +38,9 @@ class Table:
     def column(self, name: str) -> Column:
         """Give one column, (N,); raises `DatasetError` with a guess at the reason where it is missing."""
         if name not in self.columns:
+            if name in self.names:
+                hint = "write plain numbers in SI units, without their unit"
+                raise DatasetError("the column holds no numbers", file=self.file, row=1, column=name, hint=hint)
             raise DatasetError("the column is missing", file=self.file, row=1, column=name, hint=self._why(name))
         return self.columns[name]
 

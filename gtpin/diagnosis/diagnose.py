@@ -29,6 +29,7 @@ from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import driver_effects
 from gtpin.effects.driver_motion import Instrument
 from gtpin.effects.effect import Effect
+from gtpin.errors import warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
@@ -105,6 +106,7 @@ def diagnose(
     scope = Scope.of((*known, *driver_effects(dataset, nominal)), exclude, false_alarm, nominal, priors)
     check_hold_out(dataset, hold_out)
     _require_memory(dataset)
+    _warn_of_masses(nominal)
     rng = np.random.default_rng(seed)
     report = progress or _silent
 
@@ -175,6 +177,12 @@ def _instrument(prepared: Prepared) -> Instrument:
 def _require_memory(dataset: Dataset) -> None:
     searching = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
     require(f"diagnosing {len(dataset):,} poses", FIXED + searching + PER_POSE * len(dataset))
+
+
+def _warn_of_masses(robot: Robot) -> None:
+    if not any(inertia.mass > 0.0 for inertia in robot.model.inertias[1:]):
+        what = "can be tested only by a recorded payload or force on the tool"
+        warn(f"the links of {robot.name} have no masses: effects of load {what}")
 
 
 def _silent(step: str, number: int, value: float) -> None:

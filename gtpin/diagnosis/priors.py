@@ -35,6 +35,9 @@ class Priors:
     third: float = 4.0
     """Additional log prior odds against a third cause, and against each further one. Assumed, odds of 1 to 55: so many causes
     at once are rare."""
+    most_coefficients: float = 0.5
+    """Number of coefficients that a model of a robot without rods has at most when a term is added, over that of the measured
+    numbers. Assumed: with more of them, several terms of all links explain any data."""
     line: float = 4.0
     """Additional log prior odds against each further period of one periodic error. Assumed, odds of 1 to 55: a gear with one
     period often has others."""

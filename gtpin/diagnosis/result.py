@@ -108,6 +108,7 @@ class Diagnosis(Shown):
         component
             ``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz`` or the travel of an actuator by its site; by default that of the first
             cause's site, or the axis of which the gap has most.
+            Of readings also a reading, by default: ``range`` of a single instrument; ``wire`` or ``cup.x`` of several.
         after
             Show what the geometry with the causes leaves, not what geometry alone leaves.
         """
@@ -130,10 +131,32 @@ class Diagnosis(Shown):
         return effect_curve(self, cause, quantity)
 
     def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
-        """Position residuals in a plane of the base frame (``xy``, ``xz``, ``yz``), geometry alone or with causes."""
+        """Position residuals, of other readings their size over sigma, in a plane of the base frame (``xy``, ``xz``, ``yz``).
+
+        Those of geometry alone, or ``after`` the causes were added.
+        """
         from gtpin.report.show.diagnosis import workspace
 
         return workspace(self, view, after=after)
+
+    def plot_ball_bar(self, circle: int = 0) -> Figure:
+        """Polar plots of a circular test: deviations of the radius as measured, left by geometry alone, and with the causes.
+
+        The data need a ``range`` instrument with readings along half a turn or more about a station, as a ball bar's are.
+
+        Parameters
+        ----------
+        circle
+            Place of the circle among those of the data, counted from 0.
+
+        Raises
+        ------
+        DatasetError
+            If there is no such circle.
+        """
+        from gtpin.report.show.diagnosis import ball_bar
+
+        return ball_bar(self, circle)
 
     def plot_parameters(self) -> Figure:
         """The table of the causes' parameters."""

@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.effects.basis import Basis
 from gtpin.effects.chain_motions import joint_frame, of_joint
 from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.joint_compliance import no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints
 from gtpin.effects.situation import Situation
@@ -47,8 +48,8 @@ class BearingCompliance(Effect):
         return joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
-        """``no_load`` where the joint carries no load, because an unloaded bearing does not tilt."""
-        return None if np.abs(at.joint_loads[:, joint_frame(at, site).index]).max() > 1e-9 else Untestable("no_load")
+        """``no_load`` or ``no_masses`` where the joint carries no load, because an unloaded bearing does not tilt."""
+        return None if np.abs(at.joint_loads[:, joint_frame(at, site).index]).max() > 1e-9 else no_load(at)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """The load and the payload."""

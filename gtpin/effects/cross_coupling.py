@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import product
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations, count, product
 
 import numpy as np
 
@@ -19,8 +21,15 @@ ORDERS = {1: 8, 2: 5}
 """Largest sum of the orders of the cosines in a product, for one and for two other actuators."""
 MANY = 2
 """Largest sum of orders for three or more other actuators; a larger sum would give too many products."""
-DECAY = 1.5
-"""The power p: the size of a product with the sum of orders k is proportional to k^-p."""
+FINE = (3, 4, 5, 6)
+"""Numbers of other joints of a robot without rods for which the next three numbers hold, in place of ``MANY``."""
+SINGLE, PAIR, OWN = 5, 4, 1
+"""Largest order of a cosine of one other joint, largest sum of orders of a product of two, and largest sum of those that vary
+along the own joint. What couples joints (gears that pass through each other, belts, cables) lies between two or three of them,
+so there are no products of three. Assumed."""
+DECAY, STEEP = 1.5, 2.0
+"""The power p: the size of a product with the sum of orders k is proportional to k^-p; the second for ``SINGLE`` and ``PAIR``,
+because so many products would otherwise be most of f."""
 
 
 class CrossCoupling(Effect):
@@ -28,8 +37,9 @@ class CrossCoupling(Effect):
 
     dq_j is the deviation of the travel of actuator j from its command, m (rad where it turns). f is a sum of products of
     cosines over the ranges of travel. The orders of the cosines in a product add up to at most five with two other actuators
-    (eight with one, two with more). Products of higher order have smaller typical sizes. The modulation: f also varies along
-    the track of actuator j itself.
+    (eight with one, two with more). At a robot without rods with three to six other joints, f is a sum of functions of one
+    joint (orders up to five) and of two joints (orders that add up to at most four). Products of higher order have smaller
+    typical sizes. The modulation: f also varies along the track of actuator j itself.
 
     Parameters: ``end_to_end[k]``, m (rad where the actuator turns): the mean of f at the upper end of the range of the k-th
     other actuator less its mean at the lower end. The other actuators are counted in the robot's order.
@@ -62,36 +72,74 @@ class CrossCoupling(Effect):
         """Cosines over the ranges of the other actuators, products of them, and changes of both along the own track."""
         j = at.robot.sites.index(site)
         others = np.delete(at.travel, j, axis=1)
-        chosen, sums = _orders(others.shape[1])
-        most = int(sums.max())
+        chosen = _products(others.shape[1], bool(at.robot.rods))
         columns = np.stack(
-            [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen], axis=1
+            [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen.rows], axis=1
         )
-        lower = sums < most
-        size = np.concatenate([sums**-DECAY, MODULATION.own_track * sums[lower] ** -DECAY])
+        lower = chosen.sums <= chosen.own
+        size = chosen.sums**-chosen.decay
+        size = np.concatenate([size, MODULATION.own_track * size[lower]])
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
         return along_track(at, site, whole, drive_sizes(at, site, 1.5 * size / np.linalg.norm(size), 5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Change of the mean of f from the lower to the upper end of each other actuator's range."""
-        others = next(n for n in range(1, len(coefficients) + 1) if _count(n) >= len(coefficients))
-        single = coefficients[: others * _most(others)].reshape(others, -1)
+        chosen = _with_count(len(coefficients))
         # A wave of odd order falls from 1 to -1, one of even order ends where it began.
+        single = coefficients[: chosen.others * chosen.single].reshape(chosen.others, -1)
         return {f"end_to_end[{k + 1}]": (-2.0 * float(own[::2].sum()), "m") for k, own in enumerate(single)}
 
 
-def _most(others: int) -> int:
-    return ORDERS.get(others, MANY)
+@dataclass(frozen=True)
+class _Products:
+    """Products of cosines over the travel of some other actuators.
+
+    Parameters
+    ----------
+    others
+        Number of the other actuators.
+    single
+        Largest order of a cosine alone.
+    rows
+        Orders of the cosines in each product. Single cosines come first, actuator by actuator.
+    own
+        Largest sum of orders that varies along the own track.
+    decay
+        Power of the sizes.
+    """
+
+    others: int
+    single: int
+    rows: tuple[tuple[int, ...], ...]
+    own: int
+    decay: float
+
+    @property
+    def sums(self) -> Floats:
+        """(m,) sum of the orders of each product."""
+        return np.array([float(sum(row)) for row in self.rows])
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients."""
+        return len(self.rows) + int((self.sums <= self.own).sum())
 
 
-def _orders(others: int) -> tuple[list[tuple[int, ...]], Floats]:
-    """Orders of the cosines in each product, and (m,) their sums. Single cosines come first, actuator by actuator."""
-    rows = [row for row in product(range(_most(others) + 1), repeat=others) if 1 <= sum(row) <= _most(others)]
-    rows.sort(key=lambda row: (sum(o > 0 for o in row) > 1, [-int(o > 0) for o in row], row))
-    return rows, np.array([float(sum(row)) for row in rows])
+@cache
+def _products(others: int, rods: bool) -> _Products:
+    fine = not rods and others in FINE
+    single = SINGLE if fine else ORDERS.get(others, MANY)
+    together = 2 if fine else single
+    rows = []
+    for some in (kept for size in range(1, together + 1) for kept in combinations(range(others), size)):
+        most = PAIR if fine and len(some) > 1 else single
+        for orders in product(range(1, most + 1), repeat=len(some)):
+            if sum(orders) <= most:
+                rows.append(tuple(dict(zip(some, orders, strict=True)).get(k, 0) for k in range(others)))
+    return _Products(others, single, tuple(rows), OWN if fine else single - 1, STEEP if fine else DECAY)
 
 
-def _count(others: int) -> int:
-    """Number of coefficients."""
-    sums = _orders(others)[1]
-    return len(sums) + int((sums < sums.max()).sum())
+def _with_count(coefficients: int) -> _Products:
+    """The products of a robot with so many coefficients: no two numbers of other actuators have the same count."""
+    found = (_products(others, rods) for others in count(1) for rods in (True, False))
+    return next(chosen for chosen in found if chosen.count == coefficients)

@@ -10,6 +10,7 @@ from gtpin.effects.basis import rods_of
 from gtpin.effects.effect import Floats
 from gtpin.effects.sites import turns
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import cosines
 from gtpin.kinematics.bodies import index_of
 from gtpin.robot.chain import joint_axis
 
@@ -29,19 +30,39 @@ def drive_sizes(at: Situation, site: str, relative: Sequence[float] | Floats, si
 
 
 SLOWEST_LINE = 3.0
-"""Periods a turn of a turning joint up to which a deviation counts as smooth; faster ones are lines of ``rack_periodic``.
-Assumed: an encoder's eccentricity and the harmonics of a housing are one to three a turn, gears more."""
+"""Periods a turn of a turning joint from which a smooth deviation has ever smaller parts; stronger ones are lines of
+``rack_periodic``. Assumed: an encoder's eccentricity and the harmonics of a housing are one to three a turn, gears more."""
+FALL = 2.0
+"""The power p: beyond ``SLOWEST_LINE``, parts of f periods a turn are smaller by (``SLOWEST_LINE`` / f)^p. Assumed: a function
+that looks smooth has some of its power there."""
 LEAST_ORDERS = 3
 """Half waves that a smooth deviation has at least."""
 
 
 def smooth_orders(at: Situation, j: int, most: int) -> int:
-    """Half waves over a drive's travel that count as smooth: all, but at a turning joint of a chain only the slow ones."""
+    """Half waves over a drive's travel that are slow: all, but at a turning joint of a chain up to ``SLOWEST_LINE``."""
     if at.robot.rods or not at.robot.actuators[j].revolute:
         return most
+    return min(most, max(LEAST_ORDERS, int(SLOWEST_LINE / _turns(at, j))))
+
+
+def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floats, Floats]:
+    """(N, m) cosines over a drive's travel and (m,) their sizes, as :func:`~gtpin.effects.smooth.cosines` has them.
+
+    At a turning joint of a chain those of many periods a turn are smaller: see ``FALL``.
+    """
+    columns, size = cosines(at.travel[:, j], 1, most, decay)
+    if at.robot.rods or not at.robot.actuators[j].revolute:
+        return columns, size
+    rate = np.arange(1, most + 1) * _turns(at, j)
+    kept = np.arange(most) < LEAST_ORDERS
+    return columns, size * np.where(kept, 1.0, np.minimum(1.0, SLOWEST_LINE / rate) ** FALL)
+
+
+def _turns(at: Situation, j: int) -> float:
+    """Periods a turn of a half wave over the range of a joint's commands: k half waves have k times as many."""
     lower, upper = (float(ends[j]) for ends in at.references.commands)
-    # k half waves over a span are k pi / span periods a turn.
-    return min(most, max(LEAST_ORDERS, int(SLOWEST_LINE * (upper - lower) / np.pi)))
+    return float(np.pi / (upper - lower))
 
 
 def drive_load(at: Situation, site: str) -> Floats:

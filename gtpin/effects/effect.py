@@ -173,6 +173,13 @@ class Effect(ABC):
         """Values of the nonlinear parameter to try; empty where the effect has no such parameter."""
         return ()
 
+    def resolved(self, at: Situation, site: str, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
+        """(S,) which values of the nonlinear parameter these poses can tell from a smooth function and from other values.
+
+        ``others`` are values of the same cause that are in a model already. By default all values can be told from them.
+        """
+        return np.ones(len(values), dtype=bool)
+
     def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
         """Commands, m or rad, at which the displacement along a track is discontinuous; correction tables have points there."""
         return ()

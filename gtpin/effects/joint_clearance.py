@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.drives import drive_sizes, own_load
 from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
-from gtpin.effects.joint_compliance import loaded
+from gtpin.effects.joint_compliance import loaded, no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, links
 from gtpin.effects.situation import Situation
@@ -57,10 +57,10 @@ class JointClearance(Effect):
         return links(robot) or joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
-        """``one_sign`` or ``no_load``: play can be observed only where the force changes its sign."""
+        """``one_sign``, ``no_load`` or ``no_masses``: play can be observed only where the force changes its sign."""
         if not at.robot.rods:
             if not loaded(at, site):
-                return Untestable("no_load")
+                return no_load(at)
             pushed = int((own_load(at, site)[0] > 0.0).sum())
             return None if min(pushed, len(at) - pushed) >= FEWEST else Untestable("one_sign")
         pulled = int((at.force[:, rods_of(at, site)[0]] > 0.0).sum())

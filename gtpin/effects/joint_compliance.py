@@ -52,8 +52,8 @@ class JointCompliance(Effect):
         return joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
-        """``no_load`` where the joint carries no load, because it then has no deflection."""
-        return None if loaded(at, site) else Untestable("no_load")
+        """``no_load`` or ``no_masses`` where the joint carries no load, because it then has no deflection."""
+        return None if loaded(at, site) else no_load(at)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """The load and the payload."""
@@ -89,3 +89,8 @@ def loaded(at: Situation, site: str) -> bool:
     """Whether a joint has a force along its axis, or a moment about it, at any pose."""
     load, _ = own_load(at, site)
     return bool(np.abs(load).max() > LEAST_LOAD * max(float(np.abs(at.joint_loads).max()), 1e-3))
+
+
+def no_load(at: Situation) -> Untestable:
+    """Why a joint carries nothing: ``no_masses`` where no joint carries anything at any pose, else ``no_load``."""
+    return Untestable("no_load" if at.joint_loads.any() else "no_masses")

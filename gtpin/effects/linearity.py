@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.drives import drive_sizes, smooth_orders
+from gtpin.effects.drives import drive_sizes, smooth_cosines
 from gtpin.effects.effect import ChainWords, Effect, Floats
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines, extent
+from gtpin.effects.smooth import extent
 from gtpin.robot.robot import Robot
 
 ORDERS, DECAY = 14, 1.2
@@ -45,7 +45,7 @@ class Linearity(Effect):
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Cosines along the track. Those of long wavelength are larger; the first is nearly a straight line."""
         j = at.robot.sites.index(site)
-        columns, size = cosines(at.travel[:, j], 1, smooth_orders(at, j, ORDERS), DECAY)
+        columns, size = smooth_cosines(at, j, ORDERS, DECAY)
         return along_track(at, site, columns, drive_sizes(at, site, size, 5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

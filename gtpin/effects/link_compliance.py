@@ -11,6 +11,7 @@ from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import bending, of_tips, reach, tip_loads, torsion
 from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
 from gtpin.effects.hysteresis import approach
+from gtpin.effects.joint_compliance import no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links, links_at
 from gtpin.effects.situation import Situation
@@ -75,8 +76,8 @@ class LinkCompliance(Effect):
         return arm_and_links(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | str | None:
-        """``no_load`` where no link of a robot without rods carries a load."""
-        return Untestable("no_load") if not at.robot.rods and not at.joint_loads.any() else None
+        """``no_load`` or ``no_masses`` where no link of a robot without rods carries a load."""
+        return no_load(at) if not at.robot.rods and not at.joint_loads.any() else None
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """The load and the payload."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
@@ -23,7 +24,12 @@ MOST_A_TURN = 202.0
 """Largest number of periods per turn that is tried at a turning joint of a robot without rods. A strain wave gear of ratio 101
 has two periods for each turn of its input."""
 LEAST_TURNS = 1.5
-"""Smallest number of periods in the joint's range of commands. With fewer the deviation is a ``linearity``."""
+"""Smallest number of periods in the joint's range of commands. With fewer the deviation is a ``linearity``, unless the joint
+has another period as well."""
+APART = 0.5
+"""Smallest difference of two periods of one joint, in cycles over its range of commands. Derived: the Fourier resolution is one
+cycle; at half of it, the cosines of two periods have a correlation of sin(pi / 2) / (pi / 2) = 0.64. Nearer ones are one line
+whose amplitude changes, or no line."""
 
 
 class RackPeriodic(Effect):
@@ -63,14 +69,25 @@ class RackPeriodic(Effect):
 
     def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
         """Periods to try, so dense that the phase error over the whole track is at most a twelfth of a turn."""
-        q = at.q[:, at.robot.sites.index(site)]
-        span = max(float(np.ptp(q)), 1e-9)
-        if turns(at.robot, site) and not at.robot.rods:
-            longest, shortest = min(TURN, span / LEAST_TURNS), TURN / MOST_A_TURN
+        span = _span(at, site)
+        if _turns(at, site):
+            longest, shortest = TURN, TURN / MOST_A_TURN
+            if span / LEAST_TURNS < shortest:
+                return []
         else:
             longest, shortest = min(LONGEST, span / 3.0), SHORTEST
         frequencies = np.arange(1.0 / longest, 1.0 / shortest, 1.0 / (6.0 * span))
         return [float(1.0 / f) for f in frequencies]
+
+    def resolved(self, at: Situation, site: str, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
+        """At a turning joint of a robot without rods: ``LEAST_TURNS`` periods in its range, or ``APART`` from its others."""
+        if not _turns(at, site):
+            return super().resolved(at, site, values, others)
+        cycles, span = 1.0 / np.asarray(values), _span(at, site)
+        if not len(others):
+            return np.asarray(cycles * span >= LEAST_TURNS * (1.0 - 1e-9))
+        apart = np.abs(cycles[:, None] - 1.0 / np.asarray(others)).min(axis=1) * span
+        return np.asarray(apart >= APART)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Cosine and sine of the period, their change along the track, and for robots with rods the second harmonic."""
@@ -94,3 +111,13 @@ class RackPeriodic(Effect):
         }
         harmonic = coefficients[4:6]
         return found | ({"harmonic": (float(np.hypot(*harmonic)), "m")} if harmonic.size else {})
+
+
+def _turns(at: Situation, site: str) -> bool:
+    """Whether a site is a turning joint of a robot without rods."""
+    return turns(at.robot, site) and not at.robot.rods
+
+
+def _span(at: Situation, site: str) -> float:
+    """Range of a joint's commands, m or rad."""
+    return max(float(np.ptp(at.q[:, at.robot.sites.index(site)])), 1e-9)

@@ -11,6 +11,7 @@ Kind = Literal[
     "too_few_commands",
     "one_sign",
     "no_load",
+    "no_masses",
     "single_joint",
     "absorbed",
     "unrecorded_payload",
@@ -28,7 +29,8 @@ class Untestable:
         ``missing``, ``constant``: a covariate that the effect depends on has no column, or does not vary.
         ``too_few_commands``: the commands are too few, or too close together, for its nonlinear parameter.
         ``one_sign``: the link's force does not change its sign.
-        ``no_load``: the joint or link carries no load that the effect depends on.
+        ``no_load``: the joint carries nothing about its own axis. ``no_masses``: no load is known, because the
+        links have no masses, and no payload or force was recorded.
         ``single_joint``: the cart carries one joint. A rotation of the cart about it has no effect on the TCP.
         ``absorbed``: geometric calibration absorbs it, even at ten times its typical size.
         ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested with the

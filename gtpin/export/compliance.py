@@ -94,6 +94,18 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
 
 def with_scales(mechanism: Mechanism, model: Model) -> tuple[Mechanism, set[str]]:
     """Drives with the travel per command of a model's scales and its ``encoder_scale``."""
+    scales, carried = drive_scales(model)
+    drives = tuple(replace(drive, scale=scales[drive.site]) for drive in mechanism.drives)
+    by_joint = {drive.joint: drive.scale for drive in drives}
+    bodies = tuple(
+        replace(body, joints=tuple(_scaled(joint, by_joint.get(joint.name, 1.0)) for joint in body.joints))
+        for body in mechanism.bodies
+    )
+    return replace(mechanism, drives=drives, bodies=bodies), carried
+
+
+def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
+    """Travel per command of each drive by site, from a model's scales and ``encoder_scale``, and the names of these parts."""
     scales = dict.fromkeys(model.robot.sites, 1.0)
     for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
         if parameter.kind == "scale" and parameter.per == "actuator":
@@ -103,13 +115,7 @@ def with_scales(mechanism: Mechanism, model: Model) -> tuple[Mechanism, set[str]
         if active.effect.exported_as == "drive_scale":
             scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.nonlinear)["scale"][0]
             carried.add(active.name)
-    drives = tuple(replace(drive, scale=scales[drive.site]) for drive in mechanism.drives)
-    by_joint = {drive.joint: drive.scale for drive in drives}
-    bodies = tuple(
-        replace(body, joints=tuple(_scaled(joint, by_joint.get(joint.name, 1.0)) for joint in body.joints))
-        for body in mechanism.bodies
-    )
-    return replace(mechanism, drives=drives, bodies=bodies), carried | {"drive scales"}
+    return scales, carried | {"drive scales"}
 
 
 def _scaled(joint: Joint, scale: float) -> Joint:

@@ -10,12 +10,14 @@ from typing import Literal, get_args
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
 from gtpin.errors import GtpinError, warn
-from gtpin.export.compliance import with_cart_springs, with_link_springs, with_scales
+from gtpin.export.compliance import drive_scales, with_cart_springs, with_link_springs, with_scales
 from gtpin.export.left_out import left_out
+from gtpin.export.loss import with_losses
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
 from gtpin.export.sdf import to_sdf
+from gtpin.export.transmissions import with_transmissions
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.output.results import results_folder
@@ -35,10 +37,11 @@ SUFFIXES: dict[str, Format] = {
 
 @dataclass(frozen=True)
 class Export:
-    """Text by file name, and the names of what the files do not hold of the model."""
+    """Text by file name, and what the files do not hold of the model; part of it may stand in a URDF's transmissions."""
 
     files: dict[str, str]
     left_out: tuple[str, ...]
+    in_transmissions: tuple[str, ...] = ()
 
 
 def export(
@@ -49,7 +52,7 @@ def export(
     session: str | None = None,
     force: bool = False,
 ) -> tuple[Path, ...]:
-    """Write a model for other software. A warning names what the format can't hold of it.
+    """Write a model for other software. A warning names what the format can't hold of it, each part with its loss, um.
 
     Parameters
     ----------
@@ -83,7 +86,9 @@ def export(
         for name, text in made.files.items():
             (folder / name).write_text(text, encoding="utf-8")
     if made.left_out:
-        warn(f"{file.name} does not hold {', '.join(made.left_out)}")
+        lost = ", ".join(with_losses(model, made.left_out))
+        more = f"; {', '.join(made.in_transmissions)}: as <transmission> only" if made.in_transmissions else ""
+        warn(f"{file.name} does not hold {lost}{more}")
     return tuple(file.parent / name for name in made.files)
 
 
@@ -93,7 +98,9 @@ def texts(model: Model, file: Path, form: Format, *, session: str | None = None)
         return _corrections(model, file, form, session)
     urdf = calibrated_urdf(model)
     if form == "urdf":
-        return Export({file.name: urdf}, left_out(model))
+        scales, carried = drive_scales(model)
+        urdf = with_transmissions(urdf, model.robot, scales)
+        return Export({file.name: urdf}, left_out(model), tuple(name for name in left_out(model) if name in carried))
     robot = Robot(Description.parse(urdf, f"the URDF of {model.robot.name}"), model.robot.tcp_frame)
     if form == "parallel-robots":
         files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}

@@ -41,7 +41,7 @@ def shapes_of(robot: Robot) -> dict[int, tuple[Shape, ...]]:
         for collision in link.findall("collision"):
             link.remove(collision)
     if meshes:
-        warn(f"{meshes} meshes of {robot.name} are left out")
+        warn(f"{meshes} mesh{'es' if meshes > 1 else ''} of {robot.name} left out")
     found: dict[int, tuple[Shape, ...]] = {}
     geometry = pin.buildGeomFromUrdfString(robot.model, tostring(root, encoding="unicode"), pin.GeometryType.VISUAL)
     for item in geometry.geometryObjects:

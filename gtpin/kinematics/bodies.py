@@ -70,7 +70,7 @@ def index_of(joint_id: int) -> int:
 def configurations(robot: Robot, q: Floats) -> Floats:
     """(N, nq) Pinocchio configurations of a robot without loops."""
     if robot.followers:
-        return np.array([robot.with_commands(robot.neutral, row) for row in q]).reshape(len(q), -1)
+        return np.array([robot.with_commands(robot.neutral, row) for row in q]).reshape(len(q), robot.model.nq)
     found = np.tile(robot.neutral, (len(q), 1))
     for i, actuator in enumerate(robot.actuators):
         if robot.model.nqs[actuator.joint_id] == 2:

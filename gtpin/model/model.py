@@ -15,6 +15,7 @@ from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics, Solver, kinematics
 from gtpin.kinematics.poses import Poses
+from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -61,6 +62,8 @@ class Model:
         (p, p) of the geometry's parameters, m, rad and m/m, if they were identified; None if they are nominal.
     solver
         Solver of the loop closures of a robot with rods: see :func:`~gtpin.kinematics.kinematics.kinematics`.
+    instruments
+        The instruments of a dataset of schema 2, with the values of their unknowns. With them, ``frame`` is the base frame.
 
     Examples
     --------
@@ -75,6 +78,7 @@ class Model:
     effects: tuple[ActiveEffect, ...] = ()
     covariance: Floats | None = None
     solver: Solver = "arrays"
+    instruments: tuple[FittedInstrument, ...] = ()
 
     def __repr__(self) -> str:
         effects = ", ".join(active.name for active in self.effects) or "none"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, ValidationError
 
@@ -33,6 +33,15 @@ class TrackRecord(Record):
     origin: Triple
 
 
+class InstrumentRecord(Record):
+    """An instrument; see :class:`~gtpin.model.fitted_instrument.FittedInstrument`."""
+
+    declared: dict[str, Any]
+    columns: list[str]
+    known: dict[str, list[str]]
+    unknowns: dict[str, Finite]
+
+
 class ModelFile(Record):
     """The whole of ``model.json``; docs/model.md explains the keys."""
 
@@ -49,6 +58,7 @@ class ModelFile(Record):
     covariance: list[list[Finite]] | None = None
     base_in_instrument: FrameRecord | None
     effects: list[EffectRecord] = Field(default_factory=list)
+    instruments: list[InstrumentRecord] = Field(default_factory=list)
 
 
 def read_model_file(file: Path) -> ModelFile:

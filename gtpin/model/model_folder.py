@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import ValidationError
 
+from gtpin.data.instrument_tables import TABLES, AnyTable, written
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
@@ -17,8 +18,18 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
+from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Frame, Model
-from gtpin.model.model_file import AGAIN, SCHEMA, FrameRecord, ModelFile, TrackRecord, explained, read_model_file
+from gtpin.model.model_file import (
+    AGAIN,
+    SCHEMA,
+    FrameRecord,
+    InstrumentRecord,
+    ModelFile,
+    TrackRecord,
+    explained,
+    read_model_file,
+)
 from gtpin.output.results import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.export import placements_to_urdf, to_urdf
@@ -97,7 +108,27 @@ def _content(model: Model) -> ModelFile:
         covariance=None if model.covariance is None else model.covariance.tolist(),
         base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
         effects=[record(active) for active in model.effects],
+        instruments=[_instrument_record(one) for one in model.instruments],
     )
+
+
+def _instrument_record(one: FittedInstrument) -> InstrumentRecord:
+    known = {name: list(ids) for name, ids in one.known.items()}
+    return InstrumentRecord(
+        declared=written(one.table), columns=list(one.columns), known=known, unknowns=dict(one.unknowns)
+    )
+
+
+def _instrument(number: int, record: InstrumentRecord, file: Path) -> FittedInstrument:
+    kind = TABLES.get(str(record.declared.get("kind")), AnyTable)
+    try:
+        table = kind.model_validate(record.declared, strict=False)
+    except ValidationError as error:
+        key = ".".join(str(part) for part in error.errors()[0]["loc"])
+        column = f"instruments.{number}.declared.{key}"
+        raise ModelError(error.errors()[0]["msg"], file=file, column=column, hint=AGAIN) from None
+    known = {name: tuple(ids) for name, ids in record.known.items()}
+    return FittedInstrument(table, tuple(record.columns), known, dict(record.unknowns))
 
 
 def _track_record(track: MeasuredTrack) -> TrackRecord:
@@ -152,7 +183,8 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
         frame, covariance = _frame(content), _covariance(geometry, content)
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
-    return Model(geometry, frame, _effects(content, geometry, file, own), covariance)
+    instruments = tuple(_instrument(i, one, file) for i, one in enumerate(content.instruments))
+    return Model(geometry, frame, _effects(content, geometry, file, own), covariance, instruments=instruments)
 
 
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:

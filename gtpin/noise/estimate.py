@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -64,18 +65,51 @@ def likeliest(
         repeatability = unit * float(x[0])
         return replace(noise, position_sigma=sigmas[0], orientation_sigma=sigmas[1], repeatability=repeatability)
 
+    return likeliest_of(trial, len(open_), errors, J, counted)
+
+
+class Covariance(Protocol):
+    """What a model of noise gives."""
+
+    def covariance(self, command_jacobian: Floats, components: int) -> Floats:
+        """(N, c, c) covariance of each row."""
+
+
+N = TypeVar("N", bound=Covariance)
+
+
+def likeliest_of(trial: Callable[[Floats], N], free: int, errors: Floats, by_command: Floats, weight: Floats) -> N:
+    """The noise that makes errors likeliest, of those that ``trial`` makes of x: repeatability, and logs of free sigmas.
+
+    Repeatability is left at zero where the errors do not show it.
+
+    Parameters
+    ----------
+    trial
+        Makes the noise of x (1 + free,): repeatability in units of about the sigmas, and by how much the logs of the free
+        sigmas differ from a first estimate.
+    free
+        Number of free sigmas.
+    errors
+        (N, c) measured less predicted, m and rad.
+    by_command
+        Derivative of what is measured by the commands, as the noise's covariance needs it.
+    weight
+        (N,) by which squares are counted.
+    """
+
     def cost(x: Floats) -> float:
-        lower = np.linalg.cholesky(trial(x).covariance(J, c))
+        lower = np.linalg.cholesky(trial(x).covariance(by_command, errors.shape[1]))
         whitened = np.linalg.solve(lower, errors[..., None])[..., 0]
         logs = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
-        return float(logs + 0.5 * (counted * (whitened**2).sum(axis=1)).sum())
+        return float(logs + 0.5 * (weight * (whitened**2).sum(axis=1)).sum())
 
-    free = [(-MOST[1], MOST[1])] * len(open_)
-    starts = [np.array([first] + [other] * len(open_)) for first, other in STARTS]
-    best = min((_climbed(cost, start, [(0.0, MOST[0]), *free]) for start in starts), key=cost)
-    without = np.zeros(1 + len(open_))
-    if open_:
-        without = _climbed(cost, without, [(0.0, 0.0), *free])
+    bounds = [(-MOST[1], MOST[1])] * free
+    starts = [np.array([first] + [other] * free) for first, other in STARTS]
+    best = min((_climbed(cost, start, [(0.0, MOST[0]), *bounds]) for start in starts), key=cost)
+    without = np.zeros(1 + free)
+    if free:
+        without = _climbed(cost, without, [(0.0, 0.0), *bounds])
     return trial(best if 2.0 * (cost(without) - cost(best)) > SHOWN else without)
 
 

@@ -100,6 +100,16 @@ class Noise:
             lack=self.lack * factor,
         )
 
+    def sized_as(self, other: object) -> Noise:
+        """The same noise with the sigmas and the repeatability of another."""
+        assert isinstance(other, Noise)
+        return replace(
+            self,
+            position_sigma=other.position_sigma,
+            orientation_sigma=other.orientation_sigma,
+            repeatability=other.repeatability,
+        )
+
     def at_least(self, sigma: float) -> Noise:
         """The same noise, its sigmas no smaller than one (m and rad)."""
         return replace(

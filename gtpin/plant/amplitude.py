@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause
-from gtpin.plant.energy import PastGeometry
+from gtpin.plant.energy import Past
 from gtpin.plant.response import Plant
 
 CLOSE = 1e-3
@@ -14,7 +14,7 @@ STEPS = 6
 
 
 def amplitude_for(
-    plant: Plant, cause: Cause, rows: npt.NDArray[np.int_], past: PastGeometry, energy: float, largest: float
+    plant: Plant, cause: Cause, rows: npt.NDArray[np.int_], past: Past, energy: float, largest: float
 ) -> float:
     """Amplitude, in typical sizes, at which a cause has the energy at some of the visits; the largest if it never has."""
     amplitude = 1.0

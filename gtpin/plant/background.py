@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.causes.kinds import listed
-from gtpin.plant.energy import PastGeometry
+from gtpin.plant.energy import Past
 from gtpin.plant.response import Plant
 
 BESIDE = (2.0, 12.0)
@@ -24,7 +24,7 @@ MOST = 2.0
 def weak_others(
     plant: Plant,
     rows: npt.NDArray[np.int_],
-    past: PastGeometry,
+    past: Past,
     taken: Collection[tuple[str, str]],
     beside: bool,
     rng: np.random.Generator,

@@ -23,7 +23,7 @@ from gtpin.plant.arms.robot import Arm
 from gtpin.plant.background import weak_others
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.causes.kinds import kind
-from gtpin.plant.energy import PastGeometry
+from gtpin.plant.energy import Past, PastGeometry
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.recipe import Recipe, Wanted
@@ -101,7 +101,7 @@ def assemble(recipe: Recipe) -> Built:
     plant = Plant(machine, visits, np.array(noise.station))
     rows = streams[4].permutation(np.flatnonzero(~visits.held))
     past = PastGeometry.of(machine, visits.q[rows], plant.ideal.poses[rows], noise.sigma)
-    causes, truths = _strong(recipe.wanted, recipe.seed, plant, rows, past)
+    causes, truths = strong(recipe.wanted, recipe.seed, plant, rows, past)
     weak: list[tuple[Cause, float]] = []
     energy = 0.0
     if recipe.background:
@@ -144,8 +144,8 @@ def build(recipe: Recipe) -> Case:
     )
 
 
-def _strong(
-    wanted: Sequence[Wanted], seed: int, plant: Plant, rows: Rows, past: PastGeometry
+def strong(
+    wanted: Sequence[Wanted], seed: int, plant: Plant, rows: Rows, past: Past
 ) -> tuple[list[tuple[Cause, float]], list[Truth]]:
     """The effects wanted, with their amplitudes, and what they do at the rows that are measured."""
     causes, truths = [], []

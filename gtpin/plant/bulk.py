@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.plant.case import Case, make_case
+from gtpin.plant.build import build
+from gtpin.plant.case import Case, drawn_recipe
+from gtpin.plant.recipe import Recipe
 from gtpin.plant.tracker import Noise
 
 SHARES = {"one": 0.70, "two": 0.12, "none": 0.08, "unknown": 0.10}
@@ -27,6 +29,11 @@ def draw_case(seed: int, *, rough: bool = False, poses: int | None = None, robot
     robot
         As for :func:`~gtpin.plant.case.make_case`.
     """
+    return build(bulk_recipe(seed, rough=rough, poses=poses, robot=robot))
+
+
+def bulk_recipe(seed: int, *, rough: bool = False, poses: int | None = None, robot: str = "gantry_tau") -> Recipe:
+    """The recipe of a case; see :func:`draw_case`."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
     what = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     number = {"one": 1, "two": 2, "none": 0, "unknown": 1}[what]
@@ -36,7 +43,7 @@ def draw_case(seed: int, *, rough: bool = False, poses: int | None = None, robot
         noise, without = _rough_noise(rng), LACKING[int(rng.integers(len(LACKING)))]
         poses = poses or int(rng.integers(70, 201))
     unknown = what == "unknown"
-    return make_case(seed, n_effects=number, unknown=unknown, poses=poses, noise=noise, without=without, robot=robot)
+    return drawn_recipe(seed, n_effects=number, unknown=unknown, poses=poses, noise=noise, without=without, robot=robot)
 
 
 def _rough_noise(rng: np.random.Generator) -> Noise:

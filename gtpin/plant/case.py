@@ -76,6 +76,40 @@ def make_case(
     GtpinError
         If an effect or site is not known, or there is nothing to measure.
     """
+    return build(
+        drawn_recipe(
+            seed,
+            effects=effects,
+            n_effects=n_effects,
+            unknown=unknown,
+            energy=energy,
+            poses=poses,
+            held_out=held_out,
+            noise=noise,
+            conditions=conditions,
+            without=without,
+            background=background,
+            robot=robot,
+        )
+    )
+
+
+def drawn_recipe(
+    seed: int,
+    *,
+    effects: Sequence[tuple[str, str | None]] | None = None,
+    n_effects: int = 1,
+    unknown: bool = False,
+    energy: float | tuple[float, float] | None = None,
+    poses: int | None = None,
+    held_out: int = 120,
+    noise: Noise | None = None,
+    conditions: Conditions | None = None,
+    without: tuple[str, ...] = (),
+    background: bool = True,
+    robot: str = "gantry_tau",
+) -> Recipe:
+    """Draw the recipe of a case; see :func:`make_case`."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     found = known_robot(robot)
     kinds = unlisted(found) if unknown else listed(found)
@@ -94,7 +128,7 @@ def make_case(
     drawn = Conditions.draw(rng, needs, capacity(found))
     measured = conditions or drawn
     count = int(rng.integers(POSES[0], POSES[1] + 1))
-    recipe = Recipe(
+    return Recipe(
         tuple(wanted),
         seed,
         robot=robot,
@@ -104,4 +138,3 @@ def make_case(
         conditions=measured.model_copy(update={"without": measured.without + without}),
         background=background,
     )
-    return build(recipe)

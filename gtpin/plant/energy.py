@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,13 @@ from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 
 Floats = npt.NDArray[np.float64]
+
+
+class Past(Protocol):
+    """What measures how hard an effect is to see."""
+
+    def energy(self, displacement: Floats) -> float:
+        """E of a displacement (N, 6) of the poses, m and rad, base frame."""
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,18 @@ class Loops:
 
     def forward(self, q: Floats) -> Poses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close."""
+        x, open_at = self._led(q)
+        poses = placed(self.joints, np.nan_to_num(x)).at(self.tcp)
+        poses.T[open_at], poses.R[open_at] = np.nan, np.nan
+        return poses
+
+    def coordinate(self, joint: str, q: Floats) -> Floats:
+        """(N,) coordinate of a joint at commands q (N, n), rad or m; NaN where the loops don't close."""
+        x, open_at = self._led(q)
+        return np.where(open_at, np.nan, x[:, [one.name for one in self.joints].index(joint)])
+
+    def _led(self, q: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
+        """(N, J) coordinates at commands q (N, n), on the assembly mode of home, and (N,) where the loops don't close."""
         x = np.zeros((len(q), len(self.joints)))
         home = self._home()
         open_at = np.full(len(q), home is None)
@@ -93,10 +105,7 @@ class Loops:
                 x[:, self.driven] = self.home_q + s * (q - self.home_q)
                 x, closed = self._closed(x)
                 open_at |= ~closed
-        bodies = placed(self.joints, np.nan_to_num(x))
-        poses = bodies.at(self.tcp)
-        poses.T[open_at], poses.R[open_at] = np.nan, np.nan
-        return poses
+        return x, open_at
 
     def command_jacobian(self, q: Floats) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""

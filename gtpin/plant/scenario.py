@@ -90,6 +90,13 @@ def simulate_scenario(
     GtpinError
         If the file can't be read, or an effect or site in it is not known.
     """
+    return build(scenario_recipe(file, seed=seed, poses=poses, robot=robot))
+
+
+def scenario_recipe(
+    file: Path | str, *, seed: int | None = None, poses: int | None = None, robot: str | None = None
+) -> Recipe:
+    """The recipe of a scenario file; see :func:`simulate_scenario`."""
     scenario = read_scenario(file)
     seed = scenario.seed if seed is None else seed
     rng = np.random.default_rng(np.random.SeedSequence([seed, 4]))
@@ -112,7 +119,7 @@ def simulate_scenario(
         wanted.append(Wanted(effect.id, site, energy, effect.amplitude, effect.periods))
     needs = {need for effect in scenario.effect for need in kind(effect.id, known).needs}
     given = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
-    recipe = Recipe(
+    return Recipe(
         tuple(wanted),
         seed,
         robot=reference,
@@ -122,7 +129,6 @@ def simulate_scenario(
         conditions=Conditions.draw(rng, needs, capacity(known)).model_copy(update=given),
         background=scenario.background,
     )
-    return build(recipe)
 
 
 def _explained(file: Path, error: ValidationError) -> GtpinError:

@@ -97,7 +97,7 @@ class Noise(BaseModel):
     def measured(self, true: Poses, rng: np.random.Generator) -> Poses:
         """Poses (N) as the instrument reads them."""
         sigma = np.array([self.position_sigma] * 3 + [self.orientation_sigma] * 3)
-        errors = sigma * self._drawn(rng, (len(true), 6))
+        errors = sigma * self.drawn(rng, (len(true), 6))
         distance = np.linalg.norm(true.T - np.array(self.station), axis=1)
         errors[:, :3] *= np.maximum(1.0 + self.by_range * (distance / distance.mean() - 1.0), 0.1)[:, None]
         off = rng.random(len(true)) < self.gross
@@ -106,7 +106,7 @@ class Noise(BaseModel):
         errors += sigma * np.where(off[:, None], size * way / np.linalg.norm(way, axis=1, keepdims=True), 0.0)
         return Poses(true.T + errors[:, :3], exp(errors[:, 3:]) @ true.R)
 
-    def _drawn(self, rng: np.random.Generator, shape: tuple[int, int]) -> Floats:
+    def drawn(self, rng: np.random.Generator, shape: tuple[int, int]) -> Floats:
         """Draws of sigma 1."""
         if self.tails is None:
             return rng.standard_normal(shape)

@@ -110,6 +110,15 @@ class Looped:
         """See :class:`TrueRobot`."""
         return self._loops.command_jacobian(q)
 
+    @property
+    def passive(self) -> tuple[str, ...]:
+        """Names of the joints that follow."""
+        return tuple(self._loops.joints[j].name for j in self._loops.passive)
+
+    def coordinate(self, joint: str, q: Floats) -> Floats:
+        """(N,) coordinate of a joint at commands q (N, n), rad or m; NaN where it can't go."""
+        return self._loops.coordinate(joint, q)
+
 
 def twists(geometry: Geometry) -> dict[str, Floats]:
     """Twist (6,), m and rad, of each joint whose placement is off, by its name; ``platform`` is the tool's."""

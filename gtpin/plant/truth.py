@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +25,9 @@ from gtpin.plant.visits import Visits
 
 Floats = npt.NDArray[np.float64]
 
-DATASET_FILES = (*FILES, "commands.csv", "truth.csv")
+TABLES = tuple(f"{name}.csv" for name in ("tracker", "camera", "wire", "bed", "cup", "level", "encoder", "ballbar"))
+"""The tables of the plant's instruments."""
+DATASET_FILES = (*FILES, *TABLES, "commands.csv", "truth.csv")
 """What the folder of a virtual machine's dataset may consist of."""
 
 
@@ -110,13 +112,25 @@ class Case:
 
     def write_truth(self, folder: Path, name: str) -> None:
         """Write ``NAME.truth.json`` and ``NAME.truth.csv`` into a folder that is being written."""
-        json_name, csv_name = truth_names(name)
-        effects = [{"effect": t.effect, "site": t.site, "energy": t.energy} for t in self.effects]
-        text = json.dumps({"effects": effects}, indent=1, allow_nan=False) + "\n"
-        (folder / json_name).write_text(text, encoding="utf-8")
-        columns = dict(zip("xyz", self.truth.T.T, strict=True))
-        columns |= dict(zip(("qw", "qx", "qy", "qz"), self.truth.quaternions.T, strict=True))
-        write_table(folder / csv_name, {"pose": self.commands.pose, **columns})
+        write_truth(folder, name, self.effects, self.commands, self.truth)
+
+
+def write_truth(
+    folder: Path,
+    name: str,
+    effects: Sequence[Truth],
+    commands: Commands,
+    poses: Poses,
+    more: Mapping[str, object] | None = None,
+) -> None:
+    """Write ``NAME.truth.json``, with what ``more`` there is to it, and ``NAME.truth.csv``, the poses at the commands."""
+    json_name, csv_name = truth_names(name)
+    listed = [{"effect": t.effect, "site": t.site, "energy": t.energy} for t in effects]
+    text = json.dumps({"effects": listed, **(more or {})}, indent=1, allow_nan=False) + "\n"
+    (folder / json_name).write_text(text, encoding="utf-8")
+    columns = dict(zip("xyz", poses.T.T, strict=True))
+    columns |= dict(zip(("qw", "qx", "qy", "qz"), poses.quaternions.T, strict=True))
+    write_table(folder / csv_name, {"pose": commands.pose, **columns})
 
 
 def truth_names(name: str) -> tuple[str, str]:

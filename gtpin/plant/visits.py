@@ -115,10 +115,31 @@ def plan(
     UnreachableError
         If hardly any poses can be reached.
     """
-    count = poses + held_out
-    q = in_front(machine, count, rng) if isinstance(machine, ArmMachine) else reachable(machine, count, rng)
-    again = rng.choice(poses, size=int(REPEATED * poses), replace=False)
-    pose = np.concatenate([np.arange(poses + held_out), again])
+    return visited(machine, drawn(machine, poses + held_out, rng), poses, poses, conditions, rng)
+
+
+def drawn(machine: Machine | ArmMachine, count: int, rng: np.random.Generator) -> Floats:
+    """(count, n) commands all over the workspace.
+
+    Raises
+    ------
+    UnreachableError
+        If hardly any poses can be reached.
+    """
+    return in_front(machine, count, rng) if isinstance(machine, ArmMachine) else reachable(machine, count, rng)
+
+
+def visited(
+    machine: Machine | ArmMachine,
+    q: Floats,
+    poses: int,
+    repeatable: int,
+    conditions: Conditions,
+    rng: np.random.Generator,
+) -> Visits:
+    """A day's visits of poses q (P, n): the first ``poses`` are measured, a tenth of the first ``repeatable`` twice."""
+    again = rng.choice(repeatable, size=int(REPEATED * repeatable), replace=False)
+    pose = np.concatenate([np.arange(len(q)), again])
     pose = rng.permutation(pose)
     if conditions.order == "layers":
         # By round (first visits, then second ones), by layer, then by the difference of the first two commands.

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.report.ball_bar_plot import circular_tests
 from gtpin.report.drawing import drawing
 from gtpin.report.evidence import Bar
 from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.instruments_table import fit_table, unknowns_table
 from gtpin.report.maps import maps
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import cannot_judge, quality, scatters
+from gtpin.report.reading_maps import reading_maps
 from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, selection
 from gtpin.report.residuals import Residuals
-from gtpin.report.words import counted, length, percent, quantity, whole
+from gtpin.report.words import counted, joined, length, percent, quantity, whole
 
 CONTENTS = (
+    ("instruments", "The instruments"),
+    ("circles", "Circular tests"),
     ("maps", "Over the workspace"),
     ("covariates", "Against what was recorded"),
     ("parameters", "Parameters"),
@@ -32,17 +39,21 @@ SHOWN = 8
 def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
     """The whole report of a calibration as one self-contained HTML file."""
     robot = calibration.model.robot
+    dataset = with_positions(dataset, robot)
     residuals = Residuals.of(dataset, calibration)
-    seen, component = components(residuals, residuals.component_names[0])
+    seen, component = components(residuals, residuals.first_component)
     against = against_columns(residuals, {}, seen, (component, ONE_LAYER))
-    views = maps(residuals, ONE_LAYER)
+    views = maps(residuals, ONE_LAYER) if residuals.of_poses else reading_maps(residuals, ONE_LAYER)
+    tests = circular_tests(residuals, False)
+    absent = {"instruments"} if residuals.of_poses else set[str]()
+    absent |= set() if tests else {"circles"}
     moved, parameters = geometry_tables(calibration)
     tone, badge, headline, advice = _verdict(calibration)
     return render(
         "calibration.html",
         title=f"Calibration of {robot.name}",
-        contents=CONTENTS,
-        plots={"against": against, "maps": views.plots},
+        contents=[(id_, name) for id_, name in CONTENTS if id_ not in absent],
+        plots={"against": against, "maps": views.plots, **{test.key: test.plots for test in tests}},
         provenance=provenance(dataset, robot),
         robot=robot.name,
         count=len(calibration.names),
@@ -64,14 +75,26 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
         correlations=_correlations(calibration),
         zeros=_zeros(calibration),
         quality=quality(dataset, calibration),
+        of_poses=residuals.of_poses,
+        tests=tests,
+        instruments=fit_table(calibration),
+        unknowns=unknowns_table(calibration.model, calibration),
+        words=calibration.words if isinstance(calibration, ReadingsCalibration) else (),
     )
 
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Colour, badge, headline and advice."""
-    values = c.to_json()
-    before, after = length(values["position_rms_before"]), length(values["position_rms_after"])
-    headline = f"Calibration reduces the position error from {before} to {after}, RMS, on the fitted poses."
+    if isinstance(c, ReadingsCalibration):
+        changes = [
+            f"{quantity(one.before, one.unit)} to {quantity(one.after, one.unit)} ({one.name})"
+            for one in c.by_instrument
+        ]
+        headline = f"Calibration reduces the errors of the readings, RMS, from {joined(changes)}."
+    else:
+        values = c.to_json()
+        before, after = length(values["position_rms_before"]), length(values["position_rms_after"])
+        headline = f"Calibration reduces the position error from {before} to {after}, RMS, on the fitted poses."
     if c.enlarged > 1.0:
         advice = [
             f"The residuals are {c.enlarged:.2f} times the noise: geometry alone does not explain these data.",
@@ -93,10 +116,16 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
 
 def _numbers(c: Calibration) -> list[tuple[str, str]]:
     values = c.to_json()
-    numbers = [
-        (length(values["position_rms_before"]), "position error, nominal"),
-        (length(values["position_rms_after"]), "calibrated"),
-    ]
+    if isinstance(c, ReadingsCalibration):
+        numbers = []
+        for one in c.by_instrument:
+            numbers.append((quantity(one.before, one.unit), f"error of {one.name}, nominal"))
+            numbers.append((quantity(one.after, one.unit), "calibrated"))
+    else:
+        numbers = [
+            (length(values["position_rms_before"]), "position error, nominal"),
+            (length(values["position_rms_after"]), "calibrated"),
+        ]
     if values["orientation_rms_after"] is not None:
         numbers.append((quantity(values["orientation_rms_before"], "rad"), "orientation error, nominal"))
         numbers.append((quantity(values["orientation_rms_after"], "rad"), "calibrated"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.report.quality import cannot_judge, scatters
 
@@ -33,10 +34,16 @@ def calibration_summary(calibration: Calibration) -> str:
 
 def _fit(c: Calibration) -> str:
     values = c.to_json()
-    lines = [
-        f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measured poses",
-        _before_after("position error, RMS", values["position_rms_before"], values["position_rms_after"], 1e6, "um"),
-    ]
+    of = "readings" if isinstance(c, ReadingsCalibration) else "measured poses"
+    lines = [f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} {of}"]
+    if isinstance(c, ReadingsCalibration):
+        lines += [
+            _before_after(f"error of {one.name}, RMS", one.before, one.after, 1e6, f"u{one.unit}")
+            for one in c.by_instrument
+        ]
+    else:
+        position = values["position_rms_before"], values["position_rms_after"]
+        lines.append(_before_after("position error, RMS", *position, 1e6, "um"))
     if values["orientation_rms_before"] is not None:
         lines.append(
             _before_after(
@@ -63,6 +70,8 @@ def _before_after(what: str, before: float, after: float, unit: float, name: str
 
 
 def _noise(c: Calibration) -> str:
+    if isinstance(c, ReadingsCalibration):
+        return _noise_of_readings(c)
     noise = c.noise
     origin = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
     lines = [f"Noise of the instrument, 1 sigma ({origin[noise.source]})"]
@@ -89,6 +98,26 @@ def _noise(c: Calibration) -> str:
     return "\n".join(lines)
 
 
+def _noise_of_readings(c: ReadingsCalibration) -> str:
+    lines = ["Noise of the readings, RMS"]
+    lines += [f"  {one.name:<12} {one.floor * 1e6:.2f} u{one.unit}" for one in c.by_instrument]
+    if c.noise.estimated.any():
+        lines.append("  Where no sigma is declared, it is estimated from the residuals.")
+    if np.isfinite(c.freedom):
+        lines.append(f"  tails heavier than Gaussian: t distribution with {c.freedom:g} degrees of freedom or more")
+    return "\n".join(lines)
+
+
+def _unknowns(c: ReadingsCalibration) -> list[str]:
+    """Rows of the instruments' unknowns, as those of parameters."""
+    lines = ["", f"  {'unknown of an instrument':<26}{'value':>13}{'sigma':>11}{'- declared':>12}{'prior':>11}"]
+    for one, deviation in zip(c.unknowns, c.u, strict=True):
+        e = c.unknown(one.name)
+        prior = f"{one.sigma:.1e}" if np.isfinite(one.sigma) else "none"
+        lines.append(f"  {one.name:<26}{e.value:>13.7f}{e.sigma:>11.2e}{deviation:>+12.2e}{prior:>11}  {one.unit}")
+    return lines
+
+
 def _parameters(c: Calibration) -> str:
     lines = [
         "Parameters (reduction: variance reduction 1 - (sigma / tolerance)^2; 0 is no information beyond the tolerance)",
@@ -99,6 +128,8 @@ def _parameters(c: Calibration) -> str:
             f"  {p.name:<26}{value:>13.7f}{sigma:>11.2e}{value - p.nominal:>+12.2e}{p.tolerance:>11.1e}  {p.unit:<5}"
             f"{reduction:>10.3f}"
         )
+    if isinstance(c, ReadingsCalibration) and c.unknowns:
+        lines += _unknowns(c)
     if c.zeros:
         lines += ["", ZEROS, f"  {'drive':<26}{'zero':>13}{'sigma':>11}"]
         lines += [f"  {z.site:<26}{z.value:>+13.7f}{z.sigma:>11.2e}  {z.unit}" for z in c.zeros]
@@ -118,6 +149,8 @@ def _unobservable(c: Calibration) -> str:
         lines.append(
             f"  variance reduction {direction.learned:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}"
         )
+    if isinstance(c, ReadingsCalibration):
+        lines += [f"  {sentence}" for sentence in c.words[:SHOWN]]
     if len(directions) > SHOWN:
         lines.append(f"  and {len(directions) - SHOWN} more in calibration.json")
     indices = ", ".join(f"{name} {value:.3g}" for name, value in c.observability.indices.items())

@@ -40,12 +40,18 @@ class Camera:
     scale: float
 
     @staticmethod
-    def of(machine: Drawable) -> Camera:
-        """From a little above, from the side where the rods hide each other the least."""
+    def of(machine: Drawable, beyond: Floats | None = None) -> Camera:
+        """From a little above, from the side where the rods hide each other the least.
+
+        Parameters
+        ----------
+        beyond
+            (m, 3) places that are to be in the picture as well, m.
+        """
         best = max(
             (_axes(machine.up, a) for a in np.deg2rad(np.arange(0.0, 360.0, 10.0))), key=lambda v: _open(machine, v)
         )
-        flat = machine.points @ best.T
+        flat = (machine.points if beyond is None else np.vstack([machine.points, beyond])) @ best.T
         size = np.ptp(flat, axis=0)
         room = np.array([WIDTH - 2.0 * MARGIN, HEIGHT - 2.0 * MARGIN])
         return Camera(best, (flat.max(axis=0) + flat.min(axis=0)) / 2.0, float((room / np.maximum(size, 1e-9)).min()))

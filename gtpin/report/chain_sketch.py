@@ -10,6 +10,7 @@ from markupsafe import Markup, escape
 
 from gtpin.report.camera import HEIGHT, WIDTH, Camera
 from gtpin.report.chain_skeleton import ChainSkeleton
+from gtpin.report.instrument_marks import InstrumentMarks
 from gtpin.report.sketch_parts import CORNERS, NONE, SHOWN, corners, drawn, line, ring, scale, shades_of, with_share
 
 Floats = npt.NDArray[np.float64]
@@ -20,7 +21,12 @@ APART = 14.0
 """Least distance of two labels one above the other, pixels."""
 
 
-def chain_sketch(machine: ChainSkeleton, site_share: Mapping[str, float], causes: Collection[str] = ()) -> Markup:
+def chain_sketch(
+    machine: ChainSkeleton,
+    site_share: Mapping[str, float],
+    causes: Collection[str] = (),
+    marks: InstrumentMarks | None = None,
+) -> Markup:
     """Draw a robot without rods.
 
     Parameters
@@ -30,10 +36,13 @@ def chain_sketch(machine: ChainSkeleton, site_share: Mapping[str, float], causes
         empty where there is no gap.
     causes
         Sites of the causes, which are ringed or edged.
+    marks
+        Instruments that are drawn under the machine.
     """
-    at = Camera.of(machine)
+    at = Camera.of(machine, None if marks is None else marks.points)
     shades = shades_of(site_share)
     parts = [
+        "" if marks is None else marks.draw(at),
         *(line(a, b, NONE, 4.0) for a, b in map(at, machine.fixed)),
         *_links(machine, at, shades, causes),
         *_joints(machine, at, shades, causes),

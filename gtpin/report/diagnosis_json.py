@@ -51,9 +51,7 @@ def diagnosis_json(d: Diagnosis) -> dict[str, Any]:
             "region": [{"box": np.asarray(box).tolist(), "share": share} for box, share in d.where.region],
         },
         "gap": {
-            "position_rms_before": d.gap.before,
-            "position_rms_after": d.gap.after,
-            "noise_floor": d.gap.floor,
+            **_errors(d.gap),
             "shrinkage": None if none else d.gap.shrinkage,
             "interval": None if none or d.gap.interval is None else list(d.gap.interval),
             "method": gap_method(d.gap),
@@ -83,6 +81,27 @@ def diagnosis_json(d: Diagnosis) -> dict[str, Any]:
             ],
         },
         "next_experiment": [e.to_json() for e in d.next_experiment],
+    }
+
+
+def _errors(gap: Gap) -> dict[str, Any]:
+    """Position errors, those of the first tracker where there are several instruments, and errors of each instrument."""
+    if not gap.by_instrument:
+        return {"position_rms_before": gap.before, "position_rms_after": gap.after, "noise_floor": gap.floor}
+    tracker = next((one for one in gap.by_instrument if one.kind == "tracker"), None)
+    return {
+        "position_rms_before": tracker.before if tracker else None,
+        "position_rms_after": tracker.after if tracker else None,
+        "noise_floor": tracker.floor if tracker else None,
+        "by_instrument": {
+            one.name: {
+                "rms_before": one.before,
+                "rms_after": one.after,
+                "noise_floor": one.floor,
+                "unit": one.unit,
+            }
+            for one in gap.by_instrument
+        },
     }
 
 

@@ -7,9 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.where import Where
+from gtpin.diagnosis.linear.cross_validation import InstrumentGap
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.report.ball_bar_plot import circular_tests
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.diagnosis_json import gap_method
@@ -18,21 +21,26 @@ from gtpin.report.effect_curves import Curve, curves
 from gtpin.report.embedded import Choice, Plot
 from gtpin.report.evidence import Bar, evidence_bars, named_causes, testable_count, untestable
 from gtpin.report.experiments import confirmation, experiments
+from gtpin.report.gap_words import gap_words
 from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.instruments_table import gap_table, unknowns_table
 from gtpin.report.maps import maps
 from gtpin.report.page import render
 from gtpin.report.provenance import provenance
-from gtpin.report.quality import quality
+from gtpin.report.quality import nominal_words, quality
+from gtpin.report.reading_maps import reading_maps
 from gtpin.report.residual_columns import View, commanded, leading
 from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_columns, components, over_two, selection
 from gtpin.report.residuals import Residuals
 from gtpin.report.verdict import verdict
-from gtpin.report.words import coordinate_words, joined, length, percent, short, site_words, typeset, whole
+from gtpin.report.words import coordinate_words, joined, percent, quantity, short, site_words, typeset, whole
 
 CONTENTS = (
     ("where", "Where it lies"),
     ("causes", "The causes"),
     ("left", "What is left"),
+    ("instruments", "The instruments"),
+    ("circles", "Circular tests"),
     ("maps", "Over the workspace"),
     ("covariates", "Against what was recorded"),
     ("evidence", "Evidence"),
@@ -58,6 +66,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         Seed of the diagnosis, to be recorded on the page.
     """
     robot = diagnosis.baseline.model.robot
+    dataset = with_positions(dataset, robot)
     residuals = Residuals.of(dataset, diagnosis.baseline, diagnosis.model, diagnosis.set_aside_rows)
     own_curves = _found_curves(diagnosis, residuals)
     named = named_causes(diagnosis, {key: reach(found) for key, found in own_curves.items()})
@@ -65,18 +74,23 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
     seen, component = components(residuals, leading(residuals, sites, diagnosis.where.axis))
     layers = LAYERS if named else ONE_LAYER
     against = against_columns(residuals, diagnosis.where.covariate, seen, (component, layers))
-    views = maps(residuals, layers)
+    views = maps(residuals, layers) if residuals.of_poses else reading_maps(residuals, layers)
+    tests = circular_tests(residuals, bool(named))
     by_cause = {c.key: curve_plots(c.key, own_curves.get((c.effect, c.site), ())) for c in named}
     bars, others = evidence_bars(diagnosis)
+    absent = {"causes"} if not named else set[str]()
+    absent |= {"instruments"} if residuals.of_poses else set()
+    absent |= set() if tests else {"circles"}
     moved, parameters = geometry_tables(diagnosis.baseline, diagnosis.model if named else None)
     return render(
         "diagnosis.html",
         title=f"{robot.name}: {diagnosis.verdict}",
-        contents=[(id_, name) for id_, name in CONTENTS if id_ != "causes" or named],
+        contents=[(id_, name) for id_, name in CONTENTS if id_ not in absent],
         plots={
             "left": _left(diagnosis, residuals, seen, component),
             "against": against,
             "maps": views.plots,
+            **{test.key: test.plots for test in tests},
             **by_cause,
         },
         provenance=provenance(dataset, robot, seed),
@@ -108,20 +122,42 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
         parameters=parameters,
         quality=quality(dataset, diagnosis.baseline, diagnosis.set_aside_rows),
         method=gap_method(diagnosis.gap),
+        of_poses=residuals.of_poses,
+        tests=tests,
+        instruments=gap_table(diagnosis.gap),
+        unknowns=unknowns_table(diagnosis.model, diagnosis.baseline),
     )
 
 
 def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
     """The key figures under the headline."""
-    nominal = length(d.baseline.to_json()["position_rms_before"])
-    numbers = [(nominal, "nominal geometry, RMS"), (length(d.gap.before), "gap of the calibrated geometry")]
+    if len(d.gap.by_instrument) > 1:
+        return [_number(one, bool(d.causes)) for one in d.gap.by_instrument] + _shrinkage(d)
+    size = gap_words(d.gap)
+    numbers = [(nominal_words(d.baseline), "nominal geometry, RMS"), (size.before, "gap of the calibrated geometry")]
     if d.causes:
-        numbers.append((length(d.gap.after), "with the causes"))
-    numbers.append((length(d.gap.floor), "noise alone"))
-    if d.gap.shrinkage is not None and d.gap.before > d.gap.floor:
-        between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
-        numbers.append((percent(d.gap.shrinkage), f"of the power beyond noise is explained{between}"))
-    return numbers
+        numbers.append((size.after, "with the causes"))
+    numbers.append((size.floor, "noise alone"))
+    return numbers + _shrinkage(d)
+
+
+def _number(one: InstrumentGap, causes: bool) -> tuple[str, str]:
+    """The key figures of one instrument of several."""
+    before, after, floor = (quantity(value, one.unit) for value in (one.before, one.after, one.floor))
+    if not causes:
+        return before, f"{one.name}, gap of the calibrated geometry; noise alone {floor}"
+    return (
+        f"{before} → {after}",
+        f"{one.name}, gap of the calibrated geometry, and with the causes; noise alone {floor}",
+    )
+
+
+def _shrinkage(d: Diagnosis) -> list[tuple[str, str]]:
+    """The key figure of how far the causes explain the gap; none where there is no gap."""
+    if d.gap.shrinkage is None or d.gap.before <= d.gap.floor:
+        return []
+    between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
+    return [(percent(d.gap.shrinkage), f"of the power beyond noise is explained{between}")]
 
 
 def _sketch(d: Diagnosis, dataset: Dataset) -> str | None:
@@ -199,8 +235,8 @@ def _rare(chance: float) -> str:
 def _unexplained(d: Diagnosis) -> str:
     left, p = percent(d.unexplained.share), _rare(d.unexplained.p_value)
     share = (
-        f"In units of the noise, position and orientation together, {left} of what geometry alone leaves beyond noise is not "
-        "explained. (The gap above is that of positions, in micrometres, on poses that were not fitted.)"
+        f"In units of the noise, all that was measured together, {left} of what geometry alone leaves beyond noise is not "
+        "explained. (The gap above is in the measurements' own units, on poses that were not fitted.)"
     )
     if d.unexplained.p_value >= CHANCE:
         return f"Nothing beyond noise: noise alone leaves as much with a probability of {p}."

@@ -9,9 +9,10 @@ from rich.table import Table
 from gtpin.diagnosis.inference.findings import Cause, Member
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.estimate import Estimate
+from gtpin.report.gap_words import gap_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.verdict import questions, verdict
-from gtpin.report.words import chance, length, percent, quantity
+from gtpin.report.words import chance, percent, quantity
 
 SHOWN = 6
 """Number of parameters listed per cause; the report lists all."""
@@ -52,12 +53,14 @@ def _value(name: str, estimate: Estimate) -> str:
 
 def _gap(diagnosis: Diagnosis) -> list[str]:
     gap = diagnosis.gap
-    before, after, noise = (length(value) for value in (gap.before, gap.after, gap.floor))
+    size = gap_words(gap)
+    before, after, noise = size.before, size.after, size.floor
+    what = size.what[:1].upper() + size.what[1:]
     left_out = "sessions" if gap.hold_out == "session" else "poses"
     if not diagnosis.causes:
-        return [f"Position error on left-out {left_out}, RMS: {before}, of which noise is {noise}."]
+        return [f"{what} on left-out {left_out}, RMS: {before}, of which noise is {noise}."]
     lines = [
-        f"Position error on left-out {left_out}, RMS: {before} by geometry alone -> {after} with the causes; "
+        f"{what} on left-out {left_out}, RMS: {before} by geometry alone -> {after} with the causes; "
         f"noise floor {noise}."
     ]
     if gap.shrinkage is not None and gap.interval is not None:

@@ -11,6 +11,8 @@ from markupsafe import Markup
 from gtpin.model.model import Model
 from gtpin.report.chain_skeleton import chain_skeleton
 from gtpin.report.chain_sketch import chain_sketch
+from gtpin.report.instrument_marks import InstrumentMarks
+from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
 
@@ -24,7 +26,7 @@ def drawing(
     rod_share: Mapping[str, float] | None = None,
     causes: Collection[str] = (),
 ) -> Markup | None:
-    """A machine with its parts in the colours of their shares of the gap; None if its pose can't be reached.
+    """A machine, its parts in the colours of their shares of the gap, and its instruments; None if its pose can't be reached.
 
     Parameters
     ----------
@@ -33,8 +35,13 @@ def drawing(
     site_share, rod_share, causes
         See :func:`~gtpin.report.sketch.sketch`; left out, no part has a share.
     """
+    places = InstrumentPlaces.of(model.instruments)
     machine = skeleton(model)
     if machine is not None:
-        return sketch(machine, model.robot.rod_sites, site_share or {}, rod_share or {}, causes)
+        marks = InstrumentMarks(places, machine.points, machine.tcp) if places else None
+        return sketch(machine, model.robot.rod_sites, site_share or {}, rod_share or {}, causes, marks)
     chain = chain_skeleton(model, q)
-    return None if chain is None else chain_sketch(chain, site_share or {}, causes)
+    if chain is None:
+        return None
+    marks = InstrumentMarks(places, chain.points, chain.tcp) if places else None
+    return chain_sketch(chain, site_share or {}, causes, marks)

@@ -43,7 +43,7 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
     """
     model, column = residuals.model, residuals.column(name)
     own = tuple(e for e in model.effects if name in e.effect.coordinates(model.robot, e.site))
-    if column is None or not own:
+    if column is None or not own or not residuals.of_poses:
         return None
     data = np.asarray(column, dtype=float)
     grid = fine(data, any(e.effect.has_nonlinear for e in own))

@@ -54,12 +54,21 @@ class MapScale:
 
 @dataclass(frozen=True)
 class Maps:
-    """Maps along each axis, with the end of the colour scale, its unit, and the magnification."""
+    """Maps along each axis, with the end of the colour scale and its unit.
+
+    Parameters
+    ----------
+    magnified
+        Magnification of drawn directions; "" where there are none.
+    instrument
+        Choice of an instrument; None where there is one alone.
+    """
 
     plots: tuple[Plot, ...]
     top: str
     unit: str
-    magnified: str
+    magnified: str = ""
+    instrument: Choice | None = None
 
 
 def maps(residuals: Residuals, layers: Choice) -> Maps:
@@ -134,7 +143,7 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool) -> Figur
             "cmax": scale.top,
             "color": length,
         },
-        "text": pose_names(residuals),
+        "text": pose_names(residuals, rows),
         "hovertemplate": f"pose %{{text}}: %{{marker.color:.3g}} {scale.unit}<extra></extra>",
     }
     layout = {

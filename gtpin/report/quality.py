@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.calibration.problem import measured_poses
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
 from gtpin.report.page import Table
-from gtpin.report.words import counted, covariate_unit, length, quantity, whole, with_unit
+from gtpin.report.words import counted, covariate_unit, joined, length, quantity, whole, with_unit
 
 SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
 
@@ -33,18 +34,16 @@ class Quality:
 def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] | None = None) -> Quality:
     """The quality of a dataset, from its calibration; ``aside`` are lines of rejected rows, the calibration's by default."""
     visits = len(np.unique(dataset.visits))
-    repeats = len(dataset) - visits
+    repeats = len(dataset) - _distinct(dataset)
     facts = [
         f"{counted(len(dataset), 'measurement')} of {counted(visits, 'pose')}"
         + (
-            f", {counted(repeats, 'repeated visit')}"
+            f", {counted(repeats, 'repeated visit' if dataset.readings is None else 'repeated reading')}"
             if repeats
             else ", none visited twice: repeatability can't be distinguished from errors of the geometry"
         )
         + ".",
-        "Position and orientation were measured."
-        if dataset.orientation is not None
-        else "Only positions were measured.",
+        _what_was_measured(dataset),
         _noise(calibration),
         scatters(calibration),
         _fit(calibration),
@@ -57,6 +56,13 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] |
     )
 
 
+def _distinct(dataset: Dataset) -> int:
+    """Number of rows that do not repeat another: of readings, the same thing read at the same commands."""
+    if dataset.readings is None:
+        return len(np.unique(dataset.visits))
+    return len(np.unique(np.column_stack([dataset.readings.read, dataset.visits]), axis=0))
+
+
 def _misspelt(dataset: Dataset) -> list[str]:
     """Columns that no effect uses, with names similar to known ones."""
     return [
@@ -64,7 +70,29 @@ def _misspelt(dataset: Dataset) -> list[str]:
     ]
 
 
+def _what_was_measured(dataset: Dataset) -> str:
+    if dataset.readings is not None:
+        rows = dataset.readings
+        counts = [f"{one.name}: {(rows.of == i).sum()} ({one.kind})" for i, one in enumerate(rows.tables)]
+        return f"Readings by instrument: {joined(counts)}."
+    if dataset.orientation is not None:
+        return "Position and orientation were measured."
+    return "Only positions were measured."
+
+
+def nominal_words(c: Calibration) -> str:
+    """Errors of the nominal geometry, RMS, in words."""
+    if isinstance(c, ReadingsCalibration):
+        named = len(c.by_instrument) > 1
+        return joined([f"{quantity(b.before, b.unit)}{f' ({b.name})' if named else ''}" for b in c.by_instrument])
+    return length(c.to_json()["position_rms_before"])
+
+
 def _noise(c: Calibration) -> str:
+    if isinstance(c, ReadingsCalibration):
+        parts = [f"{one.name} {quantity(one.floor, one.unit)}" for one in c.by_instrument]
+        how = "from the residuals where it was not declared" if c.noise.estimated.any() else "as declared"
+        return f"Noise of a reading, RMS, {how}: {joined(parts)}."
     noise = c.noise
     text = f"Noise of the instrument, {SOURCES[noise.source]}: {length(noise.position_sigma)} per axis"
     if c.residual.shape[1] == 6:
@@ -81,7 +109,7 @@ def _noise(c: Calibration) -> str:
 
 def scatters(c: Calibration) -> str:
     """Warning that a large repeatability may contain effects; empty if it is small."""
-    if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
+    if isinstance(c, ReadingsCalibration) or c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
         return ""
     return (
         f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator, which calibration counts as noise: "
@@ -92,6 +120,12 @@ def scatters(c: Calibration) -> str:
 
 def cannot_judge(c: Calibration) -> str:
     """Why chi-square can't judge the fit of the geometry; empty if it can."""
+    if isinstance(c, ReadingsCalibration):
+        if c.noise.estimated.all():
+            return "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
+        if c.noise.estimated.any():
+            return "part of the noise was taken from these residuals: below 1, it can't judge the fit"
+        return ""
     if c.noise.source != "residuals":
         return ""
     position, orientation = c.noise.estimated
@@ -142,6 +176,12 @@ def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Tabl
     if not len(rows):
         return Table(head, [])
     some = dataset.take(rows)
+    if some.readings is not None:
+        places = [some.readings.place(i) for i in range(len(rows))]
+        return Table(
+            ("pose", "line", "file"),
+            [[str(some.pose[i]), str(line), file.name if file else ""] for i, (file, line) in enumerate(places)],
+        )
     off = np.linalg.norm(measured_poses(some).minus(c.model.predict(some.q))[:, :3], axis=1)
     order = np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable")
     return Table(

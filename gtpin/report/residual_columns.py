@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.errors import DatasetError
 from gtpin.report.embedded import escaped
 from gtpin.report.fit_along import Along, fit_along
-from gtpin.report.residuals import AXES, Residuals
+from gtpin.report.residuals import Residuals
 from gtpin.report.words import covariate_unit, travel_words, typeset, with_unit
 
 Floats = npt.NDArray[np.float64]
@@ -31,9 +31,11 @@ class View:
     name, title
         The component, and the title of its axis.
     before, after
-        (N,) what geometry alone leaves, and what it leaves with the causes, in the title's unit.
+        (N,) what geometry alone leaves, and what it leaves with the causes, in the title's unit; NaN in rows without it.
     factor
         From m or rad to that unit.
+    rows
+        Those that have the component.
     """
 
     name: str
@@ -41,6 +43,7 @@ class View:
     before: Floats
     after: Floats
     factor: float
+    rows: npt.NDArray[np.intp]
 
     def left(self, layer: str) -> Floats:
         """(N,) residuals of ``before`` or ``after``."""
@@ -69,24 +72,23 @@ class Column:
     order: tuple[str, ...] | None
     line: Along | None
 
-    @property
-    def groups(self) -> list[npt.NDArray[np.intp]]:
-        """Neighbouring poses whose means are drawn; poses of one value are never parted."""
-        count = min(GROUPS, max(1, len(self.values) // 6))
-        values = self.values.astype(float)
+    def groups(self, rows: npt.NDArray[np.intp]) -> list[npt.NDArray[np.intp]]:
+        """Of some rows, neighbouring poses whose means are drawn; poses of one value are never parted."""
+        count = min(GROUPS, max(1, len(rows) // 6))
+        values = self.values[rows].astype(float)
         edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1]))
         group = np.searchsorted(edges, values)
-        return [np.flatnonzero(group == k) for k in np.unique(group)]
+        return [rows[group == k] for k in np.unique(group)]
 
 
 def scale_of(values: Floats, unit: str) -> tuple[float, str]:
     """A factor to thousandths or millionths of m or rad, whichever reads better, and the unit's name."""
-    largest = float(np.abs(values).max(initial=0.0))
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
     return (1e3, f"m{unit}") if largest >= 2e-3 else (1e6, f"µ{unit}")
 
 
 def view(residuals: Residuals, name: str) -> View:
-    """Residuals along an axis (``x``, ``rx``) or along the travel of an actuator (``cart2``).
+    """Residuals along an axis (``x``, ``rx``) or the travel of an actuator (``cart2``), or of a reading (``wire``, ``cup.x``).
 
     Raises
     ------
@@ -98,16 +100,26 @@ def view(residuals: Residuals, name: str) -> View:
         raise DatasetError(f"residuals have no component {name!r}", hint=hint)
     before, after = residuals.component(name, residuals.before), residuals.component(name, residuals.after)
     factor, unit = scale_of(before, residuals.unit(name))
-    title = f"{name} ({unit})" if name in AXES else f"{travel_words(residuals.model.robot, name)} ({unit})"
-    return View(name, title, factor * before, factor * after, factor)
+    title = f"{name} ({unit})" if name in residuals.axes else f"{travel_words(residuals.model.robot, name)} ({unit})"
+    return View(name, title, factor * before, factor * after, factor, residuals.rows_of(name))
 
 
 def leading(residuals: Residuals, sites: Sequence[str], axes: Mapping[str, float]) -> str:
-    """Along what residuals are seen first: the travel of the first of the sites that has any, else the axis of most share."""
+    """Along what residuals are seen first: the travel of the first of the sites that has any, else the axis of most share.
+
+    Of readings it is the component of which the causes explain most, in units of its noise: few readings see a travel well.
+    """
+    if not residuals.of_poses:
+        return max(residuals.axes, key=lambda axis: _explained(residuals, axis))
     for site in sites:
         if site in residuals.model.robot.sites:
             return site
-    return max((axis for axis in AXES[: residuals.components]), key=lambda axis: axes.get(axis, 0.0))
+    return max(residuals.axes, key=lambda axis: axes.get(axis, 0.0))
+
+
+def _explained(residuals: Residuals, axis: str) -> float:
+    """Mean square of what the causes explain of a component, in units of its noise."""
+    return float(np.nanmean(residuals.component(axis, (residuals.before - residuals.after) / residuals.sigma) ** 2))
 
 
 def commanded(residuals: Residuals) -> dict[str, Floats]:

@@ -37,6 +37,8 @@ def selection(residuals: Residuals) -> str:
     drawn = len(shown(len(residuals)))
     if drawn == residuals.used:
         return ""
+    if not residuals.of_poses and len(residuals) == residuals.used:
+        return f"A plot shows at most {MOST:,} residuals of an instrument, selected evenly."
     means = "" if len(residuals) == residuals.used else f", and their lines come from {len(residuals):,}"
     return f"The plots show {drawn:,} of {residuals.used:,} measurements{means}, selected evenly."
 
@@ -51,7 +53,7 @@ def residual_figure(
     against
         A command (``q1``) or covariate.
     component
-        Component: ``x``, ``rx``, ``cart2``, ...
+        Component: ``x``, ``rx``, ``cart2``, of several instruments ``wire`` or ``cup.x``, ...
     causes
         Whether to draw the causes' prediction.
     after
@@ -107,7 +109,8 @@ def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], co
 
 
 def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: str) -> Figure:
-    rows, seen, q = shown(len(residuals)), views[component], commanded(residuals)
+    seen, q = views[component], commanded(residuals)
+    rows = _drawn(seen)
     bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": seen.title, "side": "right"}}
     color = {"colorscale": DIVERGING, "cmid": 0, "color": seen.after[rows], "showscale": True, "colorbar": bar}
     trace = {
@@ -116,20 +119,25 @@ def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], c
         "type": "scatter",
         "mode": "markers",
         "marker": {"size": 8, "line": {"color": ZERO, "width": 0.5}} | color,
-        "text": pose_names(residuals),
+        "text": pose_names(residuals, rows),
         "hovertemplate": "%{marker.color:.3g}<br>pose %{text}<extra></extra>",
     }
     titles = {"xaxis": {"title": {"text": f"{a} (m)"}}, "yaxis": {"title": {"text": f"{b} (m)"}}}
     return figure([trace], {**titles, "margin": {"t": 10}})
 
 
-def pose_names(residuals: Residuals) -> npt.NDArray[np.object_]:
-    """Ids of the poses that are shown, as plotly takes text."""
-    return np.array([escaped(str(pose)) for pose in residuals.dataset.pose[shown(len(residuals))]], dtype=object)
+def _drawn(seen: View) -> npt.NDArray[np.intp]:
+    """Of the rows that have a component, those that plots show."""
+    return seen.rows[shown(len(seen.rows))]
+
+
+def pose_names(residuals: Residuals, rows: npt.NDArray[np.intp]) -> npt.NDArray[np.object_]:
+    """Ids of the poses of some rows, as plotly takes text."""
+    return np.array([escaped(str(pose)) for pose in residuals.dataset.pose[rows]], dtype=object)
 
 
 def _figure(residuals: Residuals, against: Column, seen: View, causes: bool, after: bool) -> Figure:
-    rows = shown(len(residuals))
+    rows = _drawn(seen)
     left = seen.left("after" if after else "before")
     made = (seen.before - seen.after)[rows] if causes and not after else None
     if against.order is not None:
@@ -137,11 +145,11 @@ def _figure(residuals: Residuals, against: Column, seen: View, causes: bool, aft
         axis: dict[str, Any] = {"type": "category", "automargin": "height"}
         axis |= {"categoryorder": "array", "categoryarray": list(against.order)}
     else:
-        traces = _dots(residuals, against, left[rows], made)
+        traces = _dots(residuals, against, rows, left[rows], made)
         if against.line is not None and not after:  # instead of means, which would remove a short period
             traces.append(_cause_line(against, seen))
         else:
-            traces.append(_means(against, left))
+            traces.append(_means(against, seen.rows, left))
         axis = {"hoverformat": ".4g"}
     # Hover numbers use the axes' formats: unlike those of a hover template, they have a true minus sign.
     layout = {
@@ -154,9 +162,15 @@ def _figure(residuals: Residuals, against: Column, seen: View, causes: bool, aft
     return figure(traces, layout)
 
 
-def _dots(residuals: Residuals, against: Column, left: npt.ArrayLike, made: npt.ArrayLike | None) -> list[Any]:
-    trace: dict[str, Any] = {"type": "scatter", "mode": "markers", "text": pose_names(residuals)}
-    trace["x"] = against.values[shown(len(residuals))]
+def _dots(
+    residuals: Residuals,
+    against: Column,
+    rows: npt.NDArray[np.intp],
+    left: npt.ArrayLike,
+    made: npt.ArrayLike | None,
+) -> list[Any]:
+    trace: dict[str, Any] = {"type": "scatter", "mode": "markers", "text": pose_names(residuals, rows)}
+    trace["x"] = against.values[rows]
     trace["hovertemplate"] = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
     traces = [trace | {"y": left, "name": "residual", "marker": POINTS | {"color": DATA}}]
     if made is not None:
@@ -186,14 +200,14 @@ def _cause_line(against: Column, seen: View) -> dict[str, Any]:
     }
 
 
-def _means(against: Column, left: npt.NDArray[np.float64]) -> dict[str, Any]:
-    values = against.values.astype(float)
+def _means(against: Column, rows: npt.NDArray[np.intp], left: npt.NDArray[np.float64]) -> dict[str, Any]:
+    values, groups = against.values.astype(float), against.groups(rows)
     return {
         "type": "scatter",
         "mode": "lines",
         "hoverinfo": "skip",
         "name": "mean of neighbouring poses",
-        "x": np.array([values[rows].mean() for rows in against.groups]),
-        "y": np.array([left[rows].mean() for rows in against.groups]),
+        "x": np.array([values[group].mean() for group in groups]),
+        "y": np.array([left[group].mean() for group in groups]),
         "line": {"color": INK, "width": 1.6},
     }

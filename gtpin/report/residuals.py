@@ -11,14 +11,18 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.problem import in_frame, measured_poses
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import command_names
 from gtpin.effects.situation import Column, References, Situation
+from gtpin.instruments.readings import Readings, single
+from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
 
 FINE, FINEST = 401, 1500
 """Points of a line along a column; the latter where a cause has a nonlinear parameter, which may be a short period."""
@@ -42,7 +46,9 @@ class Residuals:
     before, after
         (N, c) what each leaves: position, m, and rotation vector, rad, in the instrument's frame.
     sigma
-        (c,) the instrument's noise.
+        (c,) the instrument's noise; (N, c) of readings.
+    readings
+        Of a dataset of several instruments, what was read; None of poses.
     """
 
     dataset: Dataset
@@ -52,6 +58,7 @@ class Residuals:
     before: Floats
     after: Floats
     sigma: Floats
+    readings: Readings | None = None
 
     @staticmethod
     def of(
@@ -66,7 +73,10 @@ class Residuals:
         aside
             Lines of the rows that were; the baseline's by default.
         """
-        rows = np.flatnonzero(~np.isin(dataset.row, list(baseline.rejected_rows if aside is None else aside)))
+        lines = list(baseline.rejected_rows if aside is None else aside)
+        if isinstance(baseline, ReadingsCalibration):
+            return _of_readings(dataset, baseline, model, lines)
+        rows = np.flatnonzero(~np.isin(dataset.row, lines))
         kept = dataset.take(rows[evenly(len(rows), MOST)])
         measured = measured_poses(kept if baseline.residual.shape[1] == 6 else replace(kept, orientation=None))
         before = measured.minus(baseline.model.predict(kept.q))
@@ -95,6 +105,42 @@ class Residuals:
         """(N, 6, n) motion of the TCP, base frame, by the commands."""
         return self.model.kinematics.command_jacobian(self.dataset.q, self.poses)
 
+    @property
+    def of_poses(self) -> bool:
+        """Whether residuals are of poses, and not of readings of any instruments."""
+        return self.readings is None
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the numbers that residuals have: axes of poses, or components of readings.
+
+        Those of several instruments are ``wire``, where an instrument reads one number, or ``cup.x``, where it reads more.
+        """
+        return AXES[: self.components] if self.readings is None else tuple(self._read)
+
+    @cached_property
+    def _read(self) -> dict[str, tuple[Indices, int, str]]:
+        """By the name of a component of readings: its rows, its column of the residuals, and its unit."""
+        assert self.readings is not None
+        instruments, rows = self.readings.instruments, self.readings.rows
+        if len(instruments) == 1 and self.components == len(instruments[0].components):
+            every = np.arange(len(self))
+            return {c.name: (every, k, c.unit) for k, c in enumerate(instruments[0].components)}
+        found = {}
+        for i, one in enumerate(instruments):
+            mine = rows.rows_of(i)
+            for k, c in enumerate(one.components):
+                split = self.components < len(one.components)
+                own = mine[rows.component[mine] == k] if split else mine
+                if len(own):
+                    name = one.name if len(one.components) == 1 else f"{one.name}.{c.name}"
+                    found[name] = (own, 0 if split else k, c.unit)
+        return found
+
+    def rows_of(self, name: str) -> Indices:
+        """Rows that have a component: of several instruments those of the one that reads it."""
+        return self._read[name][0] if self.readings is not None and name in self._read else np.arange(len(self))
+
     def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
         """Commands and measurement conditions at the model's geometry."""
         kinematics = self.model.kinematics
@@ -103,30 +149,47 @@ class Residuals:
 
     def along(self, residual: Floats, motion: Floats) -> Floats:
         """(N,) how far a motion (N, 6), for one unit of it, base frame, has to go to explain residuals (N, c) best."""
-        u = in_frame(motion[:, :, None], self.model.frame)[:, : self.components, 0] / self.sigma
+        if self.readings is None:
+            u = in_frame(motion[:, :, None], self.model.frame)[:, : self.components, 0] / self.sigma
+        else:
+            u = self.readings.seen(motion[:, :, None], self.model, self.poses)[:, :, 0] / self.sigma
         power = np.einsum("nc,nc->n", u, u)
         return np.asarray(np.einsum("nc,nc->n", u, residual / self.sigma) / np.maximum(power, 1e-300))
 
     def component(self, name: str, residual: Floats, by_command: Floats | None = None) -> Floats:
         """(N,) residuals along an axis (``x``, ``rx``) or along the travel of an actuator (``cart2``), m or rad.
 
+        NaN in rows that do not have the component: see :meth:`rows_of`.
+
         Parameters
         ----------
         by_command
             As the property of this name, of the poses that the residuals are of; by default the dataset's.
         """
-        if name in AXES:
-            return np.asarray(residual[:, AXES.index(name)])
+        if self.readings is not None and name in self._read:
+            rows, k, _ = self._read[name]
+            found = np.full(len(residual), np.nan)
+            found[rows] = residual[rows, k]
+            return found
+        if name in self.axes:
+            return np.asarray(residual[:, self.axes.index(name)])
         actuator = self.model.robot.sites.index(name)
         return self.along(residual, (self.by_command if by_command is None else by_command)[:, :, actuator])
 
     @property
     def component_names(self) -> tuple[str, ...]:
         """Components of residuals."""
-        return (*self.model.robot.sites, *AXES[: self.components])
+        return (*self.model.robot.sites, *self.axes)
+
+    @property
+    def first_component(self) -> str:
+        """The component that is seen where none is chosen and there are no causes."""
+        return self.component_names[0] if self.of_poses else self.axes[0]
 
     def unit(self, name: str) -> str:
         """``m`` or ``rad``: the unit of a component."""
+        if self.readings is not None and name in self._read:
+            return self._read[name][2]
         if name in AXES:
             return "rad" if name.startswith("r") else "m"
         return "rad" if self.model.robot.actuators[self.model.robot.sites.index(name)].revolute else "m"
@@ -156,6 +219,23 @@ class Residuals:
             usual = values[0] if name == "session" else np.median(values)
             known[name] = np.full(count, given.get(name, usual), dtype=values.dtype)
         return q, known
+
+
+def _of_readings(dataset: Dataset, baseline: ReadingsCalibration, model: Model | None, lines: list[int]) -> Residuals:
+    """Residuals of readings of several instruments."""
+    up = up_of(baseline.model.robot)
+    whole = single(dataset, up)
+    rows = np.flatnonzero(~np.isin(whole.row, lines))
+    kept = whole.take(rows[evenly(len(rows), MOST)])
+    readings = Readings.of(kept, up, baseline.u)
+    before = readings.minus(baseline.model.predict(kept.q))
+    after = before
+    if model is not None:
+        values = {name: value for one in model.instruments for name, value in one.unknowns.items()}
+        u = np.array([values[unknown.name] for unknown in readings.unknowns])
+        after = readings.at(u).minus(model.predict(kept.q, kept.covariates))
+    noise = replace(baseline.noise, group=readings.group, row_sigma=readings.row_sigma)
+    return Residuals(kept, len(rows), baseline.model, model or baseline.model, before, after, noise.each, readings)
 
 
 def evenly(count: int, most: int) -> npt.NDArray[np.intp]:

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gtpin.accuracy.analysis import Accuracy
-from gtpin.accuracy.steps import PARAMETERS
+from gtpin.accuracy.chain_sensitivity import PARAMETERS as OF_PLACEMENTS
+from gtpin.accuracy.chain_sensitivity import ChainSensitivity
+from gtpin.accuracy.steps import PARAMETERS, STEP
 from gtpin.report.drawing import drawing
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.words import quantity
 from gtpin.report.workspace_maps import slices
+
+Floats = npt.NDArray[np.float64]
 
 CONTENTS = (
     ("maps", "Over the workspace"),
@@ -30,9 +36,41 @@ MEANINGS = {
     "singularity": ("distance from singularity, 1 as at home", ""),
     "limit": ("distance of the nearest actuator from its limit", "m or rad"),
 }
+OF_CHAINS = MEANINGS | {"singularity": ("distance from singularity, 1 at the best of these poses", "")}
+WITHIN = {
+    False: "Slices of the box that the poses span, about {volume} m³ of it within reach; blank where the robot can't reach.",
+    True: "Slices of the workspace, about {volume} m³, from {postures:,} postures that fill the joints' ranges: a cell has the "
+    "median over the postures that bring the TCP there; blank where none does.",
+}
+"""What the maps show, for robots with and without rods."""
+LEGEND = {
+    False: "(m, or m/m for v) in each parameter of each link. L: length; P: joint on the platform; C: joint on the cart; v: "
+    "direction of the track.",
+    True: "(m, or rad for r) in the placement of each joint in its parent, and of the tool on the last link (platform), in "
+    "their own axes.",
+}
+"""What the table's rows are, likewise."""
 
 
-def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
+@dataclass(frozen=True)
+class Moved:
+    """(p, k) mean change of the TCP's position, m, by a step in each parameter of each link; NaN where a link has none."""
+
+    parameters: tuple[str, ...]
+    links: tuple[str, ...]
+    step: float
+    by: Floats
+
+    @staticmethod
+    def of(found: Accuracy | ChainSensitivity) -> Moved:
+        """By an analysis: half the sum over both signs, over the number of poses."""
+        if isinstance(found, ChainSensitivity):
+            return Moved(OF_PLACEMENTS, found.links, STEP, found.position / (2.0 * len(found.q)))
+        steps = found.sensitivity
+        return Moved(PARAMETERS, steps.links, steps.step, steps.exact.position / (2.0 * steps.poses))
+
+
+def sensitivity_page(found: Accuracy | ChainSensitivity, *, seed: int = 0) -> str:
     """The whole report of an accuracy analysis as one self-contained HTML file.
 
     Parameters
@@ -40,7 +78,8 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
     seed
         Seed of the analysis, to be recorded on the page.
     """
-    model, values = found.model, found.to_json()
+    model, values, chain = found.model, found.to_json(), isinstance(found, ChainSensitivity)
+    moved, volume = Moved.of(found), f"{found.space.volume:.3g}"
     quantities, plots = slices(found)
     return render(
         "sensitivity.html",
@@ -51,15 +90,16 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
         robot=model.robot.name,
         poses=values["poses"],
         headline=_headline(values),
-        advice=[_greatest(found)],
+        advice=[_greatest(moved)],
         numbers=_numbers(values),
         sketch=drawing(model),
         quantities=quantities,
         table=step_table(found),
-        shares=_shares(found),
-        step=found.sensitivity.step,
-        dexterity=_dexterity(values["dexterity"]),
-        volume=f"{found.space.volume:.3g}",
+        shares=_shares(moved),
+        step=moved.step,
+        legend=LEGEND[chain],
+        dexterity=_dexterity(values["dexterity"], OF_CHAINS if chain else MEANINGS),
+        within=WITHIN[chain].format(volume=volume, postures=len(found.space.q)),
     )
 
 
@@ -69,13 +109,14 @@ def _headline(values: Mapping[str, Any]) -> str:
     return f"Expect a position error of {mean} on average over the workspace, from {values['uncertainty']}."
 
 
-def _greatest(found: Accuracy) -> str:
+def _greatest(moved: Moved) -> str:
     """The parameter whose step moves the TCP most."""
-    moved = np.nan_to_num(found.sensitivity.exact.position, nan=0.0) / (2.0 * found.sensitivity.poses)
-    p, i = np.unravel_index(int(np.argmax(moved)), moved.shape)
-    step = found.sensitivity.step
-    by = f"{step:.0e}" if PARAMETERS[p].startswith("v") else quantity(step, "m")
-    name, far = f"{PARAMETERS[p]} of link {found.sensitivity.links[i]}", quantity(float(moved[p, i]), "m")
+    by_step = np.nan_to_num(moved.by, nan=0.0)
+    p, i = np.unravel_index(int(np.argmax(by_step)), by_step.shape)
+    parameter, step = moved.parameters[p], moved.step
+    by = f"{step:.0e}" if parameter.startswith("v") else quantity(step, "rad" if parameter.startswith("r") else "m")
+    site = "link " if moved.parameters == PARAMETERS else ""
+    name, far = f"{parameter} of {site}{moved.links[i]}", quantity(float(by_step[p, i]), "m")
     return f"{name} moves the TCP most: by {far} for a step of {by}, on average."
 
 
@@ -93,25 +134,26 @@ def _numbers(values: Mapping[str, Any]) -> list[tuple[str, str]]:
     return numbers
 
 
-def step_table(found: Accuracy) -> Table:
+def step_table(found: Accuracy | ChainSensitivity) -> Table:
     """Mean change of the TCP's position for a step, by parameter and link, µm."""
-    moved = 1e6 * found.sensitivity.exact.position / (2.0 * found.sensitivity.poses)
+    moved = Moved.of(found)
     rows = [
-        [name, *("" if np.isnan(v) else f"{v:.2f}" for v in row)] for name, row in zip(PARAMETERS, moved, strict=True)
+        [name, *("" if np.isnan(v) else f"{v:.2f}" for v in 1e6 * row)]
+        for name, row in zip(moved.parameters, moved.by, strict=True)
     ]
-    return Table(("parameter", *found.sensitivity.links), rows)
+    return Table(("parameter", *moved.links), rows)
 
 
-def _shares(found: Accuracy) -> list[list[float]]:
+def _shares(moved: Moved) -> list[list[float]]:
     """Each cell of the table relative to the largest."""
-    moved = np.nan_to_num(found.sensitivity.exact.position, nan=0.0)
-    return [[0.0, *row] for row in (moved / max(float(moved.max()), 1e-300)).tolist()]
+    by = np.nan_to_num(moved.by, nan=0.0)
+    return [[0.0, *row] for row in (by / max(float(by.max()), 1e-300)).tolist()]
 
 
-def _dexterity(values: Mapping[str, Any]) -> Table:
+def _dexterity(values: Mapping[str, Any], meanings: Mapping[str, tuple[str, str]]) -> Table:
     rows = []
     for name, measure in values.items():
-        title, unit = MEANINGS[name]
+        title, unit = meanings[name]
         parts = measure["median"] if isinstance(measure["median"], list) else None
         for k in range(len(parts)) if parts else (None,):
             cells = [_cell(measure[key] if k is None else measure[key][k]) for key in ("least", "median", "most")]

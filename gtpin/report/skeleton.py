@@ -63,7 +63,7 @@ def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
     if not isinstance(kinematics, RodKinematics):
         return None
     if q is None:
-        q = _middle(kinematics)
+        q = standing(model)
     pose = kinematics.forward(q[None])
     if not pose.reached.all():
         return None
@@ -87,9 +87,11 @@ def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
     return Skeleton(ends.C[0], joints, pose.T[0], tracks, carts, anchors, rods_of, up)
 
 
-def _middle(kinematics: RodKinematics) -> Floats:
-    """The middle of the actuators' ranges where it can be reached, else home."""
-    robot = kinematics.geometry.robot
+def standing(model: Model) -> Floats:
+    """(n,) where a machine is drawn that no command is given: mid-range with rods, where it can be reached, else home."""
+    kinematics, robot = model.kinematics, model.robot
+    if not isinstance(kinematics, RodKinematics):
+        return robot.home_q
     middle = (robot.lower + robot.upper) / 2.0
     if np.isfinite(middle).all() and kinematics.forward(middle[None]).reached.all():
         return np.asarray(middle)

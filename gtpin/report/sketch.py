@@ -9,6 +9,7 @@ import numpy.typing as npt
 from markupsafe import Markup, escape
 
 from gtpin.report.camera import HEIGHT, WIDTH, Camera
+from gtpin.report.instrument_marks import InstrumentMarks
 from gtpin.report.skeleton import Skeleton
 from gtpin.report.sketch_parts import CORNERS, NONE, corners, drawn, line, ring, scale, shades_of, with_share
 from gtpin.report.words import percent
@@ -22,6 +23,7 @@ def sketch(
     site_share: Mapping[str, float],
     rod_share: Mapping[str, float],
     causes: Collection[str] = (),
+    marks: InstrumentMarks | None = None,
 ) -> Markup:
     """Draw a machine.
 
@@ -37,10 +39,13 @@ def sketch(
         that a rod would look worse than the cart that moves it.
     causes
         Sites of the causes, which are ringed.
+    marks
+        Instruments that are drawn under the machine.
     """
-    at = Camera.of(machine)
+    at = Camera.of(machine, None if marks is None else marks.points)
     shades = shades_of(site_share)
     parts = [
+        "" if marks is None else marks.draw(at),
         _base(machine, at),
         _tracks(machine, at, shades),
         _rods(machine, at, links, shades, rod_share, causes),

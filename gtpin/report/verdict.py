@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from gtpin.diagnosis.inference.findings import Cause, Question
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.doubts import doubt_words
+from gtpin.report.gap_words import gap_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.phrases import clause, remedy, sentence
 from gtpin.report.quality import scatters
@@ -17,7 +18,6 @@ from gtpin.report.words import (
     coordinate_words,
     counted,
     joined,
-    length,
     number_word,
     percent,
     quantity,
@@ -52,9 +52,10 @@ def verdict(diagnosis: Diagnosis) -> Verdict:
 
 
 def _none(d: Diagnosis) -> tuple[str, list[str]]:
+    size = gap_words(d.gap)
     gap = (
-        f"The calibrated geometry leaves {length(d.gap.before)} RMS on poses that it was not fitted to; the noise of "
-        f"instrument and repeatability alone is {length(d.gap.floor)}."
+        f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to; the noise of "
+        f"instrument and repeatability alone is {size.floor}."
     )
     scatter, hidden = scatters(d.baseline), may_hide(d)
     if scatter and hidden:
@@ -165,7 +166,8 @@ def _explained_gap(d: Diagnosis) -> str:
     gap = d.gap
     if gap.shrinkage is None:
         return "The explained fraction of the gap can't be estimated from these data."
-    before, after, noise = length(gap.before), length(gap.after), length(gap.floor)
+    size = gap_words(gap)
+    before, after, noise = size.before, size.after, size.floor
     if gap.before <= gap.floor:
         return (
             f"The gap, {before}, is below the assumed noise of these data, {noise}: its explained fraction can't be "

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.analysis import Accuracy
+from gtpin.accuracy.chain_workspace import ChainWorkspace
 from gtpin.accuracy.expected import mean_length, response
+from gtpin.accuracy.map_figures import Analysed
+from gtpin.accuracy.workspace import Workspace
 from gtpin.errors import ModelError
 from gtpin.report.embedded import Choice, Plot
 from gtpin.report.figure import alone, figure
@@ -25,24 +27,24 @@ SLICES = 3
 """Slices of the workspace that are shown."""
 
 
-def slices(found: Accuracy) -> tuple[Choice, list[Plot]]:
-    """Slices orthogonal to the base frame's x, and what the reader can colour them by."""
-    values = _quantities(found)
+def slices(found: Analysed) -> tuple[Choice, list[Plot]]:
+    """Slices orthogonal to an axis of the base frame, and what the reader can colour them by."""
+    values, space = _quantities(found), found.space
     options = tuple((name, _label(name, unit)) for name, (_, unit) in values.items())
     choice = Choice("quantity", "Coloured by", options)
 
     def plot(number: int, layer: int) -> Plot:
         def draw(quantity: str) -> Figure:
-            return figure([_slice(found, values[quantity][0], layer)], _layout())
+            return figure([_slice(found, values[quantity][0], layer)], _layout(space))
 
-        title = f"x = {found.space.axes[0][layer]:.2f} m"
+        title = _place(space, layer)
         return Plot(f"slice-{number}", f"Slice of the workspace at {title}", draw, (choice,), title, 300)
 
     return choice, [plot(number, layer) for number, layer in enumerate(_layers(found))]
 
 
-def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
-    """Slices of the workspace side by side, orthogonal to the base frame's x; blank where the robot can't go.
+def workspace_map(found: Analysed, quantity: str = "position error") -> Figure:
+    """Slices of the workspace side by side, orthogonal to an axis of the base frame; blank where the robot can't go.
 
     Parameters
     ----------
@@ -58,19 +60,23 @@ def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
     if quantity not in values:
         raise ModelError(f"there is no map of {quantity!r}", hint=f"give one of {', '.join(values)}")
     at, unit = values[quantity]
-    layers = _layers(found)
+    layers, space = _layers(found), found.space
+    names = _names(space)
     bar = {"title": {"text": _label(quantity, unit), "side": "right"}}
     traces, layout = [], {}
     for k, layer in enumerate(layers):
         suffix = str(k + 1) if k else ""
         trace = _slice(found, at, layer) | {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}", "showscale": k == 0}
         traces.append(trace | {"colorbar": trace["colorbar"] | bar})
-        own = _layout()
+        own = _layout(space)
         own["yaxis"]["scaleanchor"] = f"x{suffix}"
         domain = [k / len(layers), (k + 0.8) / len(layers)]
-        title = typeset(f"y (m), at x = {found.space.axes[0][layer]:.2f} m")
+        title = typeset(f"{names[0]} (m), at {_place(space, layer)}")
         layout[f"xaxis{suffix}"] = own["xaxis"] | {"domain": domain, "title": {"text": title}, "anchor": f"y{suffix}"}
-        layout[f"yaxis{suffix}"] = own["yaxis"] | {"anchor": f"x{suffix}", "title": {"text": "" if k else "z (m)"}}
+        layout[f"yaxis{suffix}"] = own["yaxis"] | {
+            "anchor": f"x{suffix}",
+            "title": {"text": "" if k else f"{names[1]} (m)"},
+        }
     return alone(figure(traces, layout), f"{quantity.capitalize()} over the workspace")
 
 
@@ -78,7 +84,7 @@ def _label(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def _quantities(found: Accuracy) -> dict[str, tuple[Floats, str]]:
+def _quantities(found: Analysed) -> dict[str, tuple[Floats, str]]:
     """(M,) values at the reachable points, and their units, by name."""
     space = found.space
     covariance = response(found.model, space.q, found.uncertainty).covariance
@@ -91,36 +97,52 @@ def _quantities(found: Accuracy) -> dict[str, tuple[Floats, str]]:
             factor, prefixed = scale_of(error, unit)
             values[name] = (factor * error, prefixed)
     values["condition number"] = (space.dexterity.condition, "")
-    values["distance from singularity"] = (space.dexterity.singularity, "as at home: 1")
+    relative = "best posture: 1" if isinstance(space, ChainWorkspace) else "as at home: 1"
+    values["distance from singularity"] = (space.dexterity.singularity, relative)
     return values
 
 
-def _layers(found: Accuracy) -> list[int]:
-    """Indices along x of the slices: the middles of as many parts."""
-    there = np.flatnonzero(found.space.reachable.any(axis=(1, 2)))
+def _layers(found: Analysed) -> list[int]:
+    """Indices of the slices: the middles of as many parts."""
+    space = found.space
+    there = np.flatnonzero(space.reachable.any(axis=tuple(i for i in range(3) if i != space.across)))
     count = min(SLICES, len(there))
     return [int(there[(2 * i + 1) * len(there) // (2 * count)]) for i in range(count)]
 
 
-def _slice(found: Accuracy, at: Floats, layer: int) -> dict[str, Any]:
-    _, y, z = found.space.axes
-    finite = at[np.isfinite(at)]
+def _slice(found: Analysed, at: Floats, layer: int) -> dict[str, Any]:
+    space = found.space
+    x, y = (space.axes["xyz".index(name)] for name in _names(space))
+    a, b = _names(space)
+    table = space.on_grid(at)
+    finite = table[np.isfinite(table)]
     return {
         "type": "heatmap",
-        "x": y,
-        "y": z,
-        "z": found.space.on_grid(at)[layer].T,
+        "x": x,
+        "y": y,
+        "z": table.take(layer, axis=space.across).T,
         "zmin": float(finite.min()),
         "zmax": float(finite.max()),
         "colorscale": SCALE,
         "colorbar": {"thickness": 9, "outlinewidth": 0},
-        "hovertemplate": "y %{x:.3f} m, z %{y:.3f} m: %{z:.3g}<extra></extra>",
+        "hovertemplate": f"{a} %{{x:.3f}} m, {b} %{{y:.3f}} m: %{{z:.3g}}<extra></extra>",
     }
 
 
-def _layout() -> dict[str, Any]:
+def _names(space: Workspace | ChainWorkspace) -> tuple[str, str]:
+    """The axes of a slice."""
+    a, b = (name for i, name in enumerate("xyz") if i != space.across)
+    return a, b
+
+
+def _place(space: Workspace | ChainWorkspace, layer: int) -> str:
+    return f"{'xyz'[space.across]} = {space.axes[space.across][layer]:.2f} m"
+
+
+def _layout(space: Workspace | ChainWorkspace) -> dict[str, Any]:
+    a, b = _names(space)
     return {
-        "xaxis": {"title": {"text": "y (m)"}, "constrain": "domain"},
-        "yaxis": {"title": {"text": "z (m)"}, "scaleanchor": "x", "constrain": "domain"},
+        "xaxis": {"title": {"text": f"{a} (m)"}, "constrain": "domain"},
+        "yaxis": {"title": {"text": f"{b} (m)"}, "scaleanchor": "x", "constrain": "domain"},
         "margin": {"t": 10},
     }

@@ -55,11 +55,36 @@ class Gap:
         """Root mean square of the errors' lengths, m."""
         return float(np.sqrt((self.length**2).mean()))
 
+    @property
+    def names(self) -> list[str]:
+        """Each pose's id, and its row in the table: no two are the same."""
+        return [f"{pose} (row {row})" for pose, row in zip(self.pose, self.row, strict=True)]
+
+    @property
+    def size(self) -> Floats:
+        """(N,) how large the errors are, to compare them."""
+        return self.length
+
+    @property
+    def what(self) -> str:
+        """What is shown, and of which model."""
+        return f"position errors {self.whose}"
+
+    @property
+    def summary(self) -> str:
+        """How large the errors are."""
+        return f"{1e6 * self.rms:,.0f} µm RMS at {len(self.q)} poses"
+
+    def said(self, index: int) -> str:
+        """One of the errors in words."""
+        return f"off by {1e6 * self.length[index]:,.1f} µm"
+
     def magnification(self) -> float:
         """A round factor that makes the usual error a tenth of the workspace; 1 where there is none."""
-        usual = float(np.median(self.length))
-        if usual <= 0.0:
+        lengths = self.length[self.length > 0.0]
+        if not len(lengths):
             return 1.0
+        usual = float(np.median(lengths))
         wanted = max(0.1 * max(float(np.ptp(self.T, axis=0).max()), 0.1) / usual, 1.0)
         power = 10.0 ** np.floor(np.log10(wanted))
         return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))

@@ -38,7 +38,7 @@ class GapPanel:
 
     def __init__(self, server: Any, name: str, gap: Gap, go: Callable[[Floats], str]) -> None:
         self.gap, self._scene, self._go = gap, server.scene, go
-        self.names = [f"{pose} (row {row})" for pose, row in zip(gap.pose, gap.row, strict=True)]
+        self.names = gap.names
         gui, factor, alone = server.gui, gap.magnification(), len(gap.q) == 1
         gui.add_markdown(_plain(_summary(name, gap)))
         self.chosen = gui.add_dropdown("pose", self.names, disabled=alone, hint="Its id, and its row in the table.")
@@ -65,11 +65,11 @@ class GapPanel:
         i = self.index
         self.chosen.value = self.names[i]
         trouble = self._go(self.gap.q[i])
-        self.message.content = _plain(f"**Pose {self.names[i]}**: off by {1e6 * self.gap.length[i]:,.1f} µm. {trouble}")
+        self.message.content = _plain(f"**Pose {self.names[i]}**: {self.gap.said(i)}. {trouble}")
         self._draw("/gap/here", slice(i, i + 1), BLACK[None], 6.0)
 
     def _scaled(self, _: object = None) -> None:
-        gap, colors = self.gap, of_errors(self.gap.length)
+        gap, colors = self.gap, of_errors(self.gap.size)
         size = max(float(np.ptp(gap.T, axis=0).max()), 0.1)
         self._scene.add_point_cloud("/gap/poses", gap.T, colors, point_size=size / 150.0, point_shape="circle")
         self._draw("/gap/errors", slice(None), colors, 2.0)
@@ -97,7 +97,7 @@ class GapPanel:
 
 
 def _summary(name: str, gap: Gap) -> str:
-    text = f"**{name}**: position errors {gap.whose}, {1e6 * gap.rms:,.0f} µm RMS at {len(gap.q)} poses."
+    text = f"**{name}**: {gap.what}, {gap.summary}."
     shares = ", ".join(f"{site} {100.0 * part:.0f} %" for site, part in gap.share.items())
     return f"{text} Rods by share of the gap: {shares}." if shares else text
 

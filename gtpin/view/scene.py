@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 from io import StringIO
 from typing import Any
@@ -13,13 +14,16 @@ import pinocchio as pin
 
 from gtpin.errors import GtpinError
 from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Model
-from gtpin.report.camera import Camera
+from gtpin.report.camera import Camera, Drawable
 from gtpin.report.chain_skeleton import chain_skeleton
+from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import skeleton
 from gtpin.view.chain_display import ChainDisplay
 from gtpin.view.gap import Gap
 from gtpin.view.gap_panel import GapPanel
+from gtpin.view.instrument_display import InstrumentDisplay
 from gtpin.view.parts import Part, parts
 from gtpin.view.shapes import robot_as_modelled, shapes
 
@@ -35,9 +39,13 @@ class Scene:
         What is shown.
     host, port
         Where the page is served; port 0 takes any that is free.
+    instruments
+        Those that are shown; the model's by default.
 
     Attributes
     ----------
+    instruments : InstrumentDisplay or None
+        Stations, planes and sockets; None where there are none.
     panel : GapPanel or None
         What the page says of the gap.
     labels, names : dict of Part to label, and checkbox
@@ -49,7 +57,14 @@ class Scene:
         If viser is missing, or nothing can be served there.
     """
 
-    def __init__(self, model: Model, gap: Gap | None, host: str = "localhost", port: int = 8080) -> None:
+    def __init__(
+        self,
+        model: Model,
+        gap: Gap | None,
+        host: str = "localhost",
+        port: int = 8080,
+        instruments: Sequence[FittedInstrument] | None = None,
+    ) -> None:
         self.model, self.gap = model, gap
         self.robot = robot_as_modelled(model)
         self.posture: ClosedPosture = home(self.robot)
@@ -57,6 +72,11 @@ class Scene:
         self._lock = threading.Lock()
         self._visualizer = self._load()
         self.labels = self._name_parts()
+        places = InstrumentPlaces.of(model.instruments if instruments is None else instruments)
+        machine = self._machine()
+        size = self.robot.size / 4.0 if machine is None else float(np.ptp(machine.points, axis=0).max())
+        self.instruments = InstrumentDisplay(self.server, places, size) if places else None
+        self._show_instruments()
         self._look()
         self.panel = None if gap is None else GapPanel(self.server, self.robot.name, gap, self._go)
         if gap is None:
@@ -75,11 +95,17 @@ class Scene:
             self._visualizer.display(self.posture.configuration)
             for part, label in self.labels.items():
                 label.position = part.place(self._visualizer.data)
+            self._show_instruments()
 
     def stop(self) -> None:
         """Serve no longer."""
         with redirect_stdout(StringIO()):  # viser talks
             self.server.stop()
+
+    def _show_instruments(self) -> None:
+        """Bring what instruments have on the platform to where it is."""
+        if self.instruments is not None:
+            self.instruments.show(self.posture.T, self.posture.R)
 
     def _go(self, q: Floats) -> str:
         """Bring the machine to a command if it can go there; else say why not, and stay."""
@@ -111,13 +137,18 @@ class Scene:
             for part in parts(self.robot)
         }
 
+    def _machine(self) -> Drawable | None:
+        """The machine as lines in space; None where it does not reach where it is drawn."""
+        return skeleton(self.model) or chain_skeleton(self.model)
+
     def _look(self) -> None:
-        """From where the rods hide each other the least, at the middle of the machine."""
-        machine = skeleton(self.model) or chain_skeleton(self.model)
+        """From where the rods hide each other the least, at the middle of the machine and of the poses."""
+        machine = self._machine()
         if machine is None:
             return
-        middle = (machine.points.max(axis=0) + machine.points.min(axis=0)) / 2.0
-        size = float(np.ptp(machine.points, axis=0).max())
+        points = machine.points if self.gap is None else np.vstack([machine.points, self.gap.T])
+        middle = (points.max(axis=0) + points.min(axis=0)) / 2.0
+        size = float(np.ptp(points, axis=0).max())
         self.server.scene.set_up_direction(tuple(machine.up))
         eye = np.cross(*Camera.of(machine).axes)
         self.server.initial_camera.position = tuple(middle + 0.95 * size * eye)
@@ -145,7 +176,7 @@ class Scene:
         box = self.server.gui.add_checkbox("names", True)
 
         def changed(_: object) -> None:
-            for label in self.labels.values():
+            for label in (*self.labels.values(), *(self.instruments.labels if self.instruments else ())):
                 label.visible = box.value
 
         box.on_update(changed)

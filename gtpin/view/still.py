@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import GtpinError, ModelError
+from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Model
 from gtpin.output.figure import new_figure
 from gtpin.output.results import result_file
 from gtpin.report.camera import ELEVATION, Camera, Drawable
 from gtpin.report.chain_skeleton import ChainSkeleton, chain_skeleton
-from gtpin.report.skeleton import Skeleton, skeleton
+from gtpin.report.instrument_places import InstrumentPlaces
+from gtpin.report.skeleton import Skeleton, skeleton, standing
 from gtpin.robot.robot import Robot
 from gtpin.view.colors import GREY, of_errors, of_share
 from gtpin.view.gap import Gap
 from gtpin.view.parts import platform_name
+from gtpin.view.still_instruments import draw_instruments
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,12 +31,19 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 FORMATS = (".png", ".svg", ".pdf")
+LINE = 90
+"""Letters of a line of the title."""
 MOST = 400
 """Errors that are drawn; more of them are thinned evenly."""
 
 
-def still(model: Model, gap: Gap | None = None) -> Figure:
-    """A picture of a machine, the errors magnified, rods coloured by their share of the gap.
+def still(model: Model, gap: Gap | None = None, instruments: Sequence[FittedInstrument] | None = None) -> Figure:
+    """A picture of a machine and its instruments, the errors magnified, rods coloured by their share of the gap.
+
+    Parameters
+    ----------
+    instruments
+        Those that are shown; the model's by default.
 
     Raises
     ------
@@ -40,7 +52,7 @@ def still(model: Model, gap: Gap | None = None) -> Figure:
     GtpinError
         If matplotlib is missing.
     """
-    worst = None if gap is None else gap.q[int(np.argmax(gap.length))]
+    worst = None if gap is None else gap.q[int(np.argmax(gap.size))]
     machine = skeleton(model, worst) or chain_skeleton(model, worst)
     if machine is None:
         raise ModelError(f"{model.robot.name} can't be drawn: it does not reach its home", hint="check its geometry")
@@ -52,14 +64,25 @@ def still(model: Model, gap: Gap | None = None) -> Figure:
         _chain(axes, machine, model.robot)
     title = model.robot.name
     if gap is not None:
-        title += f": position errors {gap.whose}\n{_errors(axes, gap)}"
+        title = "\n".join([f"{title}: {gap.what}", *wrap(_errors(axes, gap), LINE)])
     axes.set_title(title, fontsize=11)
     seen = machine.points if gap is None else np.vstack([machine.points, gap.T])
+    places = InstrumentPlaces.of(model.instruments if instruments is None else instruments)
+    if places:
+        pose = model.kinematics.forward((standing(model) if worst is None else worst)[None])
+        seen = np.vstack([seen, draw_instruments(axes, places, pose, float(np.ptp(seen, axis=0).max()))])
     _frame(axes, machine, seen)
     return figure
 
 
-def write_still(file: Path, model: Model, gap: Gap | None = None, *, force: bool = False) -> None:
+def write_still(
+    file: Path,
+    model: Model,
+    gap: Gap | None = None,
+    *,
+    force: bool = False,
+    instruments: Sequence[FittedInstrument] | None = None,
+) -> None:
     """Write a still image: PNG, SVG or PDF, by the suffix of the file's name.
 
     With ``force``, a file that gtpin has not written, or that was changed since, is moved aside (``NAME.old-1``).
@@ -73,7 +96,7 @@ def write_still(file: Path, model: Model, gap: Gap | None = None, *, force: bool
     if file.suffix.lower() not in FORMATS:
         raise GtpinError("not an image that can be written", file=file, hint=f"end its name in {', '.join(FORMATS)}")
     with result_file(file, force=force) as new:
-        still(model, gap).savefig(new, metadata={"Date": None} if file.suffix.lower() == ".svg" else None)
+        still(model, gap, instruments).savefig(new, metadata={"Date": None} if file.suffix.lower() == ".svg" else None)
 
 
 def _machine(axes: Any, machine: Skeleton, robot: Robot, share: dict[str, float]) -> None:
@@ -126,12 +149,12 @@ def _name(axes: Any, at: Floats, words: str, **style: Any) -> None:
 def _errors(axes: Any, gap: Gap) -> str:
     """Draw the errors; say how much they are magnified."""
     rows = np.unique(np.linspace(0, len(gap.q) - 1, min(len(gap.q), MOST)).astype(np.intp))
-    factor, colors = gap.magnification(), of_errors(gap.length)[rows]
+    factor, colors = gap.magnification(), of_errors(gap.size)[rows]
     T, ends = gap.T[rows], gap.T[rows] + factor * gap.error[rows]
     axes.scatter(*T.T, color=colors, s=9, depthshade=False)
     for a, b, color in zip(T, ends, colors, strict=True):
         axes.plot(*np.stack([a, b]).T, color=color, linewidth=1.0)
-    return f"{1e6 * gap.rms:,.0f} µm RMS at {len(gap.q)} poses, drawn {factor:,.0f} times larger"
+    return f"{gap.summary}, drawn {factor:,.0f} times larger"
 
 
 def _frame(axes: Any, machine: Drawable, points: Floats) -> None:

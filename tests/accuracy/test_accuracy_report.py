@@ -42,7 +42,7 @@ def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
 
 
 def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "_maps", lambda *_: {})
+    monkeypatch.setattr(files, "map_figures", lambda *_: {})
     for name in ("a", "b"):
         write_sensitivity(MODEL, commands(5), tmp_path / name, costs=COSTS, seed=4)
     for file in (tmp_path / "a").iterdir():

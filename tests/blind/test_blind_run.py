@@ -12,10 +12,15 @@ from handmade import Quiet, canned, cause, diagnosis, write_case
 
 import gtpin.blind.run
 from gtpin.blind.draw import Draft
+from gtpin.blind.others import given, take_in
 from gtpin.blind.run import check, check_given
 from gtpin.blind.score import score
+from gtpin.blind.worker import Outcome
+from gtpin.data import Dataset
 from gtpin.errors import GtpinError, GtpinWarning
-from gtpin.plant.case import Case
+from gtpin.plant.case import Case, drawn_recipe
+from gtpin.plant.conditions import Conditions
+from gtpin.plant.instruments.build import build_measured
 
 
 @pytest.mark.usefixtures("here")
@@ -187,7 +192,7 @@ def test_a_case_of_the_plant_goes_all_the_way(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(gtpin.blind.run, "check_cluster", lambda address: None)
     monkeypatch.setattr(gtpin.blind.run, "_taken_out", lambda truths: {})
     draft = Draft("only", "one", 5, ("encoder_scale",), 60)
-    monkeypatch.setattr(gtpin.blind.run, "drafts", lambda cases, seed, robot: [draft])
+    monkeypatch.setattr(gtpin.blind.run, "drafts", lambda cases, seed, robot, instruments: [draft])
     (case,) = check(tmp_path / "out", 1, 0, Quiet(), "processes").cases
     assert case.error is None
     assert case.said is not None
@@ -198,6 +203,52 @@ def test_a_case_of_the_plant_goes_all_the_way(tmp_path: Path, monkeypatch: pytes
     assert case.shrunk.knowing is not None
     assert case.shrunk.knowing < case.shrunk.before
     assert score([case])["cases"] == 1
+
+
+@pytest.fixture
+def machines(here: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cases of the plant are two of 20 stops, and nothing is known of any."""
+    monkeypatch.setattr(gtpin.blind.run, "diagnose_alone", lambda *_: (Outcome(error="nobody looked"), 0.1))
+
+    def drafts(cases: int, seed: int, robot: str, instruments: tuple[str, ...]) -> list[Draft]:
+        return [Draft(name, "one", 5, ("backlash",), 20, robot, instruments) for name in ("a", "b")]
+
+    monkeypatch.setattr(gtpin.blind.run, "drafts", drafts)
+
+
+@pytest.mark.usefixtures("machines")
+def test_a_check_of_other_instruments_is_a_check_of_its_own_and_can_be_scored_again(tmp_path: Path) -> None:
+    first = check(tmp_path / "out", 2, 0, Quiet(), instruments=["tilt", "range"])
+    assert [case.single.effect for case in first.cases] == ["backlash", "backlash"]
+    assert all(case.error == "nobody looked" and case.energy > 0.0 for case in first.cases)
+    assert first.about["instruments"] == "range,tilt"
+    names = {file.name for file in (tmp_path / "out" / "cases" / "a").iterdir()} - {".gtpin.json"}
+    assert names == {"commands.csv", "dataset.toml", "level.csv", "truth.sha256", "wire.csv"}
+    again = check(tmp_path / "out", 2, 0, Quiet(), instruments=["range", "tilt"])
+    assert score(again.cases) == score(first.cases)
+    with pytest.raises(GtpinError, match="another check: other instruments"):
+        check(tmp_path / "out", 2, 0, Quiet(), instruments=["range"])
+    with pytest.raises(GtpinError, match="no instrument is called"):
+        check(tmp_path / "new", 2, 0, Quiet(), instruments=["laser"])
+    assert not (tmp_path / "new").exists()
+    given = check_given(tmp_path / "given", tmp_path / "out" / "cases", Quiet())
+    assert [case.energy for case in given.cases] == [case.energy for case in first.cases]
+
+
+def test_a_dataset_of_schema_2_is_taken_in_with_the_urdf_that_it_names(tmp_path: Path) -> None:
+    urdf = tmp_path / "robots" / "mine.urdf"
+    urdf.parent.mkdir()
+    urdf.write_text(gtpin.load_robot("gantry_tau").description.xml)
+    recipe = drawn_recipe(1, effects=[], poses=8, held_out=2, robot=str(urdf), conditions=Conditions())
+    made = build_measured(recipe, ["range"])
+    made.write_dataset(tmp_path / "cases" / "a")
+    made.write_truth(tmp_path / "cases", "a")
+    (case,) = given(tmp_path / "cases")
+    take_in(case, tmp_path / "taken")
+    urdf.unlink()
+    taken = Dataset.read(tmp_path / "taken")
+    assert taken.robot == "robot.urdf"
+    assert len(taken) == len(made.dataset)
 
 
 # ------------------------------------------------------------------------------------- crashes, bad input, other people

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -11,12 +12,13 @@ import pytest
 import gtpin
 from gtpin.calibration.free_target import target_on_platform
 from gtpin.calibration.problem import Measured
-from gtpin.data import Instrument
+from gtpin.data import Dataset, Instrument
 from gtpin.effects import Situation
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.plant import make_case
+from gtpin.robot.description import Description
 from gtpin.robot.moving_links import moving_links
 
 ROBOT = gtpin.load_robot("ur5")
@@ -102,3 +104,60 @@ def test_where_the_target_sits_changes_what_is_seen_of_the_last_link_and_not_how
     cores = [0, 1] if effect == "link_compliance" else [0]  # modulations count on the loads' spread at the target
     np.testing.assert_allclose(seen[1][..., cores], carried[..., cores], rtol=0, atol=1e-9 * np.abs(carried).max())
     assert np.abs(carried).max() > 0.0
+
+
+ORDERS = {"xyzw": [1, 2, 3, 0], "wzyx": [0, 3, 2, 1]}
+"""Orders that no frame and target make up for, and the columns w, x, y, z that stand in each."""
+TURNER = """<robot name="turner"><link name="base"/><link name="arm"/><joint name="turn" type="revolute">
+<parent link="base"/><child link="arm"/><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint><link name="tool0"/><joint name="tool" type="fixed">
+<parent link="arm"/><child link="tool0"/><origin xyz="0.4 0 0.1" rpy="0.5 0.1 -0.4"/></joint></robot>"""
+
+
+def measured_in(robot: gtpin.Robot, order: list[int], *, frame: Literal["robot", "free"]) -> Dataset:
+    """Sixty poses of a nominal robot whose target sits elsewhere, quaternions with their columns in another order."""
+    rng = np.random.default_rng(6)
+    q = rng.uniform(-1.5, 1.5, (60, robot.n_actuators))
+    X = pin.SE3(pin.exp3(rng.standard_normal(3)), 0.1 * rng.standard_normal(3))
+    F = pin.SE3(pin.exp3(rng.standard_normal(3)), 3.0 * rng.standard_normal(3))
+    F = F if frame == "free" else pin.SE3.Identity()
+    plain = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
+    noise = [pin.exp6(np.repeat([1.5e-5, 5e-5], 3) * rng.standard_normal(6)) for _ in q]
+    seen = [F * pin.SE3(R, T) * X * off for T, R, off in zip(plain.T, plain.R, noise, strict=True)]
+    wxyz = np.array([np.roll(pin.Quaternion(M.rotation).coeffs(), 1) for M in seen])
+    return Dataset(
+        robot=robot.name,
+        pose=np.arange(60),
+        q=q,
+        position=np.array([M.translation for M in seen]),
+        orientation=wxyz[:, order],
+        instrument=Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5, frame=frame, target="free"),
+    )
+
+
+@pytest.mark.parametrize("frame", ["robot", "free"])
+@pytest.mark.parametrize("robot", [ROBOT, gtpin.Robot(Description.parse(TURNER, "turner"))], ids=["ur5", "one joint"])
+def test_the_order_of_quaternions_is_recognised_with_a_free_target(
+    robot: gtpin.Robot, frame: Literal["robot", "free"]
+) -> None:
+    for order, columns in ORDERS.items():
+        with pytest.raises(DatasetError, match="quaternions, as if") as refused:
+            gtpin.calibrate(measured_in(robot, columns, frame=frame), robot)
+        assert refused.value.column == "qw qx qy qz"
+        if order == "xyzw":
+            assert "looks like xyzw" in refused.value.what
+    as_named = gtpin.calibrate(measured_in(robot, [0, 1, 2, 3], frame=frame), robot)
+    assert as_named.chi2_per_dof < 2.0
+
+
+@pytest.mark.parametrize("target", ["tcp", "free"])
+@pytest.mark.parametrize("joints", [5, 7])
+def test_another_number_of_commands_than_of_joints_is_refused_by_name(
+    joints: int, target: Literal["tcp", "free"]
+) -> None:
+    dataset = measured_in(ROBOT, [0, 1, 2, 3], frame="free")
+    q = np.hstack([dataset.q, dataset.q])[:, :joints]
+    instrument = dataset.instrument.model_copy(update={"target": target})
+    for run in (gtpin.calibrate, gtpin.diagnose):
+        with pytest.raises(DatasetError, match=rf"{joints} commands a pose, but ur5 has 6 actuators"):
+            run(replace(dataset, q=q, instrument=instrument), ROBOT)

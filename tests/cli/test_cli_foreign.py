@@ -34,7 +34,7 @@ WORK = (
     "gtpin.commands.simulate.simulate_scenario",
     "gtpin.commands.predict.run_prediction",
     "gtpin.commands.export.compensate",
-    "gtpin.commands.view.gap_of",
+    "gtpin.commands.view.gap_with_instruments",
     "gtpin.view.still.still",
     "gtpin.blind.run.spread",
 )

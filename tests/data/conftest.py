@@ -35,6 +35,23 @@ def make(tmp_path: Path) -> Make:
 
 
 @pytest.fixture
+def write(tmp_path: Path) -> Make:
+    """Write a dataset folder of schema 2: its dataset.toml, and tables by name."""
+
+    def put(toml: str, **tables: str) -> Path:
+        folder = tmp_path / "several"
+        folder.mkdir(exist_ok=True)
+        for old in folder.iterdir():
+            old.unlink()
+        (folder / "dataset.toml").write_text(toml)
+        for name, text in tables.items():
+            (folder / f"{name}.csv").write_text(text)
+        return folder
+
+    return put
+
+
+@pytest.fixture
 def with_column(make: Make) -> Callable[..., Path]:
     """Write the valid dataset with one more column, or with a column's cells replaced."""
 

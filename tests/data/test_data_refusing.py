@@ -285,7 +285,7 @@ def test_a_covariate_of_an_actuator_that_is_not_there_is_refused(with_column, fa
 @pytest.mark.parametrize(
     ("toml", "column", "said"),
     [
-        (TOML.replace("dataset/1", "dataset/2"), "schema", "gtpin-dataset/1"),
+        (TOML.replace("dataset/1", "dataset/3"), "schema", "gtpin-dataset/1"),
         (TOML.replace("schema", "shema"), "schema", "gtpin-dataset/1"),
         (TOML.replace('"gantry_tau"', '" "'), "robot", "URDF"),
         (TOML.replace('"gantry_tau"', "5"), "robot", "URDF"),

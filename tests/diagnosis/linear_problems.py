@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 import gtpin
-from gtpin.calibration.problem import measured_poses
+from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
@@ -58,7 +58,9 @@ def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Des
     """A linear problem that belongs to no machine."""
     model: Any = SimpleNamespace(geometry=SimpleNamespace(parameters=range(n_geometry)))
     situation: Any = None
-    return Design(situation, whitening, model, y, B)
+    rows = len(whitening)
+    nowhere = Measured(np.zeros((rows, 1)), np.zeros((rows, 3)), None)
+    return Design(situation, whitening, model, y, B, n_geometry, 0, nowhere)
 
 
 @cache

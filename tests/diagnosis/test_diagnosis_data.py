@@ -12,7 +12,7 @@ from gtpin.data import Dataset, Instrument
 from gtpin.diagnosis import diagnose as room
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.untestable import Untestable
-from gtpin.errors import GtpinError
+from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise
 
@@ -159,7 +159,8 @@ def test_an_arm_without_masses_is_diagnosed_and_loads_are_untestable(tmp_path):
         position=T + 1e-5 * rng.standard_normal((60, 3)),
         instrument=Instrument(position_sigma=1e-5),
     )
-    found = gtpin.diagnose(dataset)
+    with pytest.warns(GtpinWarning, match="no masses"):
+        found = gtpin.diagnose(dataset)
     assert found.verdict == "none"
     untestable = {(c.effect, c.site) for c in found.candidates if not c.testable}
     assert {("joint_compliance", site) for site in found.model.robot.sites} <= untestable  # no masses, no loads

@@ -22,7 +22,7 @@ def test_noise_and_geometry_alone_raise_an_alarm_less_often_than_asked_for(rate,
     rng = np.random.default_rng(1)
     alarms = 0
     for _ in range(MACHINES):
-        off = np.concatenate([rng.standard_normal(design.n_geometry), np.zeros(design.B.shape[1] - design.n_geometry)])
+        off = np.concatenate([rng.standard_normal(design.n_prior), np.zeros(design.B.shape[1] - design.n_prior)])
         y = design.B @ off + rng.standard_normal(len(design.y))
         hypotheses = propose(replace(design, y=y), every_effect(rate)).hypotheses
         alarms += bool(rough_guess(hypotheses).terms)

@@ -76,6 +76,7 @@ def test_a_robot_that_does_not_move(measured: Dataset, tmp_path: Path) -> None:
     assert "nothing moves" in refused(lambda **told: gtpin.diagnose(fixed, **told))
 
 
+@pytest.mark.filterwarnings("ignore:the links of:gtpin.errors.GtpinWarning")
 def test_loops_that_can_not_be_closed(measured: Dataset, tmp_path: Path) -> None:
     apart = of_robot(APART, measured, tmp_path)
     assert "loop" in refused(lambda **told: gtpin.diagnose(apart, **told))

@@ -18,6 +18,7 @@ from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
 from gtpin.diagnosis.planning import discrimination as splitting
 from gtpin.effects.drives import SLOWEST_LINE
+from gtpin.effects.rack_periodic import LEAST_TURNS
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "pages"))
@@ -33,6 +34,7 @@ AGAIN = {
     "noise_floor": 4,
     "imitators": 1,
     "priors": 1,
+    "instruments": 6,
 }
 """Jobs that are measured again, spread over all; a whole measurement takes minutes."""
 SAME = 0.75
@@ -110,7 +112,8 @@ CONSTANTS = (
     ("docs/next_experiment.md", "With less than {} nats, it says", splitting.SETTLED),
     ("docs/next_experiment.md", "With less than {} nat, the entry", splitting.LEAST),
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
-    ("docs/diagnosis.md", "smooth means at most {} periods a turn", SLOWEST_LINE),
+    ("docs/diagnosis.md", "what is smooth has up to {} periods a turn", SLOWEST_LINE),
+    ("docs/diagnosis.md", "at least {} periods in the joint's range where it has no other line", LEAST_TURNS),
     ("docs/diagnosis.md", "gains more than {} nats (`line`", priors.PRIORS.line),
     ("docs/diagnosis.md", "{} standard deviations wide to either side", f"{t.ppf(0.975, 1) * 1.5**0.5:.0f}"),
 )
@@ -127,7 +130,8 @@ def test_every_time_on_the_page_of_speed_is_of_a_benchmark_that_exists() -> None
     import speed
 
     code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "benchmarks").glob("test_*.py"))
-    named = {*speed.ROWS, *(name for pair in speed.RATIOS.values() for name in pair)}
+    pairs = (*speed.RATIOS.values(), *speed.ARM_RATIOS.values())
+    named = {*speed.ROWS, *speed.ARM_ROWS, *(name for pair in pairs for name in pair)}
     assert named == {name for name in named if f"def {name}(" in code}
     times = json.loads(speed.RECORD.read_text(encoding="utf-8"))["benchmarks"]
     assert named <= set(times)
@@ -135,3 +139,18 @@ def test_every_time_on_the_page_of_speed_is_of_a_benchmark_that_exists() -> None
     assert found["a closed posture by `fsolve` over one by Pinocchio"] > 1.0
     assert found["a closed posture by `fsolve` over one in arrays"] > 20.0
     assert found["`least_squares` over the calibration of 61 poses"] > 20.0
+    assert found["`least_squares` over the calibration of 200 poses of an arm"] > 2.0
+
+
+def test_recorded_times_of_arms_are_within_the_goals_but_for_the_one_that_the_page_names() -> None:
+    import speed
+
+    rows = json.loads(speed.RECORD.read_text(encoding="utf-8"))["arm_commands"]
+    for row in (*rows["plain"], *rows["hard"]):
+        assert row["poses"] in speed.ARM_POSES
+        assert row["calibrate_s"] < 20.0
+        assert max(row["calibrate_gb"], row["diagnose_gb"]) < 4.0
+    assert max(row["diagnose_s"] for row in rows["plain"]) < 120.0
+    page = (ROOT / "docs" / "speed.md").read_text(encoding="utf-8")
+    over = max(row["diagnose_s"] for row in rows["hard"]) > 120.0
+    assert ("diagnosis with five causes is over its goal" in page) == over

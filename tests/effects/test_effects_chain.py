@@ -171,7 +171,7 @@ def test_without_masses_and_loads_no_effect_of_loads_can_be_tested() -> None:
     at = situation(20, kinematics=drawn(light), without=("fx", "fy", "fz", "payload"))
     for name in ("joint_compliance", "bearing_compliance", "joint_clearance", "link_compliance"):
         for site in EFFECTS[name].sites(light):
-            assert EFFECTS[name].untestable(at, site) == Untestable("no_load"), (name, site)
+            assert EFFECTS[name].untestable(at, site) == Untestable("no_masses"), (name, site)
 
 
 def test_a_load_that_keeps_its_sign_shows_no_play() -> None:

@@ -7,8 +7,10 @@ import numpy as np
 import gtpin
 from gtpin.effects import Situation
 from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.drives import LEAST_ORDERS, SLOWEST_LINE, smooth_cosines
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.rack_periodic import RackPeriodic
+from gtpin.effects.rack_periodic import APART, LEAST_TURNS, RackPeriodic
+from gtpin.effects.smooth import cosines
 
 ROBOT = gtpin.load_robot("ur5")
 SITE = ROBOT.sites[0]
@@ -48,3 +50,29 @@ def test_lines_displace_the_pose_as_the_joint_turned_by_hand() -> None:
     q = at.q.copy()
     q[:, 0] += 1e-3 * np.cos(12.0 * q[:, 0]) + 5e-4 * np.sin(23.0 * at.q[:, 0])
     np.testing.assert_allclose(moved.minus(at.kinematics.forward(q)), 0.0, atol=1e-12)
+
+
+def test_a_first_line_has_enough_periods_in_the_range_and_a_further_one_is_apart_from_it() -> None:
+    at = situation()
+    effect, span = RackPeriodic(), float(np.ptp(at.q[:, 0]))
+    values = np.array(effect.nonlinear_values(at, SITE))
+    assert values.max() > span / LEAST_TURNS  # slow ones are tried, beside another line
+    alone = effect.resolved(at, SITE, values, ())
+    assert (span / values[alone] >= LEAST_TURNS * (1.0 - 1e-6)).all()
+    assert (span / values[~alone] < LEAST_TURNS).all()
+    other = 2.0 * np.pi / 12.0
+    beside = effect.resolved(at, SITE, values, [other])
+    assert (np.abs(span / values[beside] - span / other) >= APART).all()
+    assert (np.abs(span / values[~beside] - span / other) < APART).all()
+    assert not beside.all()
+
+
+def test_smooth_deviations_have_ever_smaller_parts_beyond_three_periods_a_turn() -> None:
+    at = situation()
+    _, size = smooth_cosines(at, 0, 14, 1.2)
+    _, plain = cosines(at.travel[:, 0], 1, 14, 1.2)
+    rate = np.arange(1, 15) * np.pi / np.ptp(at.q[:, 0])
+    slow, fast = rate <= SLOWEST_LINE, (rate > SLOWEST_LINE) & (np.arange(14) >= LEAST_ORDERS)
+    np.testing.assert_allclose(size[slow], plain[slow], rtol=1e-12)
+    assert fast.sum() > 3
+    assert (np.diff(size[fast] / plain[fast]) < 0.0).all()

@@ -209,3 +209,11 @@ def test_commands_that_are_nan_give_nan_and_of_another_shape_an_error(arm: tuple
         model.predict(q[:, :-1])
     with pytest.raises(ModelError):
         model.predict(q[0])
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_no_commands_have_no_poses(name: str) -> None:
+    robot = gtpin.load_robot(name)
+    kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
+    poses = kinematics.forward(np.zeros((0, robot.n_actuators)))
+    assert poses.T.shape == (0, 3)

@@ -16,6 +16,7 @@ DOORS = (
     "gtpin.report.workspace_maps",
     "gtpin.report.measurements",
     "gtpin.report.diagnosis_json",
+    "gtpin.report.unseen_words",
 )
 """What methods of results may import when they are called."""
 

@@ -8,6 +8,7 @@ from arm_urdf import a_plant, nominal
 
 from gtpin.plant.arms.deviation import ArmDeviation
 from gtpin.plant.arms.situation import ArmSituation
+from gtpin.plant.case import make_case
 from gtpin.plant.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED
 from gtpin.plant.causes.arms.heat import ALUMINIUM
 from gtpin.plant.causes.arms.loads import _beam
@@ -244,3 +245,22 @@ def test_a_loose_foot_lifts_to_one_side_and_a_creeping_joint_remembers() -> None
     swapped = replace(swapped, time=PLANT.visits.time)
     back = cause("creep", "shoulder")(Plant(PLANT.machine, swapped, PLANT.station).ideal).travel[::-1, 2]
     assert np.abs(crept - back).max() > 1e-5
+
+
+EXCESS = {
+    "thermal_links": 1e-4 / ALUMINIUM,  # unfilled plastics
+    "tracker_scale": 1e-6 / 1.5e-7,  # the refractive index of air, 1/K, over what goes with the air at typical size
+    "rack_periodic": 5e-4 / 1e-4,  # strain-wave gears, rad
+}
+
+
+@pytest.mark.parametrize("name", EXCESS)
+def test_no_effect_is_larger_than_a_machine_can_have(name: str) -> None:
+    assert kind(name, ARM).largest <= EXCESS[name] * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["thermal_links", "tracker_scale"])
+def test_an_effect_that_can_t_reach_its_energy_has_its_largest_size(name: str) -> None:
+    made = make_case(5, effects=[(name, None)], energy=1e9, poses=40, held_out=5, robot="ur5")
+    assert made.effects[0].amplitude == kind(name, ARM).largest
+    assert made.effects[0].energy < 1e9

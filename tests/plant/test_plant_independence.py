@@ -16,6 +16,7 @@ JUDGED = (
     "gtpin.calibration",
     "gtpin.diagnosis",
     "gtpin.noise",
+    "gtpin.instruments",
     "gtpin.comparison",
     "gtpin.compensation",
     "gtpin.report",
@@ -84,8 +85,9 @@ def test_nothing_that_the_plant_builds_on_imports_it_either() -> None:
 
 def test_a_machine_is_made_without_anything_of_it_in_memory() -> None:
     code = (
-        "import sys; from gtpin.plant import make_case, simulate; from gtpin import load_robot;"
+        "import sys; from gtpin.plant import make_case, simulate, simulate_measured; from gtpin import load_robot;"
         "make_case(0, poses=20, held_out=5); simulate(load_robot('stewart'), 'stewart', poses=5, held_out=2);"
+        "simulate_measured(load_robot('stewart'), 'stewart', ['range', 'plane', 'socket'], poses=5, held_out=2);"
         f"sys.exit(', '.join(name for name in sys.modules if name.startswith({JUDGED!r})) or 0)"
     )
     made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

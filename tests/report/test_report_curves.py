@@ -175,7 +175,7 @@ def test_few_values_of_a_column_stand_in_their_order(residuals):
 def test_poses_of_one_value_are_never_in_two_means(residuals):
     covariates = {**residuals.dataset.covariates, "time": np.maximum(0.0, np.arange(-100.0, len(residuals) - 100.0))}
     found = column(replace(residuals, dataset=replace(residuals.dataset, covariates=covariates)), "time", causes=False)
-    mean = np.array([found.values[rows].mean() for rows in found.groups])
+    mean = np.array([found.values[rows].mean() for rows in found.groups(np.arange(len(residuals)))])
     assert 1 < len(mean) == len(set(mean.tolist()))
     assert (np.diff(mean) > 0.0).all()
 

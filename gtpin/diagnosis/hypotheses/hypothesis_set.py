@@ -74,6 +74,7 @@ class HypothesisSet:
         self.smooth = tuple(found)
         self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
         self._scans: dict[Hypothesis, Scan] = {}
+        self._lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
 
     @property
@@ -160,26 +161,28 @@ class HypothesisSet:
         """A hypothesis of ``named``, whatever the value of its nonlinear parameter; other terms as they are."""
         return term.template if isinstance(term, Hypothesis) else term
 
-    def _scanned(self, hypothesis: Hypothesis, model: Model) -> Gain:
+    def _scanned(self, hypothesis: Hypothesis, model: Model, others: Sequence[float] = ()) -> Gain:
         if hypothesis not in self._scans:
             self._scans[hypothesis] = Scan(
                 self.design, self.groups.marginal, hypothesis.effect, hypothesis.site, self.priors
             )
-        best = self._scans[hypothesis].best(model, self.columns(model))
+        best = self._scans[hypothesis].best(model, self.columns(model), others)
         return Gain(best.gain, Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma))
 
-    def further_line(self, model: Model) -> tuple[float, Hypothesis, Hypothesis] | None:
+    def further_line(
+        self, model: Model, terms: Collection[Hypothesis] | None = None
+    ) -> tuple[float, Hypothesis, Hypothesis] | None:
         """Of a model's periodic errors the one that gains most by one more line, with that line and without it.
 
-        The gain is in worth, to first order; None where no line gains.
+        The gain is in worth, to first order; None where no line gains. ``terms``: only these of its periodic errors.
         """
         if self.design.situation.robot.rods:
             return None
         best: tuple[float, Hypothesis, Hypothesis] | None = None
-        for term in causes(model):
+        for term in causes(model) if terms is None else terms:
             if not 0 < len(term.values) < term.effect.most_values or term.template not in self.scanned:
                 continue
-            line = self._scanned(term.template, model)
+            line = self._scanned(term.template, model, term.values)
             gain = line.value - self.priors.line
             if gain > (best[0] if best else 0.0) and isinstance(line.term, Hypothesis):
                 best = (gain, term.with_lines((*term.lines, *line.term.lines)), term)
@@ -190,12 +193,26 @@ class HypothesisSet:
         found = self._with_lines(self._replaced(model, old, wider), wider)
         return tuned(self.groups, found.terms, found.scale)
 
+    def with_its_lines(self, rest: Model, term: Hypothesis) -> Model:
+        """A model with one more hypothesis and every further line of it that is worth it."""
+        key = rest.terms, rest.scale, term
+        if key not in self._lined:
+            model = self.extended(rest, term)
+            own = next(t for t in causes(model) if t.place == term.place)
+            while (line := self.further_line(model, (own,))) is not None:
+                wider = self.widened(model, *line[1:])
+                if self.worth(wider) <= self.worth(model) + 1e-9:
+                    break
+                model, own = wider, next(t for t in causes(wider) if t.place == term.place)
+            self._lined[key] = model
+        return self._lined[key]
+
     def _with_lines(self, model: Model, term: Hypothesis) -> Model:
         """The model with each line of a hypothesis estimated again given the others, or left out where it is not worth it."""
         for old in term.lines:
             less = term.with_lines([line for line in term.lines if line != old])
             without_it = self._replaced(model, term, less)
-            line = self._scanned(term.template, without_it).term
+            line = self._scanned(term.template, without_it, less.values).term
             assert isinstance(line, Hypothesis)
             again = less.with_lines((*less.lines, *line.lines))
             for candidate, trial in ((again, self._replaced(model, term, again)), (less, without_it)):

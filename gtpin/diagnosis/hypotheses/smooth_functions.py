@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import rods_of
-from gtpin.effects.drives import drive_load, smooth_orders
+from gtpin.effects.drives import drive_load, smooth_cosines, smooth_orders
 from gtpin.effects.joint_compliance import loaded
 from gtpin.effects.sessions import session_columns
 from gtpin.effects.situation import Situation
@@ -24,7 +24,7 @@ CONDITIONS = ("time", "temp_frame", "temp_link", "payload")
 
 def along_coordinates(at: Situation, j: int) -> Functions:
     """Over what a cart may move along its track."""
-    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 12), 1.0)
+    yield (f"q{j + 1}",), *smooth_cosines(at, j, 12, 1.0)
     for k in range(at.robot.n_actuators):
         if k != j:
             yield (f"q{j + 1}", f"q{k + 1}"), *plane(at.travel[:, j], at.travel[:, k], 5)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
@@ -23,6 +25,7 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     if cause.further:  # all its lines together, against what others gain
         lines = model.log_evidence - rest.log_evidence - priors.line * len(cause.further)
         gains[mine] = Gain(max(gains[mine].value, lines), cause)
+    gains |= _with_lines(hypotheses, rest, gains, cause)
     own = max(gains[mine].value, 0.0)
     heat = temperature(own, priors)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
@@ -34,8 +37,10 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
         if value > log.get(proxy.hypothesis, -np.inf):
             log[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
-    dear = priors.unnamed + priors.departure * own
-    smooth = [(gain.value - dear) / heat for gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).values()]
+    against = hypotheses.gains(rest, unnamed(hypotheses, cause))
+    # What several lines are fitted to has no departure from its equation: they follow any smooth function as well.
+    dear = {s: priors.unnamed + (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own) for s in against}
+    smooth = [(gain.value - dear[s]) / heat for s, gain in against.items()]
     whole = np.logaddexp.reduce([*log.values(), max(smooth, default=-np.inf)])
     probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
     least = CLASS_SHARE * max(probability.values())
@@ -45,11 +50,31 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 
 
+def _with_lines(
+    hypotheses: HypothesisSet, rest: Model, gains: Mapping[Hypothesis, Gain], cause: Hypothesis
+) -> dict[Hypothesis, Gain]:
+    """Gains of the periodic errors at a cause's site with all their lines, where these could be in the cause's place."""
+    found: dict[Hypothesis, Gain] = {}
+    if hypotheses.design.situation.robot.rods:
+        return found
+    for hypothesis, gain in gains.items():
+        if hypothesis.effect.most_values < 2 or hypothesis.site != cause.site or hypothesis == cause.template:
+            continue
+        if gain.value > hypotheses.cost(hypothesis) and isinstance(gain.term, Hypothesis):
+            lined = hypotheses.with_its_lines(rest, gain.term)
+            term = next(t for t in lined.terms if isinstance(t, Hypothesis) and t.place == hypothesis.place)
+            value = lined.log_evidence - rest.log_evidence - hypotheses.priors.line * len(term.further)
+            found[hypothesis] = Gain(max(value, gain.value), term)
+    return found
+
+
 def temperature(evidence: float, priors: Priors) -> float:
     """What gains in log evidence are divided by, where so much evidence is at stake."""
     return min(priors.temperature + priors.warming * evidence, priors.warmest)
 
 
 def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
-    """Smooth terms that are not only a modulation of a cause."""
-    return [s for s in hypotheses.smooth if not (isinstance(cause, Hypothesis) and hypotheses.modulates(s, (cause,)))]
+    """Smooth terms that are not only a modulation of a cause; all, where the cause is several lines."""
+    if not isinstance(cause, Hypothesis) or cause.further:
+        return list(hypotheses.smooth)
+    return [s for s in hypotheses.smooth if not hypotheses.modulates(s, (cause,))]

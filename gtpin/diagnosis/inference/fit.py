@@ -27,6 +27,7 @@ from gtpin.diagnosis.linear.cross_validation import Gap, gap
 from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 Place = tuple[str, str]
@@ -73,9 +74,12 @@ def fit(
     """
     hypotheses, searched = settled.hypotheses, settled.searched
     neighbours = blocks_of(searched, "region", rng)
-    found = with_full_digits(without_idle(hypotheses, found, neighbours), hypotheses, searched)
-    found = with_one_measurement(found, hypotheses, searched)
-    found = with_two_valued(hypotheses, found, settled.observed.noise)
+    found = without_idle(hypotheses, found, neighbours)
+    noise = settled.observed.noise
+    if isinstance(noise, Noise):  # these look at poses
+        found = with_full_digits(found, hypotheses, searched)
+        found = with_one_measurement(found, hypotheses, searched)
+        found = with_two_valued(hypotheses, found, noise)
     found = with_smaller_errors(hypotheses, found, neighbours)
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
@@ -93,8 +97,8 @@ def fit(
     takes = {place: (whole.shrinkage or 0.0) - (share.shrinkage or 0.0) for place, share in shares.items()}
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked)
-    at, noise = hypotheses.design.situation, prepared.baseline.noise
-    hidden = hidden_in_scatter(found, noise, hypotheses.untestable, at, hypotheses.priors)
+    at = hypotheses.design.situation
+    hidden = hidden_in_scatter(found, _scatter(prepared, settled), hypotheses.untestable, at, hypotheses.priors)
     found = with_scatter(found, hidden)
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     could_be = tuple(dict.fromkeys((*(h.place for h in hidden), *remaining.could_be)))
@@ -106,6 +110,15 @@ def fit(
         unexplained=replace(remaining, could_be=could_be),
         questions=(*asked.impossible, *asked.unusual),
     )
+
+
+def _scatter(prepared: Prepared, settled: Settled) -> float:
+    """Scatter of the drives over the instrument's noise: of poses as visits show it, of readings as all residuals do."""
+    visits, noise = prepared.baseline.noise, settled.observed.noise
+    if isinstance(noise, Noise):
+        return visits.repeatability / visits.position_sigma
+    moved = np.sqrt((settled.hypotheses.design.by_command_seen**2).sum(axis=2))
+    return float(np.median(noise.repeatability * moved / noise.each))
 
 
 def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Model, list[Cause]]:
@@ -123,8 +136,10 @@ def _gaps(
     """How far the gap shrinks with all causes, and with all but each."""
     hypotheses, noise, searched = settled.hypotheses, settled.observed.noise, settled.searched
     design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
-    covariance = noise.covariance(design.command_jacobian, design.components)
-    floor = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
+    floor = np.zeros(len(design.whitening))
+    if design.tracked:
+        covariance = noise.covariance(design.command_jacobian, design.components)
+        floor = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
     columns = {c.place: hypotheses.groups.columns[c] * found.scale[c] for c in found.classes}
     unseen = {
         c.place: as_unseen(design, c, hypotheses.groups.columns[c], blocks) * found.scale[c] for c in found.classes

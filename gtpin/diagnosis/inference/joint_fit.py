@@ -10,11 +10,13 @@ import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import fit
 from gtpin.calibration.problem import Point, Problem, in_frame
+from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.situation import References
+from gtpin.effects.situation import References, Situation
 from gtpin.errors import ConvergenceError
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 
@@ -38,7 +40,8 @@ def fit_together(
     """
     problem = JointProblem.of(observed, start, causes, scale, references)
     deviation = start.geometry.deviation / start.geometry.tolerance
-    x = np.concatenate([deviation, np.zeros(problem.size - len(deviation))])
+    first = problem.calibration.first
+    x = np.concatenate([deviation, first[len(deviation) :], np.zeros(problem.size - len(first))])
     try:
         found = fit(problem, lambda _: observed.weight, x)
     except ConvergenceError as error:
@@ -46,11 +49,26 @@ def fit_together(
             "geometry and causes have not settled together", hint="exclude the causes one by one"
         ) from error
     covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
+    plain = problem.calibration
+    instruments = start.instruments
+    if isinstance(plain, ReadingsProblem):
+        instruments = plain.readings.at(plain.unknowns(found.point.x)).fitted
     return replace(
         found.point.model,
         effects=problem.active(found.point.x, covariance),
         covariance=covariance[:p, :p] * np.outer(tolerance, tolerance),
+        instruments=instruments,
     )
+
+
+def _without_causes(observed: Observed, nominal: Model, at: Situation, start: Model) -> Problem | ReadingsProblem:
+    """The problem of a calibration, with the noise as the start has it."""
+    measured = observed.measured
+    if isinstance(measured, Readings):
+        by_command = measured.scatter(at.command_jacobian, start, at.poses)
+        return ReadingsProblem(nominal, measured, observed.noise.whitening(by_command, measured.components))
+    J = in_frame(at.command_jacobian, start.frame)
+    return Problem(nominal, measured, observed.noise.whitening(J, measured.components), observed.free_frame)
 
 
 @dataclass(frozen=True)
@@ -69,7 +87,7 @@ class JointProblem:
         What the causes' covariates are counted from.
     """
 
-    calibration: Problem
+    calibration: Problem | ReadingsProblem
     observed: Observed
     causes: Sequence[Hypothesis]
     sizes: Sequence[Floats]
@@ -80,15 +98,12 @@ class JointProblem:
         observed: Observed, start: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
     ) -> JointProblem:
         """The problem about nominal geometry, with the noise of the drives as the start has it."""
-        geometry, measured = start.geometry, observed.measured
+        geometry = start.geometry
         nominal = replace(start, geometry=geometry.with_values(geometry.values - geometry.deviation), effects=())
         at = observed.situation(start, references)
-        J = in_frame(at.command_jacobian, start.frame)
-        whitening = observed.noise.whitening(J, measured.components)
         one = observed.take(slice(0, 1)).situation(start, references, at.poses[:1])
         sizes = [cause.basis(one).sigma * s for cause, s in zip(causes, scale, strict=True)]
-        plain = Problem(nominal, measured, whitening, observed.free_frame)
-        return JointProblem(plain, observed, causes, sizes, references)
+        return JointProblem(_without_causes(observed, nominal, at, start), observed, causes, sizes, references)
 
     @property
     def size(self) -> int:
@@ -109,7 +124,7 @@ class JointProblem:
         kinematics, measured = point.model.kinematics, self.observed.measured
         effects = self.active(point.x, np.zeros((self.size, self.size)))
         poses = with_effects(kinematics, measured.q, self.observed.covariates, effects, point.poses)
-        return self.calibration.whiten(measured.minus(point.model.seen(poses)))
+        return self.calibration.residual_at(point, poses)
 
     def chunks(self) -> list[slice]:
         """Slices of rows that fit in memory with their derivatives."""
@@ -119,7 +134,7 @@ class JointProblem:
         """(M, c, size) derivative of the whitened prediction by x, for some rows: the linear problem's, at no effect."""
         at = self.observed.take(rows).situation(point.model, self.references, point.poses[rows])
         moved = [cause.basis(at).displacement(at) * size for cause, size in zip(self.causes, self.sizes, strict=True)]
-        columns = [self.calibration.whitened_columns(in_frame(J, point.model.frame), rows, weight) for J in moved]
+        columns = [self.calibration.columns(point, J, rows, weight) for J in moved]
         return np.concatenate([self.calibration.jacobian(point, rows, weight), *columns], axis=2)
 
     def active(self, x: Floats, covariance: Floats) -> tuple[ActiveEffect, ...]:

@@ -11,6 +11,7 @@ from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import LeftOut, leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import without
+from gtpin.diagnosis.linear.left_out_block import Block
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -69,15 +70,12 @@ def _compared(hypotheses: HypothesisSet, alone: LeftOut, whole: LeftOut) -> list
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:
     """Log density of each block given the others, summed; geometry and causes of the sizes that their priors have."""
     J = np.hstack([design.B, *causes])
-    prior = np.ones(J.shape[1])
-    prior[design.n_geometry : design.B.shape[1]] = 0.0
+    prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
     root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
     half = J @ root
     left = design.y - half @ (half.T @ design.y)
     total = 0.0
     for block in blocks:
         rows = np.flatnonzero(np.repeat(block, design.components))
-        # The block's residual from the others' fit is (I - H)^-1 left, its covariance (I - H)^-1.
-        leverage = np.eye(len(rows)) - half[rows] @ half[rows].T
-        total += 0.5 * float(np.linalg.slogdet(leverage)[1] - left[rows] @ np.linalg.solve(leverage, left[rows]))
+        total += Block.of(half[rows], left[rows]).log_density
     return total

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.search import rough_guess
+from gtpin.diagnosis.inference.search import guess_of_outliers
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
@@ -55,7 +55,7 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
         rows = np.sort(np.concatenate([kept, some]))
         design = Observed.of(dataset.take(rows), baseline).design(baseline.model)
         hypotheses = propose(design, scope).hypotheses
-        guess = rough_guess(hypotheses)
+        guess = guess_of_outliers(hypotheses)
         if causes(guess):
             explained[rows] |= _predicted(hypotheses, guess)
         explained &= ~sure

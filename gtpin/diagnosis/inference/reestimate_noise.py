@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, scales
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import SMALLEST, Noise
+from gtpin.noise.reading_noise import ReadingNoise, likeliest_readings
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
 
@@ -27,17 +29,32 @@ def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
     design, groups = hypotheses.design, hypotheses.groups
     scaled = [groups.columns[term] * s for term, s in scales(model).items()]
     J = np.hstack([design.B, *scaled])
-    prior = np.ones(J.shape[1])
-    prior[design.n_geometry : design.B.shape[1]] = 0.0
+    prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
     normal = J.T @ J
     both = np.linalg.solve(normal + np.diag(prior), np.column_stack([J.T @ design.y, normal]))
     return (design.y - J @ both[:, 0]).reshape(-1, design.components), float(np.trace(both[:, 1:]))
 
 
 def gross_errors(hypotheses: HypothesisSet, model: Model) -> npt.NDArray[np.bool_]:
-    """(N,) poses that neither a model nor any noise of the size and tails of the others explains."""
+    """(N,) poses that neither a model nor any noise of the size and tails of the others explains.
+
+    Readings are judged by those of the same sigma, and all numbers of a table's row go together.
+    """
     left, _ = left_over(hypotheses, model)
-    absurd = square_norms(left) > (hypotheses.priors.absurd * robust_scale(left)) ** 2
+    measured, most = hypotheses.design.measured, hypotheses.priors.absurd
+    if isinstance(measured, Measured):
+        return _gross(left, most)
+    found = np.zeros(len(left), dtype=bool)
+    for rows in measured.alike:
+        found[rows] = _gross(left[rows], most)
+    places = np.column_stack([measured.rows.of, measured.rows.line])
+    row = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+    return np.isin(row, row[found])
+
+
+def _gross(left: Floats, most: float) -> npt.NDArray[np.bool_]:
+    """(N,) gross errors among whitened residuals (N, c), and those beyond ``most`` times the size of the bulk."""
+    absurd = square_norms(left) > (most * robust_scale(left)) ** 2
     return gross(left, ~absurd) | absurd
 
 
@@ -75,6 +92,8 @@ def reestimate_noise(
     """
     design, priors = hypotheses.design, hypotheses.priors
     left, taken = left_over(hypotheses, model)
+    if not isinstance(observed.noise, Noise):
+        return _of_readings(observed, observed.noise, design, left, taken)
     visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
     colour = np.linalg.inv(design.whitening)
     scatter, rows = contrasts(visits, np.einsum("nij,nj->ni", colour, left))
@@ -100,6 +119,21 @@ def reestimate_noise(
     before, after = (np.trace(n.covariance(J, c)[:, :3, :3], axis1=1, axis2=2).mean() for n in (observed.noise, found))
     changed = abs(after / before - 1.0) > MATTERS or float(np.abs(weight - observed.weight).mean()) > MATTERS
     return Reestimated(replace(observed, noise=found, weight=weight), bool(changed), restless)
+
+
+def _of_readings(observed: Observed, noise: ReadingNoise, design: Design, left: Floats, taken: float) -> Reestimated:
+    """Repeatability, and sigmas of readings that were not declared, from what a model leaves.
+
+    Degrees of freedom are taken from all readings alike.
+    """
+    left = left * np.sqrt(design.count / max(design.count - taken, 1.0))
+    errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left)
+    found = likeliest_readings(noise, errors, design.by_command_seen, observed.weight)
+    before, after = (
+        np.diagonal(n.covariance(design.by_command_seen, design.components), axis1=1, axis2=2) for n in (noise, found)
+    )
+    changed = abs(float((after / before).mean()) - 1.0) > MATTERS
+    return Reestimated(replace(observed, noise=found), changed, None)
 
 
 def _whitened(noise: Noise, errors: Floats, design: Design) -> Floats:

@@ -10,20 +10,24 @@ from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.situation import Situation
-from gtpin.noise.noise import Noise
 
 _MOVES = re.compile(r"(approach|speed)[0-9]+")
 
 
 def hidden_in_scatter(
-    found: Conclusion, noise: Noise, untestable: Iterable[Hypothesis], at: Situation, priors: Priors
+    found: Conclusion, scatter: float, untestable: Iterable[Hypothesis], at: Situation, priors: Priors
 ) -> tuple[Hypothesis, ...]:
     """Effects that differ between visits, and lack columns that were recorded but contradict the others.
 
     Where nothing was found and visits scatter by more than the instrument, that scatter is as likely theirs as the drives':
     ``none`` would say that they were tested.
+
+    Parameters
+    ----------
+    scatter
+        Of the drives, over the instrument's noise.
     """
-    if found.verdict != "none" or noise.repeatability <= priors.scatters * noise.position_sigma:
+    if found.verdict != "none" or scatter <= priors.scatters:
         return ()
     return tuple(
         hypothesis

@@ -24,8 +24,22 @@ def rough_guess(hypotheses: HypothesisSet) -> Model:
     return search(hypotheses, hypotheses.every, hypotheses.gains(NOTHING, hypotheses.every), beginnings=1)
 
 
+def guess_of_outliers(hypotheses: HypothesisSet) -> Model:
+    """A model whose causes may predict outliers, which are among the rows.
+
+    Of a robot without rods, of at most ``MOST`` named causes: terms of all its links have hundreds of coefficients, and a long
+    search among them for what explains gross errors takes a hundred times as long as a diagnosis.
+    """
+    terms = hypotheses.every if hypotheses.design.situation.robot.rods else hypotheses.named
+    return search(hypotheses, terms, hypotheses.gains(NOTHING, terms), beginnings=1, largest=MOST)
+
+
 def search(
-    hypotheses: HypothesisSet, terms: Sequence[Term], alone: Mapping[Term, Gain], beginnings: int = BEAM
+    hypotheses: HypothesisSet,
+    terms: Sequence[Term],
+    alone: Mapping[Term, Gain],
+    beginnings: int = BEAM,
+    largest: int | None = None,
 ) -> Model:
     """The model that was found to be worth most, out of some explanations.
 
@@ -37,7 +51,10 @@ def search(
         Gain in log evidence of each by itself.
     beginnings
         How many are grown side by side.
+    largest
+        Number of explanations that the model has at most; that of :func:`most` where left out.
     """
+    largest = most(hypotheses) if largest is None else largest
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
     best: Model = NOTHING
     taken: set[Term] = set()  # of the best model, nonlinear parameters without their values
@@ -46,27 +63,44 @@ def search(
             break
         if term in taken:
             continue
-        grown = _grow(hypotheses, hypotheses.extended(NOTHING, alone[term].term), terms)
+        grown = _grow(hypotheses, hypotheses.extended(NOTHING, alone[term].term), terms, largest)
         if hypotheses.worth(grown) > hypotheses.worth(best):
             best = grown
             taken = {hypotheses.without_value(t) for t in best.terms}
     return best
 
 
-def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
+def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term], largest: int) -> Model:
     while True:
         line = hypotheses.further_line(model)
-        gains = hypotheses.net_gains(model, terms) if len(model.terms) < most(hypotheses) else {}
+        gains = hypotheses.net_gains(model, _with_room(hypotheses, model, terms)) if len(model.terms) < largest else {}
         best = max(gains.values(), key=lambda g: g.value, default=None)
-        larger = model
-        if best is not None and best.value >= (line[0] if line else 0.0):
-            larger = hypotheses.extended(model, best.term)
-            larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
-        if line is not None and hypotheses.worth(larger) <= hypotheses.worth(model) + 1e-9:
-            larger = _pruned(hypotheses, hypotheses.widened(model, *line[1:]))
-        if hypotheses.worth(larger) <= hypotheses.worth(model) + 1e-9:
+        # The gain of a line is of first order: where the one that promises more is not worth it, the other is tried.
+        steps = ["term", "line"] if line is None or (best is not None and best.value >= line[0]) else ["line", "term"]
+        for step in steps:
+            larger = model
+            if step == "line" and line is not None:
+                larger = _pruned(hypotheses, hypotheses.widened(model, *line[1:]))
+            elif step == "term" and best is not None and best.value >= 0.0:
+                larger = hypotheses.extended(model, best.term)
+                larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
+            if hypotheses.worth(larger) > hypotheses.worth(model) + 1e-9:
+                break
+        else:
             return model
         model = larger
+
+
+def _with_room(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Sequence[Term]:
+    """Of a robot without rods, the terms with which a model has no more coefficients than half as many as there are readings.
+
+    Terms of all links of an arm have hundreds of coefficients, and several of them explain any data.
+    """
+    if not model.terms or hypotheses.design.situation.robot.rods:
+        return terms
+    room = hypotheses.priors.most_coefficients * hypotheses.design.count - len(model.mean)
+    columns = hypotheses.groups.columns
+    return [term for term in terms if term not in columns or columns[term].shape[1] <= room]
 
 
 def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
@@ -75,7 +109,7 @@ def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> 
         before = model
         for term in model.terms:
             rest = without(hypotheses.groups, model, term, sweeps=1)
-            found = hypotheses.gains(rest, terms)
+            found = hypotheses.gains(rest, (hypotheses.without_value(term), *_with_room(hypotheses, rest, terms)))
             gains = {t: gain.value - hypotheses.cost(t) for t, gain in found.items()}
             own, other = hypotheses.without_value(term), max(gains, key=lambda t: gains[t])
             # Further lines of a periodic error are not in the gain of a single one.

@@ -74,12 +74,7 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
         return Settled(searched, observed, searched, observed, declared, proposal)
     searched = kept.take(some[used])
     good = ~np.isin(np.arange(len(kept)), some[~used])
-    noise = replace(
-        everything.noise,
-        position_sigma=observed.noise.position_sigma,
-        orientation_sigma=observed.noise.orientation_sigma,
-        repeatability=observed.noise.repeatability,
-    )
+    noise = everything.noise.sized_as(observed.noise)
     everything = replace(everything, noise=noise).take(good)
     return Settled(kept.take(good), everything, searched, observed, declared, proposal)
 
@@ -95,6 +90,7 @@ def _reestimated(
     used = ~gross_errors(proposal.hypotheses, guess)
     if not used.all() and guess.terms:
         observed = observed.take(used)
+        del proposal  # before the next is made: two of them are what takes most memory
         proposal = propose(observed.design(model), scope)
         guess = rough_guess(proposal.hypotheses)
     else:
@@ -104,6 +100,7 @@ def _reestimated(
         if not noise.matters:
             break
         observed = noise.observed
+        del proposal
         proposal = propose(observed.design(model), scope)
         guess = rough_guess(proposal.hypotheses)
     return observed, used, proposal

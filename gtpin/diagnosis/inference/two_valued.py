@@ -79,7 +79,7 @@ def drive_errors(hypotheses: HypothesisSet, model: Model, noise: Noise) -> Drive
     """
     design = hypotheses.design
     c = design.components
-    J = design.command_jacobian[:, :c]
+    J = design.by_command_seen
     if J.shape[2] > c:
         return None
     left = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, model)[0])

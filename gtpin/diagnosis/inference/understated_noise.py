@@ -74,7 +74,7 @@ def _of_repeats(observed: Observed, baseline: Calibration) -> Noise | None:
     model = baseline.model
     left = observed.measured.minus(model.predict(observed.measured.q))
     scatter, rows = contrasts(visits, left)
-    if len(scatter) < LEAST_CONTRASTS:
+    if len(scatter) < LEAST_CONTRASTS or not isinstance(observed.noise, Noise):
         return None
     J = observed.design(model).command_jacobian[rows]
     return from_repeats(observed.noise.take(rows), scatter, J, (False, False))

@@ -28,8 +28,8 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
     power = _power(hypotheses, model)
     gram = np.vstack([np.zeros((0, len(model.mean))), *(groups.across(n, model.terms) for n in model.terms)])
     taken = float(np.einsum("ij,ji->", model.covariance, gram))
-    dof = max(len(design.y) - design.n_geometry - taken, 1.0)
-    excess = groups.power - len(design.y) + design.n_geometry
+    dof = max(design.dof - taken, 1.0)
+    excess = groups.power - design.dof
     correlates = []
     for smooth in hypotheses.smooth:
         if smooth in model.terms:
@@ -50,7 +50,7 @@ def marginal_chance(hypotheses: HypothesisSet, model: Model) -> float:
 
     y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y is chi-square with as many degrees of freedom as y has numbers, however few.
     """
-    return float(chi2.sf(_power(hypotheses, model), len(hypotheses.design.y)))
+    return float(chi2.sf(_power(hypotheses, model), hypotheses.design.dof))
 
 
 def _power(hypotheses: HypothesisSet, model: Model) -> float:

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import in_frame
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Situation
@@ -66,5 +65,6 @@ def _columns(design: Design, cause: Hypothesis, block: Mask, lost: set[str]) -> 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)  # of the sessions never seen: they are meant
         basis = cause.basis(some)
-    moved = in_frame(basis.displacement(some) * basis.sigma, design.model.frame)
-    return np.asarray(design.whitening[block] @ moved[:, : design.components]).reshape(-1, moved.shape[2])
+    moved = basis.displacement(some) * basis.sigma
+    seen = design.measured.take(block).seen(moved, design.model, some.poses)
+    return np.asarray(design.whitening[block] @ seen).reshape(-1, moved.shape[2])

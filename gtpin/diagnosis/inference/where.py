@@ -13,6 +13,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, Term
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.linear.design import Design
+from gtpin.instruments.readings import Readings
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,8 +60,11 @@ def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list
     """
     c = design.components
     whitened = left.reshape(-1, c)
-    excess = whitened**2 - 1.0
-    axis = _shares(dict(zip(AXES[:c], excess.mean(axis=0), strict=False)))
+    excess = whitened**2 - design.independent
+    if isinstance(design.measured, Readings):
+        axis = _shares(_by_reading(design.measured, excess))
+    else:
+        axis = _shares(dict(zip(AXES[:c], excess.mean(axis=0), strict=False)))
     by_pose = excess.sum(axis=1)
     T = design.situation.poses.T
     regions = _shares({str(k): float(by_pose[b].sum()) for k, b in enumerate(blocks)})
@@ -73,12 +77,27 @@ def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list
 def _rods(design: Design, whitened: Floats) -> dict[str, float]:
     """Residual and noise mapped to the rods by the closures' Jacobian; nothing of a robot without rods."""
     at = design.situation
-    if not at.robot.rods:
+    if not at.robot.rods or not design.tracked:
         return {}
     seen = np.linalg.inv(design.whitening)
     to_rods = np.linalg.inv(at.response)[:, :, : design.components] @ seen
     power = (np.einsum("nkc,nc->nk", to_rods, whitened) ** 2).mean(axis=0) - (to_rods**2).sum(axis=2).mean(axis=0)
     return _shares(dict(zip(at.robot.rod_sites, power, strict=True)))
+
+
+def _by_reading(readings: Readings, excess: Floats) -> dict[str, float]:
+    """Power beyond noise of each instrument's components, by name, over the number of rows."""
+    found: dict[str, float] = {}
+    for i, one in enumerate(readings.instruments):
+        mine = readings.rows.of == i
+        for k, component in enumerate(one.components):
+            if readings.components == 1 and len(one.components) > 1:
+                power = excess[mine & (readings.rows.component == k)].sum()
+            else:
+                power = excess[mine][:, k].sum()
+            name = one.name if len(one.components) == 1 else f"{one.name}.{component.name}"
+            found[name] = float(power) / len(excess)
+    return found
 
 
 def _sites(alone: Mapping[Term, Gain]) -> dict[str, float]:

@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.hold_out import HoldOut
+from gtpin.diagnosis.linear.left_out_block import Block
+from gtpin.instruments.readings import Readings
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -29,8 +31,25 @@ class Turns:
 
 
 @dataclass(frozen=True)
+class InstrumentGap:
+    """Root mean square errors of an instrument's left-out readings, in its unit: before and after causes were added, and noise.
+
+    ``kind`` is the instrument's.
+    """
+
+    name: str
+    kind: str
+    before: float
+    after: float
+    floor: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Gap:
     """Position errors on left-out poses before and after causes were added.
+
+    Of readings of several instruments, errors are in units of their noise, and ``by_instrument`` has those of each in its own.
 
     Parameters
     ----------
@@ -59,6 +78,7 @@ class Gap:
     blocks: int = 0
     sessions: int = 1
     turns: Turns | None = None
+    by_instrument: tuple[InstrumentGap, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -68,11 +88,14 @@ class LeftOut:
     Parameters
     ----------
     errors
-        (N, 3) measured less predicted position, m, each block predicted from the others.
+        (N, 3) measured less predicted position, m, each block predicted from the others; (N, c) of readings, in units of their
+        noise.
     turned
         (N, 3) measured less predicted orientation, rad, likewise; (N, 0) where it was not measured.
     noise
         (N,) squared length, m^2, that each pose's noise has as the fit shows it.
+    kept
+        (N, 3), or (N, c) of readings, share of each number that the others can predict: 1 but for what they do not determine.
     z, root
         (k,) what was fitted, in prior sizes, and (k, k) with root @ root' its covariance.
     columns
@@ -82,6 +105,7 @@ class LeftOut:
     errors: Floats
     turned: Floats
     noise: Floats
+    kept: Floats
     z: Floats
     root: Floats
     columns: Floats
@@ -101,42 +125,29 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
     """
     c = design.components
     J = np.hstack([design.B, causes])
-    prior = np.ones(J.shape[1])
-    prior[design.n_geometry : design.B.shape[1]] = 0.0
+    prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
     root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
     z = root @ (root.T @ (J.T @ design.y))
     left, half = design.y - J @ z, J @ root
     apart = np.zeros_like(J) if unseen is None else np.hstack([design.B, unseen]) - J
-    out, inside = np.empty_like(left), np.empty_like(left)
+    out, inside, kept = np.empty_like(left), np.empty_like(left), np.empty_like(left)
     for block in blocks:
         rows = np.flatnonzero(np.repeat(block, c))
-        out[rows] = _without(half[rows], left[rows])
+        of = Block.of(half[rows], left[rows])
+        out[rows], kept[rows] = of.errors, of.kept
         inside[rows] = left[rows] * out[rows]
         if unseen is not None:
             out[rows] -= apart[rows] @ (z - root @ (half[rows].T @ out[rows]))
-    colour = np.linalg.inv(design.whitening)
-    errors = np.einsum("nij,nj->ni", colour, out.reshape(-1, c))
+    colour, some, counted = design.units, design.compared, design.counted
+    errors = np.einsum("nij,nj->ni", colour, out.reshape(-1, c)) * counted
     # The product of both residuals has the noise's own variance, whatever the leverage.
-    size = np.einsum("nij,nj->n", colour[:, :3] ** 2, inside.reshape(-1, c))
-    columns = np.einsum("nij,njk->nik", colour, (J if unseen is None else J + apart).reshape(-1, c, J.shape[1]))[:, :3]
-    return LeftOut(errors[:, :3], errors[:, 3:], size, z, root, columns)
-
-
-def _without(half: Floats, left: Floats) -> Floats:
-    """(r,) what a fit without a block leaves of it: (I - H)^-1 left, H = half half' the block's leverage.
-
-    Parameters
-    ----------
-    half
-        (r, k) the block's rows of J @ root.
-    left
-        (r,) what the fit of all leaves of it.
-    """
-    if len(half) <= half.shape[1]:
-        return np.asarray(np.linalg.solve(np.eye(len(half)) - half @ half.T, left))
-    # The same by Woodbury's identity: a session has thousands of rows, and the fit a few hundred coefficients.
-    inner = np.eye(half.shape[1]) - half.T @ half
-    return np.asarray(left + half @ np.linalg.solve(inner, half.T @ left))
+    size = np.einsum("nij,nj->n", colour[:, some] ** 2, inside.reshape(-1, c) * counted)
+    columns = (
+        np.einsum("nij,njk->nik", colour, (J if unseen is None else J + apart).reshape(-1, c, J.shape[1]))[:, some]
+        * counted[:, some, None]
+    )
+    whole = (kept.reshape(-1, c) * counted)[:, some]
+    return LeftOut(errors[:, some], errors[:, some.stop :], size, whole, z, root, columns)
 
 
 def gap(
@@ -157,7 +168,7 @@ def gap(
     causes
         (N c, m) whitened displacements of the causes for coefficients of the size that their priors have; m may be 0.
     floor
-        (N,) expected squared length of each pose's position noise, m^2.
+        (N,) expected squared length of each pose's position noise, m^2; not used of readings, whose noise is 1 a number.
     blocks
         (N,) masks of the poses left out together, a partition.
     unseen
@@ -167,13 +178,17 @@ def gap(
     """
     alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
     b2 = (alone.errors**2).sum(axis=1)
+    if not design.tracked:
+        floor = alone.kept.sum(axis=1)
     if not causes.shape[1]:
         turns = _turns(design, alone, alone)
-        return Gap(_root(b2), _root(b2), _root(np.minimum(floor.mean(), b2.mean())), None, None, turns=turns)
+        of = instrument_gaps(design, alone, alone)
+        least = _root(np.minimum(floor.mean(), b2.mean()))
+        return Gap(_root(b2), _root(b2), least, None, None, turns=turns, by_instrument=of)
     whole = leave_out(design, causes, blocks, unseen)
     a2 = (whole.errors**2).sum(axis=1)
     # These poses' own noise as the fit shows it, where that is no more than chance makes of the noise that is known.
-    least = min(float(whole.noise.mean()), float(floor.mean()) * (1.0 + 2.0 * np.sqrt(2.0 / (3.0 * len(floor)))))
+    least = min(float(whole.noise.mean()), float(floor.mean()) * (1.0 + 2.0 * np.sqrt(2.0 / alone.kept.sum())))
     shrinkage = _share(float(b2.mean()), float(a2.mean()), least)
     drawn = _draws(alone, whole, max(float(a2.mean()) - float(whole.noise.mean()), 0.0), a2, rng)
     low, high = (float(value) for value in np.percentile(drawn, (2.5, 97.5)))
@@ -181,14 +196,34 @@ def gap(
         reach = _reach(np.array([[b2[block].mean(), a2[block].mean()] for block in blocks]) - least, shrinkage)
         low, high = min(low, max(shrinkage - reach, -1.0)), max(high, min(shrinkage + reach, 1.0))
     interval = (min(low, shrinkage), max(high, shrinkage))
-    return Gap(_root(b2), _root(a2), float(np.sqrt(least)), shrinkage, interval, turns=_turns(design, alone, whole))
+    turns, of = _turns(design, alone, whole), instrument_gaps(design, alone, whole)
+    return Gap(_root(b2), _root(a2), float(np.sqrt(least)), shrinkage, interval, turns=turns, by_instrument=of)
+
+
+def instrument_gaps(design: Design, alone: LeftOut, whole: LeftOut) -> tuple[InstrumentGap, ...]:
+    """Errors of each instrument's left-out readings; none of poses."""
+    readings = design.measured
+    if not isinstance(readings, Readings):
+        return ()
+    colour = np.linalg.inv(design.whitening)
+    before, after = (np.einsum("nij,nj->ni", colour, part.errors) for part in (alone, whole))
+    noise = np.sqrt((colour**2).sum(axis=2) * alone.kept)
+    found = []
+    for i, one in enumerate(readings.instruments):
+        mine = readings.rows.of == i
+        if not mine.any():
+            continue
+        b, a, n = (readings.rms(i, part) for part in (before, after, noise))
+        unit = next(c.unit for c in one.components if c.shown)
+        found.append(InstrumentGap(one.name, one.kind, b, a, min(n, b), unit))
+    return tuple(found)
 
 
 def _turns(design: Design, alone: LeftOut, whole: LeftOut) -> Turns | None:
     if not alone.turned.size:
         return None
     before, after = (float(np.sqrt((part.turned**2).sum(axis=1).mean())) for part in (alone, whole))
-    colour = np.linalg.inv(design.whitening)[:, 3:]
+    colour = design.units[:, 3:]
     floor = float(np.sqrt((colour**2).sum(axis=(1, 2)).mean()))
     return Turns(before, after, min(floor, before))
 

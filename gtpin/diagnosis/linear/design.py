@@ -11,9 +11,10 @@ import numpy.typing as npt
 from gtpin.calibration.problem import Measured, in_frame
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Situation
-from gtpin.kinematics.rotations import frame_motions
+from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 
 Floats = npt.NDArray[np.float64]
 
@@ -34,7 +35,14 @@ class Design:
         (N c,) whitened measured less predicted, with the part that the fitted deviation of the geometry has taken put back:
         what it would be at nominal geometry, to first order.
     B
-        (N c, p) whitened derivative by the geometry in tolerances, and by the instrument's pose where that is free.
+        (N c, p) whitened derivative by the geometry in tolerances, by the instruments' unknowns in prior sigmas, and by those
+        without a prior: the pose of an instrument that is free.
+    n_prior
+        Number of columns of B with a prior, the first ones.
+    taken
+        Number of unknowns that no prior holds: they fit as many of the numbers exactly.
+    measured
+        What was measured.
     """
 
     situation: Situation
@@ -42,13 +50,16 @@ class Design:
     model: Model
     y: Floats
     B: Floats
+    n_prior: int
+    taken: int
+    measured: Measured | Readings
 
     @staticmethod
     def of(
         situation: Situation,
         model: Model,
-        measured: Measured,
-        noise: Noise,
+        measured: Measured | Readings,
+        noise: Noise | ReadingNoise,
         weight: Floats,
         free_frame: bool,
         pivot: Floats | None = None,
@@ -62,22 +73,26 @@ class Design:
         pivot
             (3,) what a free instrument turns about, in its frame, m: the middle of the poses by default.
         """
-        J_q = in_frame(situation.command_jacobian, model.frame)
+        J_q = measured.scatter(situation.command_jacobian, model, situation.poses)
         whitening = noise.whitening(J_q, measured.components) * np.sqrt(weight)[:, None, None]
-        residual = measured.minus(model.seen(situation.poses))
+        residual = measured.left(model, situation.poses)
         geometry = model.geometry
         by_geometry = model.kinematics.geometry_jacobian(measured.q, situation.poses) * geometry.tolerance
-        B = _whitened(whitening, in_frame(by_geometry, model.frame))
-        deviation = geometry.deviation / geometry.tolerance
-        y = np.einsum("nij,nj->ni", whitening, residual).ravel() + B @ deviation
-        if free_frame:
-            T = model.seen(situation.poses).T
-            B = np.hstack([B, _frame_columns(whitening, T - (T.mean(axis=0) if pivot is None else pivot))])
-        return Design(situation, whitening, model, y, B)
+        unknowns, free = measured.unknown_columns(model, situation.poses, free_frame, pivot)
+        by_all = np.concatenate([measured.seen(by_geometry, model, situation.poses), unknowns], axis=2)
+        B = _whitened(whitening, by_all)
+        deviation = np.concatenate([geometry.deviation / geometry.tolerance, measured.deviation])
+        n_prior = B.shape[1] - free
+        y = np.einsum("nij,nj->ni", whitening, residual).ravel() + B[:, :n_prior] @ deviation
+        return Design(situation, whitening, model, y, B, n_prior, measured.taken(free_frame), measured)
 
     def columns(self, basis: Basis) -> Floats:
         """(N c, m) whitened displacements for coefficients of typical size."""
-        return _whitened(self.whitening, in_frame(basis.displacement(self.situation) * basis.sigma, self.model.frame))
+        return _whitened(self.whitening, self.seen(basis.displacement(self.situation) * basis.sigma))
+
+    def seen(self, J: Floats) -> Floats:
+        """(N, c, m) motions J (N, 6, m) of the poses, base frame, as they are measured."""
+        return self.measured.seen(J, self.model, self.situation.poses)
 
     @cached_property
     def command_jacobian(self) -> Floats:
@@ -87,12 +102,56 @@ class Design:
     @cached_property
     def by_command(self) -> Floats:
         """(N, c, n) whitened motion by the commands."""
-        return np.asarray(self.whitening @ self.command_jacobian[:, : self.components])
+        return np.asarray(self.whitening @ self.by_command_seen)
+
+    @cached_property
+    def by_command_seen(self) -> Floats:
+        """(N, c, n) derivative of what is measured by the commands."""
+        return self.seen(self.situation.command_jacobian)
 
     @property
-    def n_geometry(self) -> int:
-        """Number of geometric parameters; what follows them in B has no prior."""
-        return len(self.model.geometry.parameters)
+    def tracked(self) -> bool:
+        """Whether rows are poses, measured by one tracker; otherwise they are readings of any instruments."""
+        return isinstance(self.measured, Measured)
+
+    @cached_property
+    def units(self) -> Floats:
+        """(N, c, c) what whitened numbers are of: m and rad of poses; the noise of readings, whose units differ."""
+        if self.tracked:
+            return np.asarray(np.linalg.inv(self.whitening))
+        return np.broadcast_to(np.eye(self.components), self.whitening.shape)
+
+    @cached_property
+    def counted(self) -> npt.NDArray[np.bool_]:
+        """(N, c) whether a number is a measurement of its own: rows may share one, such as a known distance."""
+        return np.asarray(self.independent == 1.0)
+
+    @cached_property
+    def independent(self) -> Floats:
+        """(N, c) how many measurements each number is: 1, or less where rows share one."""
+        if isinstance(self.measured, Measured):
+            return np.ones(self.whitening.shape[:2])
+        return self.measured.counted
+
+    @property
+    def count(self) -> int:
+        """Number of measured numbers, each that is shared counted once."""
+        return round(float(self.independent.sum()))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of y' (I + B B')^-1 y: the measured numbers less those that unknowns without a prior fit."""
+        return self.count - self.taken
+
+    @property
+    def compared(self) -> slice:
+        """The numbers of a row whose errors make the gap: positions of poses; all of readings."""
+        return slice(0, 3) if self.tracked else slice(0, self.components)
+
+    @cached_property
+    def prior(self) -> Floats:
+        """(p,) weight of the square of each column's coefficient in B: none for what has no prior."""
+        return np.concatenate([np.ones(self.n_prior), np.zeros(self.B.shape[1] - self.n_prior)])
 
     @property
     def components(self) -> int:
@@ -101,9 +160,4 @@ class Design:
 
 
 def _whitened(whitening: Floats, columns: Floats) -> Floats:
-    return np.asarray(whitening @ columns[:, : whitening.shape[1]]).reshape(-1, columns.shape[2])
-
-
-def _frame_columns(whitening: Floats, T: Floats) -> Floats:
-    """Shifts and turns of a free instrument about the origin of positions (N, 3), so large that the prior says nothing."""
-    return _whitened(whitening, frame_motions(T))
+    return np.asarray(whitening @ columns).reshape(-1, columns.shape[2])

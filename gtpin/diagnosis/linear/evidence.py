@@ -107,6 +107,8 @@ class Posterior(Generic[K]):
     ----------
     terms
         The groups.
+    widths
+        Number of coefficients of each.
     scale
         Of each, over the typical size.
     log_evidence
@@ -116,13 +118,14 @@ class Posterior(Generic[K]):
     """
 
     terms: tuple[K, ...]
+    widths: tuple[int, ...]
     scale: tuple[float, ...]
     log_evidence: float
     mean: Floats
     covariance: Floats
 
 
-NOTHING: Posterior[Any] = Posterior((), (), 0.0, np.zeros(0), np.zeros((0, 0)))
+NOTHING: Posterior[Any] = Posterior((), (), (), 0.0, np.zeros(0), np.zeros((0, 0)))
 """The model without a group."""
 
 
@@ -130,7 +133,7 @@ def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Post
     """The model of some groups with given scales."""
     if not terms:
         return NOTHING
-    widths = [groups.columns[n].shape[1] for n in terms]
+    widths = tuple(groups.columns[n].shape[1] for n in terms)
     sizes = np.repeat(np.asarray(scale, dtype=float), widths)
     M = np.vstack([groups.across(n, terms) for n in terms]) * np.outer(sizes, sizes)
     u = np.concatenate([groups.moment(n) for n in terms]) * sizes
@@ -139,7 +142,7 @@ def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Post
     prior = -0.5 * sum((np.log(s) / groups.priors.scale_spread) ** 2 for s in scale)
     log_evidence = 0.5 * float(u @ w) - float(np.log(np.diag(factor[0])).sum()) + prior
     covariance = cho_solve(factor, np.eye(len(u))) * np.outer(sizes, sizes)
-    return Posterior(tuple(terms), tuple(scale), log_evidence, w * sizes, covariance)
+    return Posterior(tuple(terms), widths, tuple(scale), log_evidence, w * sizes, covariance)
 
 
 def given(groups: Groups[K], model: Posterior[K], term: K) -> tuple[Floats, Floats]:

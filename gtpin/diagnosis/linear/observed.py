@@ -9,13 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.problem import Measured, in_frame, measured_poses
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, References, Situation
+from gtpin.instruments.readings import Readings
+from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.sight import line_of_sight
 
 Floats = npt.NDArray[np.float64]
@@ -41,9 +45,9 @@ class Observed:
         Covariates that were recorded and can't be right.
     """
 
-    measured: Measured
+    measured: Measured | Readings
     covariates: Mapping[str, Column]
-    noise: Noise
+    noise: Noise | ReadingNoise
     weight: Floats
     temperature: float
     free_frame: bool
@@ -52,6 +56,8 @@ class Observed:
     @staticmethod
     def of(dataset: Dataset, baseline: Calibration) -> Observed:
         """The poses of a dataset with the noise that a calibration found, repeatability left out."""
+        if isinstance(baseline, ReadingsCalibration):
+            return _of_readings(dataset, baseline)
         measured, station = measured_poses(dataset), dataset.instrument.station
         noise = _without_repeatability(dataset, baseline)
         if noise.sight is not None and station is not None:
@@ -94,6 +100,21 @@ class Observed:
         """The linear problem about a model's geometry; ``pivot`` as for :meth:`Design.of`."""
         at = self.situation(model, fixed, poses)
         return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame, pivot)
+
+
+def _of_readings(dataset: Dataset, baseline: ReadingsCalibration) -> Observed:
+    """The rows of a dataset of several instruments with the noise and the unknowns that a calibration found."""
+    readings = Readings.of(dataset, up_of(baseline.model.robot), baseline.u)
+    noise = replace(baseline.noise, group=readings.group, row_sigma=readings.row_sigma)
+    return Observed(
+        measured=readings,
+        covariates=dataset.covariates,
+        noise=noise,
+        weight=np.ones(len(dataset)),
+        temperature=dataset.conditions.reference_temperature,
+        free_frame=False,
+        unusable=dataset.unusable,
+    )
 
 
 def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:

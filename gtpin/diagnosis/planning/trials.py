@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.measurement_conditions import MeasurementConditions, draw
@@ -125,10 +124,9 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
     q, poses = q[poses.reached], poses[poses.reached]
     ways = _against(known, q, poses)
     drawn = draw(observed.covariates, len(before), known.references, words, rng, ways=ways, effort=effort)
-    measured, seen = observed.measured, model.seen(poses)
-    # A pose is seen as well as its nearest neighbour.
-    rows = np.concatenate([np.arange(len(before)), cKDTree(measured.T).query(seen.T)[1]])
-    R = None if measured.R is None else np.concatenate([measured.R, seen.R])
+    # A pose is seen as well as its nearest neighbour, by the same instrument.
+    rows = np.concatenate([np.arange(len(before)), cKDTree(before.poses.T).query(poses.T)[1]])
+    measured = observed.measured
     situation = Situation(
         before.kinematics,
         np.vstack([measured.q, q]),
@@ -140,7 +138,7 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
     design = Design.of(
         situation,
         model,
-        Measured(situation.q, np.vstack([measured.T, seen.T]), R),
+        measured.at_trials(rows, situation.q, model.seen(poses)),
         observed.noise.take(rows),
         np.concatenate([observed.weight, np.ones(len(q))]),
         observed.free_frame,

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.result import Calibration
@@ -16,6 +17,8 @@ from gtpin.diagnosis.preparation.contradictions import without_contradictions
 from gtpin.diagnosis.preparation.filled_in import without_filled_in
 from gtpin.diagnosis.preparation.frozen import without_frozen
 from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.instruments.readings import single
+from gtpin.instruments.up import up_of
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -53,6 +56,8 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
     GtpinError
         If the dataset can't be read as one of this robot.
     """
+    if dataset.readings is not None:
+        return _prepared_readings(dataset, nominal, progress, priors)
     recorded = prepared(dataset, Model(with_free_target(Geometry.nominal(nominal), dataset)))
     usable = without_frozen(
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
@@ -60,3 +65,13 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
     baseline = calibrate(usable, nominal, progress=progress)
     # What is drawn from rows must not depend on the order that they came in.
     return Prepared(recorded, replace(usable, instrument=baseline.instrument).in_order(), baseline)
+
+
+def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | None, priors: Priors) -> Prepared:
+    """The same of readings of several instruments."""
+    recorded = with_positions(dataset, nominal)
+    usable = without_frozen(
+        without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
+    )
+    baseline = calibrate(usable, nominal, progress=progress)
+    return Prepared(recorded, single(usable, up_of(nominal)).in_order(), baseline)

@@ -7,15 +7,18 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.output.shown import Presentation
+from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.calibration_text import calibration_text
 from gtpin.report.geometry_table import geometry_tables
-from gtpin.report.maps import residual_map
+from gtpin.report.reading_maps import workspace_figure
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
 from gtpin.report.show.table_figure import table_figure
-from gtpin.report.words import length
+from gtpin.report.words import length, quantity
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -30,11 +33,17 @@ class CalibrationPresentation(Presentation):
     def short(self) -> str:
         """How many parameters from how many poses, and how well they fit."""
         c = self.calibration
-        values = c.to_json()
-        before, after = length(values["position_rms_before"]), length(values["position_rms_after"])
+        if isinstance(c, ReadingsCalibration):
+            what = f"{c.poses} readings"
+            sizes = [(b.name, quantity(b.before, b.unit), quantity(b.after, b.unit)) for b in c.by_instrument]
+            errors = "\n".join(f"error of {name}, RMS: {a} nominal, {b} calibrated" for name, a, b in sizes)
+        else:
+            values = c.to_json()
+            before, after = length(values["position_rms_before"]), length(values["position_rms_after"])
+            what, errors = f"{c.poses} measured poses", f"position error, RMS: {before} nominal, {after} calibrated"
         return (
-            f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measured poses\n"
-            f"position error, RMS: {before} nominal, {after} calibrated\n"
+            f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {what}\n"
+            f"{errors}\n"
             f"chi-square per degree of freedom: {c.chi2_per_dof:.3f}"
         )
 
@@ -65,12 +74,18 @@ class CalibrationPresentation(Presentation):
 def residuals_against(calibration: Calibration, against: str, component: str | None) -> Figure:
     """Residuals against a column."""
     residuals = Residuals.of(calibration.dataset, calibration)
-    return residual_figure(residuals, against, component or residuals.component_names[0])
+    return residual_figure(residuals, against, component or residuals.first_component)
+
+
+def ball_bar(calibration: Calibration, circle: int) -> Figure:
+    """Deviations of the radius along a circle."""
+    residuals = Residuals.of(with_positions(calibration.dataset, calibration.model.robot), calibration)
+    return ball_bar_figure(residuals, circle, False)
 
 
 def workspace(calibration: Calibration, view: str) -> Figure:
-    """Position residuals over the workspace."""
-    return residual_map(Residuals.of(calibration.dataset, calibration), view)
+    """Position residuals, or errors of readings, over the workspace."""
+    return workspace_figure(Residuals.of(calibration.dataset, calibration), view)
 
 
 def parameter_table(calibration: Calibration) -> Figure:

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.data.names import ORIENTATION, POSITION, command_names
 from gtpin.errors import DatasetError
+from gtpin.model.measured_robot import robot_of
 from gtpin.output.shown import Presentation
 from gtpin.report.show.positions import position_map
 from gtpin.report.words import covariate_unit, with_unit
@@ -30,18 +32,24 @@ class DatasetPresentation(Presentation):
         """How many poses and of what, and the columns."""
         data = self.dataset
         visits = len(set(data.pose.tolist()))
-        what = "positions" if data.orientation is None else "positions and orientations"
+        if data.readings is not None:
+            what = f"readings by {', '.join(one.name for one in data.readings.tables)}"
+        else:
+            what = "measured positions" if data.orientation is None else "measured positions and orientations"
         return (
-            f"Dataset of {data.robot}: {len(data)} measured {what} at {visits} poses\n"
+            f"Dataset of {data.robot}: {len(data)} {what} at {visits} poses\n"
             f"covariates: {', '.join(data.covariates) or 'none'}"
         )
 
     def text(self) -> str:
         """The few lines, the instrument, and the range of every column."""
         data = self.dataset
-        instrument = data.instrument.model_dump(exclude_none=True)
         lines = [self.short(), "", "instrument"]
-        lines += [f"  {name:<24}{value}" for name, value in instrument.items()]
+        if data.readings is not None:
+            lines += [f"  {one.name:<24}{one.kind}" for one in data.readings.tables]
+        else:
+            instrument = data.instrument.model_dump(exclude_none=True)
+            lines += [f"  {name:<24}{value}" for name, value in instrument.items()]
         lines += ["", f"  {'column':<24}{'least':>14}{'most':>14}"]
         for name, column in self.table().items():
             if column.dtype.kind in "fi":
@@ -52,6 +60,10 @@ class DatasetPresentation(Presentation):
         """The columns of poses.csv."""
         data = self.dataset
         columns = {"pose": data.pose, **dict(zip(command_names(data.n_actuators), data.q.T, strict=True))}
+        if data.readings is not None:
+            names = np.array([one.name for one in data.readings.tables], dtype=object)
+            columns |= {"instrument": names[data.readings.of], **data.readings.columns}
+            return pd.DataFrame({**columns, **data.covariates})
         columns |= dict(zip(POSITION, data.position.T, strict=True))
         if data.orientation is not None:
             columns |= dict(zip(ORIENTATION, data.orientation.T, strict=True))
@@ -59,7 +71,9 @@ class DatasetPresentation(Presentation):
 
 
 def workspace(dataset: Dataset, view: str, color: str | None) -> Figure:
-    """Measured positions, coloured by a column of numbers."""
+    """Measured positions, coloured by a column of numbers; of readings, where the nominal TCP is."""
+    if dataset.readings is not None:
+        dataset = with_positions(dataset, robot_of(dataset))
     table = DatasetPresentation(dataset).table()
     values = None
     if color is not None:

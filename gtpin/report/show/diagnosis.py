@@ -11,17 +11,19 @@ from rich.console import Console
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
 from gtpin.output.shown import Presentation
+from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.curve_plots import curve_figure, drawn_curves
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.effect_curves import curves
 from gtpin.report.figure import alone
-from gtpin.report.maps import residual_map
+from gtpin.report.gap_words import gap_words
 from gtpin.report.page import Table
+from gtpin.report.reading_maps import workspace_figure
 from gtpin.report.residual_columns import leading
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
 from gtpin.report.show.table_figure import table_figure
-from gtpin.report.words import chance, length, percent, quantity
+from gtpin.report.words import chance, percent, quantity
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -47,9 +49,10 @@ class DiagnosisPresentation(Presentation):
             size = f"{name.replace('_', ' ')} {quantity(first.value, first.unit, first.sigma)}"
             lines.append(f"  {cause.effect} at {cause.site}, probability {chance(cause.probability)}, {size}")
         gap = d.gap
-        after = f", {length(gap.after)} with the causes" if d.causes else ""
+        words = gap_words(gap)
+        after = f", {words.after} with the causes" if d.causes else ""
         lines.append(
-            f"position error on left-out poses, RMS: {length(gap.before)} by geometry alone{after}; noise {length(gap.floor)}"
+            f"{words.what} on left-out poses, RMS: {words.before} by geometry alone{after}; noise {words.floor}"
         )
         return "\n".join(lines)
 
@@ -82,9 +85,14 @@ def residuals_against(d: Diagnosis, against: str, component: str | None, *, afte
     return residual_figure(residuals, against, component, causes=bool(d.causes), after=after)
 
 
+def ball_bar(d: Diagnosis, circle: int) -> Figure:
+    """Deviations of the radius along a circle."""
+    return ball_bar_figure(_residuals(d), circle, bool(d.causes))
+
+
 def workspace(d: Diagnosis, view: str, *, after: bool) -> Figure:
-    """Position residuals over the workspace."""
-    return residual_map(_residuals(d), view, after=after)
+    """Position residuals, or errors of readings, over the workspace."""
+    return workspace_figure(_residuals(d), view, after=after)
 
 
 def effect_curve(d: Diagnosis, number: int, quantity: str | None) -> Figure:

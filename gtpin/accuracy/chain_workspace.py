@@ -1,0 +1,143 @@
+"""Robots without rods: where the TCP can be, by many postures, and the robot's dexterity there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import median
+from scipy.stats import qmc
+
+from gtpin.errors import UnreachableError
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+POSTURES = 8192
+"""Postures of a map: some ten for each of its cells."""
+COUNTS = (5, 17)
+"""Cells of a map along its thinnest direction, and along the other two."""
+FLAT = 1e-6
+"""Extent, m, below which a workspace has none in a direction."""
+
+
+@dataclass(frozen=True)
+class ChainDexterity:
+    """Measures at N poses of a robot with n actuators.
+
+    Parameters
+    ----------
+    position_gain
+        (N, min(3, n)) singular values, descending, of the TCP's position by the commands: m/rad, m/m where a joint slides.
+    rotation_gain
+        (N, min(3, n)) those of its rotation vector: rad/rad, rad/m where a joint slides.
+    condition
+        (N,) largest over smallest of ``position_gain``.
+    singularity
+        (N,) smallest singular value of the TCP's motion by the commands, over the largest such value of the N poses: 0 at a
+        singularity. Rotations count times the reach, the root mean square distance of the TCP from its mean position.
+    limit
+        (N,) distance of the nearest actuator from the end of its range, m or rad; negative beyond it.
+    """
+
+    position_gain: Floats
+    rotation_gain: Floats
+    condition: Floats
+    singularity: Floats
+    limit: Floats
+
+
+@dataclass(frozen=True)
+class ChainWorkspace:
+    """A box of cells, with the postures that have their TCP in each.
+
+    Parameters
+    ----------
+    axes
+        Coordinates, m, of the cells' middles along x, y and z of the base frame; nx, ny and nz of them.
+    across
+        Index of the axis along which the workspace is thinnest: slices are orthogonal to it.
+    cell
+        (M, 3) indices of the cell in which each posture's TCP is.
+    q, poses, dexterity
+        (M, n) commands, the poses there, base frame, and the dexterity.
+    volume
+        Volume, m^3, of the cells in which some posture's TCP is.
+    """
+
+    axes: tuple[Floats, Floats, Floats]
+    across: int
+    cell: npt.NDArray[np.intp]
+    q: Floats
+    poses: Poses
+    dexterity: ChainDexterity
+    volume: float
+
+    @property
+    def reachable(self) -> Mask:
+        """(nx, ny, nz) whether some posture's TCP is there."""
+        there = np.zeros([len(axis) for axis in self.axes], dtype=bool)
+        there[tuple(self.cell.T)] = True
+        return there
+
+    def on_grid(self, values: Floats) -> Floats:
+        """(nx, ny, nz) median in each cell of values (M,) that are finite; NaN where there is none."""
+        table = np.full([len(axis) for axis in self.axes], np.nan)
+        good = np.isfinite(values)
+        place = np.ravel_multi_index(tuple(self.cell[good].T), table.shape)
+        there = np.unique(place)
+        table.flat[there] = median(values[good], place, there)
+        return table
+
+
+def chain_commands(model: Model, count: int, seed: int) -> Floats:
+    """(N, n) commands that fill the joints' ranges, or a turn where there is no end to them; those that are reached."""
+    robot = model.robot
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=seed).random(count)
+    return np.asarray(q[model.kinematics.forward(q).reached])
+
+
+def chain_workspace(model: Model, seed: int = 0) -> ChainWorkspace:
+    """Where the TCP of many postures is.
+
+    Raises
+    ------
+    UnreachableError
+        If no posture can be reached.
+    """
+    q = chain_commands(model, POSTURES, seed)
+    if not len(q):
+        raise UnreachableError(f"{model.robot.name} reaches none of its range", hint="check the joints' limits")
+    poses = model.kinematics.forward(q)
+    low, extent = poses.T.min(axis=0), np.ptp(poses.T, axis=0)
+    across = int(np.argmin(extent))
+    counts = np.where(extent < FLAT, 1, np.where(np.arange(3) == across, COUNTS[0], COUNTS[1]))
+    size = np.where(extent < FLAT, 1.0, extent / counts)
+    cell = np.clip(((poses.T - low) / size).astype(int), 0, counts - 1)
+    x, y, z = (low[i] + size[i] * (np.arange(counts[i]) + 0.5 * (extent[i] >= FLAT)) for i in range(3))
+    reached = len(np.unique(cell, axis=0))
+    volume = 0.0 if (extent < FLAT).any() else reached * float(np.prod(size))
+    return ChainWorkspace((x, y, z), across, cell, q, poses, chain_dexterity(model, q, poses), volume)
+
+
+def chain_dexterity(model: Model, q: Floats, poses: Poses) -> ChainDexterity:
+    """The dexterity at commands q (N, n), whose poses, base frame, are known."""
+    J = model.kinematics.command_jacobian(q, poses)
+    gain = np.linalg.svd(J[:, :3], compute_uv=False)
+    reach = float(np.sqrt(((poses.T - poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    least = np.linalg.svd(np.concatenate([J[:, :3], reach * J[:, 3:]], axis=1), compute_uv=False)[:, -1]
+    robot = model.robot
+    with np.errstate(divide="ignore", invalid="ignore"):
+        condition = gain[:, 0] / gain[:, -1]
+    return ChainDexterity(
+        position_gain=np.asarray(gain, dtype=np.float64),
+        rotation_gain=np.asarray(np.linalg.svd(J[:, 3:], compute_uv=False), dtype=np.float64),
+        condition=condition,
+        singularity=least / max(float(least.max()), 1e-300),
+        limit=np.minimum(q - robot.lower, robot.upper - q).min(axis=1),
+    )

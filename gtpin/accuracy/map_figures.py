@@ -1,0 +1,70 @@
+"""Maps of a workspace as figures, of any robot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy import figures
+from gtpin.accuracy.chain_workspace import ChainWorkspace
+from gtpin.accuracy.expected import Uncertainty, mean_length, response
+from gtpin.accuracy.workspace import Workspace
+from gtpin.model.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Floats = npt.NDArray[np.float64]
+
+
+SINGULARITY = {False: "smallest singular value / at home", True: "smallest singular value / at the best posture"}
+"""The measure of singularity of robots with and without rods."""
+
+
+class Analysed(Protocol):
+    """What maps need of an analysis."""
+
+    @property
+    def model(self) -> Model:
+        """Of what."""
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """What was taken to be uncertain."""
+
+    @property
+    def uncertain(self) -> str:
+        """The same in words."""
+
+    @property
+    def space(self) -> Workspace | ChainWorkspace:
+        """Where the TCP can be."""
+
+
+def map_figures(found: Analysed) -> dict[str, Figure]:
+    """The maps of an analysis, by name; no map of orientations where these never change."""
+    return {
+        f"map_{name}": figures.workspace_map(found.space, values, title, unit)
+        for name, (values, unit, title) in _maps(found).items()
+        if name != "orientation" or not found.model.geometry.reduced
+    }
+
+
+def _maps(found: Analysed) -> dict[str, tuple[Floats, str, str]]:
+    space = found.space
+    covariance = response(found.model, space.q, found.uncertainty).covariance
+    position, orientation = mean_length(covariance[:, :3, :3]), mean_length(covariance[:, 3:, 3:])
+    at = space.dexterity
+    return {
+        "position": (*_small(position, "m"), f"Expected position error ({found.uncertain})"),
+        "orientation": (*_small(orientation, "rad"), f"Expected orientation error ({found.uncertain})"),
+        "condition": (at.condition, "largest / smallest gain", "Condition number of TCP position by commands"),
+        "singularity": (at.singularity, SINGULARITY[isinstance(space, ChainWorkspace)], "Distance from singularity"),
+    }
+
+
+def _small(values: Floats, unit: str) -> tuple[Floats, str]:
+    """Values in thousandths or millionths of a unit, whichever reads better."""
+    return (1e3 * values, f"m{unit}") if values.max() >= 1e-3 else (1e6 * values, f"u{unit}")

@@ -1,0 +1,128 @@
+"""Identify a robot's geometry from what other instruments than one tracker read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.checks.declared_sigmas import settled_with_sigmas
+from gtpin.calibration.checks.readable_readings import check_fitted, check_readable, explained
+from gtpin.calibration.checks.readable_sockets import check_distances, check_sockets
+from gtpin.calibration.checks.usable_rows import reach_of
+from gtpin.calibration.instrument_unknowns import with_unknowns
+from gtpin.calibration.observability import UNSEEN
+from gtpin.calibration.readings_fit import RobustFit
+from gtpin.calibration.readings_result import ReadingsCalibration, readings_calibration
+from gtpin.calibration.reweighting import Progress
+from gtpin.calibration.unseen_remedies import remedies
+from gtpin.data import Dataset, check_commands
+from gtpin.data.sane import sane_rows
+from gtpin.errors import DatasetError, warn
+from gtpin.instruments.readings import Readings, single
+from gtpin.instruments.up import up_of
+from gtpin.kinematics.kinematics import Solver
+from gtpin.model.model import Model
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+MOST = 0.5
+"""Share of an instrument's rows that gross errors make at most; beyond it nobody can say which the errors are."""
+MISFIT = 10.0
+"""Size of the residuals over the noise that is worth a warning."""
+STRAYED = 6.0
+"""Deviation of a parameter from nominal, in tolerances, that is worth a warning."""
+
+
+def with_positions(dataset: Dataset, robot: Robot) -> Dataset:
+    """The dataset of other instruments with the nominal TCP's positions, base frame, by which regions are told apart.
+
+    Rows that the nominal robot does not reach have the position of the first that it does.
+    """
+    if dataset.readings is None or dataset.n_actuators != robot.n_actuators:
+        return dataset
+    T = Model(Geometry.nominal(robot)).kinematics.forward(dataset.q).T.copy()
+    reached = np.isfinite(T[:, 0])
+    T[~reached] = T[reached][0] if reached.any() else 0.0
+    return replace(dataset, position=T)
+
+
+def calibrate_readings(
+    dataset: Dataset, geometry: Geometry, progress: Progress | None, kinematics: Solver = "arrays"
+) -> ReadingsCalibration:
+    """Identify the geometry, with the instruments' unknowns, from a dataset of schema 2.
+
+    Raises
+    ------
+    DatasetError
+        If the readings can't be those of this robot, or are too few.
+    ConvergenceError
+        If the fit does not converge.
+
+    Warns
+    -----
+    GtpinWarning
+        For rejected rows, by name, and for a fit that leaves much more than noise.
+    """
+    robot, up = geometry.robot, up_of(geometry.robot)
+    nominal = Model(geometry, solver=kinematics)
+    dataset = with_positions(dataset, robot)
+    check_sockets(dataset, up)
+    whole = single(dataset, up)
+    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    assert whole.readings is not None
+    usable = sane_rows(whole) & whole.readings.countable
+    if not usable.any():
+        raise DatasetError("no reading that can be counted with", file=dataset.file, hint="check the tables' units")
+    poses = nominal.kinematics.forward(whole.q)
+    usable &= poses.reached
+    if not usable.any():
+        raise DatasetError("the robot reaches none of these commands", file=dataset.file, hint="check q1 .. qn")
+    kept, near = whole.take(usable), poses[usable]
+    readings = Readings.of(kept, up)
+    readings = readings.at(readings.start(near))
+    free = int((~np.isfinite(readings.sigma)).sum())
+    if len(kept) * readings.components <= free:
+        what = f"{len(kept) * readings.components} readings for {free} unknowns of the instruments alone"
+        raise DatasetError(what, file=dataset.file, hint="measure more")
+    check_distances(readings, near, reach_of(geometry))
+    fitted = with_unknowns(readings, near)
+    check_readable(fitted, near, reach_of(geometry))
+    with explained(fitted, near, reach_of(geometry)):
+        settled = settled_with_sigmas(RobustFit(nominal, fitted, kept.row, kept.visits, near, progress))
+    _check_used(kept, fitted, settled.used)
+    problem, point = settled.fit.problem, settled.fit.point
+    check_fitted(problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
+    if settled.excess > MISFIT:
+        excess = f"residuals are {settled.excess:.0f} times the noise"
+        warn(f"{excess}: the geometry does not explain these data, or the declared sigma is too small")
+    x = settled.fit.point.x[: len(geometry.parameters)]
+    far = np.flatnonzero(np.abs(x) > STRAYED)
+    if len(far):
+        strayed = [f"{geometry.names[i]} ({x[i]:+.0f})" for i in far[np.argsort(-np.abs(x[far]))]]
+        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}")
+    aside = np.ones(len(whole), dtype=bool)
+    aside[np.flatnonzero(usable)[settled.used]] = False
+    lines = tuple(dict.fromkeys(int(row) for row in whole.row[aside]))
+    if lost := tuple(dict.fromkeys(str(pose) for pose in whole.pose[aside])):
+        warn(f"set aside as gross errors: poses {', '.join(lost)}")
+    found = readings_calibration(settled, fitted.minus(near), fitted, lost, lines, dataset)
+    unseen = found.observability.learned < UNSEEN
+    return replace(found, remedies=remedies(settled.fit, found.observability.directions[:, unseen], up))
+
+
+def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
+    """Refuse an instrument of which most rows were set aside."""
+    for i, one in enumerate(readings.instruments):
+        mine = readings.rows.of == i
+        share = float((~used[mine]).mean())
+        if share > MOST:
+            raise DatasetError(
+                f"{100.0 * share:.0f} % of the readings of {one.name} do not fit the others",
+                file=readings.rows.files[i],
+                hint="check its units, its rows' commands, and where it stood",
+            )

@@ -1,0 +1,137 @@
+"""Whether the noise that instruments declare can be true: by what a fit leaves when it is estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.checks.declared_noise import ABSURD, CHANCE, NO_NOISE, SUSPECT, TWICE
+from gtpin.calibration.readings_fit import RobustFit, SettledReadings
+from gtpin.distributions import chi2
+from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.instruments.readings import Readings
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A sigma that dataset.toml declares: its group, the instrument's index, the key, and the value, m or rad."""
+
+    group: int
+    instrument: int
+    key: str
+    value: float
+
+
+def settled_with_sigmas(fit: RobustFit) -> SettledReadings:
+    """The robust fit with the declared noise as far as it can be true: an overstated sigma is estimated, with a warning.
+
+    Raises
+    ------
+    DatasetError
+        If a sigma is more than ten times what the data show; or less than a tenth of it, so that no fit converges.
+    ConvergenceError
+        If the fit does not converge for another reason.
+    """
+    declared = _declared(fit.readings)
+    try:
+        settled = fit.run()
+    except ConvergenceError as error:
+        if not declared:
+            raise
+        _explain(fit, declared, error)
+        raise
+    suspects = [one for one in declared if _ratio(settled, one) < SUSPECT and _chance(settled, one) < CHANCE]
+    if not suspects:
+        return settled
+    again = replace(fit, readings=_without(fit.readings, suspects)).run()
+    wrong = [one for one in suspects if one.value > TWICE * again.noise.sigma[one.group]]
+    for one in sorted(wrong, key=lambda one: again.noise.sigma[one.group] / one.value):
+        seen = float(again.noise.sigma[one.group])
+        if one.value > ABSURD * seen:
+            raise _error(fit.readings, one, seen)
+        warn(f"{_text(fit.readings, one, seen)}: the data's own is used")
+    if not wrong:
+        return settled
+    return again if wrong == suspects else replace(fit, readings=_without(fit.readings, wrong)).run()
+
+
+def _declared(readings: Readings) -> list[Declared]:
+    """The sigmas of groups whose rows do not all declare their own."""
+    found, group = [], 0
+    own = set(readings.group[~np.isfinite(readings.row_sigma)].tolist())
+    for i, one in enumerate(readings.instruments):
+        for k, value in enumerate(one.declared):
+            keys = ("position_sigma", "sigma") if k == 0 else ("orientation_sigma",)
+            key = next((key for key in keys if getattr(one.table, key, None) is not None), None)
+            if value is not None and key is not None and group in own:
+                found.append(Declared(group, i, key, value))
+            group += 1
+    return found
+
+
+def _without(readings: Readings, declared: Collection[Declared]) -> Readings:
+    """The readings without some of the declared sigmas."""
+    tables = list(readings.rows.tables)
+    for one in declared:
+        blank = {"position_sigma": None, "sigma": None} if one.key == "position_sigma" else {one.key: None}
+        tables[one.instrument] = tables[one.instrument].model_copy(update=blank)
+    return replace(readings, rows=replace(readings.rows, tables=tuple(tables)))
+
+
+def _explain(fit: RobustFit, declared: list[Declared], error: ConvergenceError) -> None:
+    """Raise where the fit converges only with noise that is estimated, far larger than what is declared."""
+    try:
+        again = replace(fit, readings=_without(fit.readings, declared)).run()
+    except ConvergenceError:
+        raise error from None
+    for one in declared:
+        seen = float(again.noise.sigma[one.group])
+        if one.value * ABSURD < seen < NO_NOISE:
+            raise _error(fit.readings, one, seen) from None
+
+
+def _own(settled: SettledReadings, one: Declared) -> Floats:
+    """Residuals, over the declared sigma, of the numbers that it is of."""
+    problem, point = settled.fit.problem, settled.fit.point
+    readings = problem.readings.at(problem.unknowns(point.x))
+    own = (readings.group == one.group) & ~np.isfinite(readings.row_sigma)
+    return np.asarray(readings.minus(point.poses)[own] / one.value)
+
+
+def _ratio(settled: SettledReadings, one: Declared) -> float:
+    """Root mean square of the residuals over a declared sigma."""
+    left = _own(settled, one)
+    return float(np.sqrt((left**2).mean())) if left.size else np.inf
+
+
+def _chance(settled: SettledReadings, one: Declared) -> float:
+    """Chance, by chi-square, of residuals so small if the declared sigma were true."""
+    fit, left = settled.fit, _own(settled, one)
+    taken = 0.0
+    for rows in fit.problem.chunks():
+        J = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
+        own = fit.problem.readings.group[rows] == one.group
+        taken += float(np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)[own].sum())
+    return float(chi2.cdf(float((left**2).sum()), max(left.size - taken, 1.0)))
+
+
+def _text(readings: Readings, one: Declared, seen: float) -> str:
+    ratio = one.value / seen
+    times = f"{ratio:.2g} times less" if ratio > 1.0 else f"{1.0 / ratio:.2g} times more"
+    name = readings.instruments[one.instrument].name
+    return f"{one.key} of {name} is {one.value:.2g}, but these data show a noise of {seen:.2g}, {times}"
+
+
+def _error(readings: Readings, one: Declared, seen: float) -> DatasetError:
+    file = readings.rows.files[one.instrument]
+    toml = None if file is None else Path(file).parent / "dataset.toml"
+    hint = "give metres and radians, or leave the line out"
+    return DatasetError(
+        _text(readings, one, seen), file=toml, column=f"instrument.{one.instrument}.{one.key}", hint=hint
+    )

@@ -1,0 +1,204 @@
+"""Readings of instruments that can't be the robot's as they stand: other units, other signs, sockets visited once."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.checks.read_otherwise import Otherwise, ways
+from gtpin.calibration.instrument_unknowns import with_unknowns
+from gtpin.errors import ConvergenceError, DatasetError
+from gtpin.instruments.readings import Readings
+from gtpin.kinematics.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+
+LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
+"""What to do where nothing that is known of fits."""
+TURN = 0.2
+"""Median error of a tilt or an orientation, rad, that no robot within its tolerances shows."""
+SUSPECT = 0.05
+"""Share of the largest error within tolerances from which other ways to read a table are tried."""
+LEFT = 0.2
+"""Share of the largest error within tolerances, m, that no minimum of a fit leaves in the median. A stated assumption."""
+STRAINED = 10.0
+"""Deviation of an unknown from what is declared, in its prior's sigmas, from which they are tried as well."""
+USUAL = 1e-3
+"""Usual error of a nominal robot, m and rad: what an error and a deviation of one prior sigma are alike."""
+VARIATION = 0.3
+"""Share of a column's variation that errors are at most, for another unit that makes its numbers small to be the right one:
+near zero, anything fits a robot that should stand still. A stated assumption."""
+ALIKE = 1.5
+"""Ratio of errors up to which two ways to read a table are as good as each other. A stated assumption."""
+BETTER = 10.0
+"""Ratio of errors from which another way to read a table is the right one. A stated assumption: a wrong unit makes hundreds."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far an instrument's readings are off what the nominal robot gives, with the unknowns' values that fit best.
+
+    Parameters
+    ----------
+    off
+        Largest median error of its components, by unit: m and rad.
+    strain
+        Largest deviation of an unknown with a prior, in its sigmas.
+    """
+
+    off: dict[str, float]
+    strain: float
+
+    @staticmethod
+    def of(readings: Readings, poses: Poses, index: int) -> Misfit:
+        """The misfit of an instrument, by its index."""
+        one, rows = readings.instruments[index], readings.rows
+        mine = rows.rows_of(index)
+        left = np.abs(readings.minus(poses)[mine])
+        off = {component.unit: 0.0 for component in one.components}
+        for k, component in enumerate(one.components):
+            own = (
+                left[rows.component[mine] == k, 0]
+                if readings.components == 1 and len(one.components) > 1
+                else left[:, k]
+            )
+            if len(own):
+                size = float(np.median(own))
+                off[component.unit] = max(off[component.unit], size if np.isfinite(size) else np.inf)
+        strain = [abs(u) / o.sigma for u, o in zip(readings.own(index), one.unknowns, strict=True)]
+        return Misfit(off, max(strain, default=0.0))
+
+    def exceeds(self, reach: float) -> bool:
+        """Whether errors are larger than those of any robot within its tolerances, which move the TCP by ``reach``, m."""
+        return self.off.get("m", 0.0) > reach or self.off.get("rad", 0.0) > TURN
+
+    def suspicious(self, reach: float) -> bool:
+        """Whether they are large enough for another way to read the instrument to be looked for."""
+        large = replace(self, off={unit: off / SUSPECT for unit, off in self.off.items()})
+        return large.exceeds(reach) or self.strain > STRAINED
+
+    @property
+    def size(self) -> float:
+        """Errors in units of usual ones, and the strain, together."""
+        return max(*(off / USUAL for off in self.off.values()), self.strain)
+
+    def __str__(self) -> str:
+        unit = max(self.off, key=lambda unit: self.off[unit])
+        return f"{1e3 * self.off[unit]:.3g} {'mm' if unit == 'm' else 'mrad'}"
+
+
+def check_readable(readings: Readings, poses: Poses, reach: float) -> None:
+    """Refuse readings that are farther off the nominal robot than its tolerances reach, and say what they look like.
+
+    Parameters
+    ----------
+    readings
+        With the unknowns' values that fit best.
+    poses
+        (N) nominal poses, base frame.
+    reach
+        How far the geometry within its tolerances may move the TCP, m.
+
+    Raises
+    ------
+    DatasetError
+        With the unit or the sign that fits.
+    """
+    for i, one in enumerate(readings.instruments):
+        now = Misfit.of(readings, poses, i)
+        if not now.suspicious(reach):
+            continue
+        best, other = _best([(_read(readings, poses, i, other), other) for other in ways(readings.rows, i)])
+        file = readings.rows.files[i]
+        if best is not None and other is not None and not best.exceeds(reach) and best.size < now.size / BETTER:
+            by = f"{now} off, read so {best}" if now.size > now.strain else "possible only far from what is declared"
+            what = f"{one.name}: {other.looks} (as it stands, readings are {by})"
+            if other.column is not None:
+                raise DatasetError(what, file=file, column=other.column, hint=other.hint)
+            toml = None if file is None else Path(file).parent / "dataset.toml"
+            raise DatasetError(what, file=toml, column=f"instrument.{i}.{other.key}", hint=other.hint)
+        if now.exceeds(reach):
+            raise DatasetError(
+                f"readings of {one.name} are {now} off what the nominal robot gives",
+                file=file,
+                hint="check units, signs, commands, and where the instrument stood",
+            )
+
+
+@contextlib.contextmanager
+def explained(readings: Readings, poses: Poses, reach: float) -> Iterator[None]:
+    """Say of a fit that fails which instrument's readings were far off from the start, where they were.
+
+    Parameters are those of :func:`check_readable`.
+    """
+    try:
+        yield
+    except ConvergenceError as error:
+        found = [Misfit.of(readings, poses, i) for i in range(len(readings.instruments))]
+        worst = max(range(len(found)), key=lambda i: found[i].size)
+        if found[worst].size < BETTER:
+            raise
+        by = f"the nominal robot gives others, by {found[worst]} and {found[worst].strain:.2g} prior sigmas of its unknowns"
+        raise ConvergenceError(
+            f"readings of {readings.instruments[worst].name} can't be fitted ({error.what}); {by}",
+            file=readings.rows.files[worst],
+            hint=LOOK,
+        ) from None
+
+
+def check_fitted(readings: Readings, poses: Poses, reach: float) -> None:
+    """Refuse readings that are far off what the fitted robot gives: no minimum of theirs was found.
+
+    Parameters
+    ----------
+    readings, poses
+        Those that the fit used, with its unknowns and poses.
+    reach
+        As in :func:`check_readable`.
+
+    Raises
+    ------
+    DatasetError
+        With the instrument.
+    """
+    for i, one in enumerate(readings.instruments):
+        now = Misfit.of(readings, poses, i)
+        if now.exceeds(LEFT * reach):
+            what = f"readings of {one.name} are {now} off what the calibrated robot gives"
+            raise DatasetError(what, file=readings.rows.files[i], hint=LOOK)
+
+
+def _best(tried: list[tuple[Misfit | None, Otherwise]]) -> tuple[Misfit | None, Otherwise | None]:
+    """The first way to read an instrument that is about as good as the best: the usual and simple ones come first."""
+    least = min((misfit.size for misfit, _ in tried if misfit is not None), default=np.inf)
+    alike = (found for found in tried if found[0] is not None and found[0].size <= ALIKE * least)
+    return next(alike, (None, None))
+
+
+def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Misfit | None:
+    """The misfit of an instrument that is read in another way; None where that can't be told."""
+    rows = readings.rows
+    mine = rows.rows_of(index)
+    numbers = {n: np.array(c[mine], dtype=float) for n, c in rows.columns.items() if c.dtype != object}
+    table, new = other.change(rows.tables[index], numbers)
+    columns = dict(rows.columns)
+    for name, values in new.items():
+        column = np.array(columns[name], dtype=float)
+        column[mine] = values
+        columns[name] = column
+    tables = (*rows.tables[:index], table, *rows.tables[index + 1 :])
+    try:
+        found = replace(readings, rows=replace(rows, tables=tables, columns=columns), u=np.zeros(0))
+        found = found.at(np.zeros(len(found.unknowns)))
+        misfit = Misfit.of(with_unknowns(found.at(found.start(poses)), poses), poses, index)
+    except (DatasetError, np.linalg.LinAlgError):
+        return None
+    varied = {name: (float(np.std(numbers[name])), float(np.std(values))) for name, values in new.items()}
+    smaller = any(now < 0.5 * before for before, now in varied.values())
+    left = misfit.off[readings.instruments[index].components[0].unit]
+    return None if smaller and left > VARIATION * max(now for _, now in varied.values()) else misfit

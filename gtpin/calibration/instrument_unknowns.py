@@ -1,0 +1,42 @@
+"""Unknowns of instruments fitted alone, to given poses: where they start, and what is left of a nominal robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import FRAME_UNIT
+from gtpin.instruments.readings import Readings
+from gtpin.kinematics.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+
+STEPS = 12
+"""Steps of the fit."""
+FARTHEST = 1e3
+"""How far unknowns may go, m and rad: readings that take them farther are no robot's, and are judged where they are."""
+
+
+def with_unknowns(readings: Readings, poses: Poses) -> Readings:
+    """The readings with the values of the unknowns that fit best at given poses (N), base frame; gross errors hardly pull."""
+    if not len(readings.u):
+        return readings
+    sigma = readings.sigma
+    unit, prior = np.where(np.isfinite(sigma), sigma, FRAME_UNIT), np.isfinite(sigma).astype(float)
+    each = np.where(np.isfinite(readings.row_sigma), readings.row_sigma, readings.usual[readings.group])
+    # Nominal geometry is off by its tolerances: with the instruments' noise alone, unknowns would follow it anywhere.
+    each = np.hypot(each, 1e-3)
+    start = readings.u
+    for _ in range(STEPS):
+        left = readings.minus(poses) / each
+        weight = 1.0 / np.maximum(np.abs(left) / max(float(np.median(np.abs(left))), 1e-9) / 3.0, 1.0)
+        J = (readings.by_unknown(poses) * unit / each[:, :, None] * np.sqrt(weight)[:, :, None]).reshape(-1, len(unit))
+        x = np.where(np.isfinite(sigma), readings.u / unit, 0.0)
+        normal = J.T @ J + np.diag(prior) + 1e-12 * np.eye(len(unit))
+        step = np.linalg.solve(normal, J.T @ (left * np.sqrt(weight)).ravel() - prior * x)
+        now = readings.u + unit * step
+        far = ~(np.abs(now - start) <= FARTHEST)
+        readings = readings.at(np.where(far, readings.u, now))
+        if np.abs(step).max() < 1e-6:
+            break
+    return readings

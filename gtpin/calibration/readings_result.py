@@ -1,0 +1,217 @@
+"""The result of a calibration by any instruments: as by a tracker, with the instruments' unknowns and errors of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.observability import UNSEEN, observability
+from gtpin.calibration.readings_fit import SettledReadings
+from gtpin.calibration.result import Calibration
+from gtpin.calibration.result_json import fit_json
+from gtpin.calibration.unseen_remedies import Remedy
+from gtpin.data import Dataset, Instrument
+from gtpin.estimate import Estimate
+from gtpin.instruments.instrument import Unknown
+from gtpin.instruments.readings import Readings
+from gtpin.noise.reading_noise import ReadingNoise
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class InstrumentFit:
+    """How well a calibration fits the readings of one instrument.
+
+    Parameters
+    ----------
+    name, kind
+        As in dataset.toml.
+    readings
+        Number of used rows of its table.
+    before, after
+        Root mean square error of its readings, m or rad: of the nominal robot with the best values of the instrument's
+        unknowns, and calibrated. Of positions it is that of their length.
+    floor
+        What noise alone would leave.
+    unit
+        ``m`` or ``rad``.
+    """
+
+    name: str
+    kind: str
+    readings: int
+    before: float
+    after: float
+    floor: float
+    unit: str
+
+    def to_json(self) -> dict[str, Any]:
+        """As in ``calibration.json``."""
+        return {
+            "rms_before": self.before,
+            "rms_after": self.after,
+            "noise_floor": self.floor,
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True, repr=False)
+class ReadingsCalibration(Calibration):
+    """A calibration by any instruments.
+
+    Parameters
+    ----------
+    unknowns
+        The instruments' unknowns.
+    u, u_covariance
+        (k,) their deviations from what is declared, and (k, k) the covariance.
+    by_instrument
+        Errors of each instrument.
+    sigmas
+        Each instrument's name, and how many of the noise's sigmas are its own.
+    remedies
+        For each unobservable direction, the measurement that would show it; None where none is known.
+
+    ``residual`` and ``residual_before`` have one row for each used row of the data as they were fitted, ``noise`` one sigma for
+    each kind of number.
+    """
+
+    noise: ReadingNoise  # type: ignore[assignment]
+    unknowns: tuple[Unknown, ...] = ()
+    u: Floats = field(default_factory=lambda: np.zeros(0))
+    u_covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    by_instrument: tuple[InstrumentFit, ...] = ()
+    sigmas: tuple[tuple[str, int], ...] = ()
+    remedies: tuple[Remedy | None, ...] = ()
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What these readings can't see, a sentence for each unobservable direction."""
+        from gtpin.report.unseen_words import unseen_words  # sentences are made in the report
+
+        unseen = self.observability.learned < UNSEEN
+        directions, learned = self.observability.directions[:, unseen], self.observability.learned[unseen]
+        return unseen_words(self.model.geometry, directions, learned, self.remedies)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``calibration.json``: instruments' unknowns are listed after the geometry's parameters."""
+        tracker = next((one for one in self.by_instrument if one.kind == "tracker"), None)
+        errors = {
+            "position_rms_before": tracker.before if tracker else None,
+            "position_rms_after": tracker.after if tracker else None,
+            "orientation_rms_before": None,
+            "orientation_rms_after": None,
+        }
+        noise = {
+            "sigma": [
+                {"instrument": name, "value": float(sigma), "estimated": bool(estimated)}
+                for name, sigma, estimated in zip(self._groups, self.noise.sigma, self.noise.estimated, strict=True)
+            ],
+            "repeatability": self.noise.repeatability,
+            "source": "residuals" if self.noise.estimated.any() else "declared",
+        }
+        content = fit_json(self, errors, noise)
+        content["parameters"] += [self._parameter(i) for i in range(len(self.unknowns))]
+        for direction, words in zip(content["unobservable"], self.words, strict=True):
+            direction["words"] = words
+        return content | {"by_instrument": {one.name: one.to_json() for one in self.by_instrument}}
+
+    @property
+    def _groups(self) -> tuple[str, ...]:
+        """The instrument of each of the noise's sigmas."""
+        return tuple(name for name, count in self.sigmas for _ in range(count))
+
+    def _parameter(self, index: int) -> dict[str, Any]:
+        one, prior = self.unknowns[index], self.unknowns[index].sigma
+        estimate = self.unknown(one.name)
+        return {
+            "name": one.name,
+            "value": estimate.value,
+            "sigma": estimate.sigma,
+            "unit": one.unit,
+            "nominal": one.nominal,
+            "tolerance": prior if np.isfinite(prior) else None,
+            "learned": 1.0 - (estimate.sigma / prior) ** 2 if np.isfinite(prior) else 1.0,
+        }
+
+    def unknown(self, name: str) -> Estimate:
+        """One of the instruments' unknowns, by its name."""
+        index = [one.name for one in self.unknowns].index(name)
+        sigma = float(np.sqrt(self.u_covariance[index, index]))
+        one = self.unknowns[index]
+        return Estimate(one.nominal + float(self.u[index]), sigma, one.unit)
+
+
+def readings_calibration(
+    settled: SettledReadings,
+    before: Floats,
+    readings: Readings,
+    rejected: tuple[str, ...],
+    rejected_rows: tuple[int, ...],
+    dataset: Dataset,
+) -> ReadingsCalibration:
+    """Make the result from the converged iterations.
+
+    Parameters
+    ----------
+    before
+        (N, c) residuals of all fitted rows for nominal geometry.
+    readings
+        The rows that were fitted, gross errors included.
+    """
+    enlarged = settled.excess
+    heavy = any(tails.heavy for tails in settled.tails)
+    final = settled.refit(enlarged) if settled.wide > 1.0 or (enlarged > 1.0 and not heavy) else settled.fit
+    problem, point = final.problem, final.point
+    p, geometry = problem.n_geometry, point.model.geometry
+    whole = final.covariance
+    covariance = whole[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
+    u, unit = problem.unknowns(point.x), problem.unit
+    # Unknowns' priors are information on them, so that they count as rows of the derivative.
+    priors = np.diag(problem.prior)[p:]
+    factor = np.vstack([final.factor, priors[priors.any(axis=1)]])
+    left = problem.readings.at(u).minus(point.poses)
+    return ReadingsCalibration(
+        model=replace(point.model, covariance=covariance, instruments=readings.at(u).fitted),
+        covariance=covariance,
+        observability=observability(factor, p, final.residual.size),
+        noise=settled.noise,
+        enlarged=enlarged,
+        freedom=min([tails.freedom for tails in settled.tails], default=np.inf),
+        poses=_count(readings, settled.used),
+        rejected=rejected,
+        rejected_rows=rejected_rows,
+        chi2=settled.chi2,
+        dof=settled.dof,
+        iterations=settled.steps,
+        residual=left,
+        residual_before=before[settled.used],
+        instrument=Instrument(),
+        dataset=dataset,
+        unknowns=readings.unknowns,
+        sigmas=tuple((one.name, len(one.declared)) for one in readings.instruments),
+        u=u,
+        u_covariance=whole[p:, p:] * np.outer(unit, unit),
+        by_instrument=_by_instrument(problem.readings, before[settled.used], left, settled.noise.take(settled.used)),
+    )
+
+
+def _count(readings: Readings, used: npt.NDArray[np.bool_]) -> int:
+    """Number of rows of the tables."""
+    return len(np.unique(np.column_stack([readings.rows.of[used], readings.rows.line[used]]), axis=0))
+
+
+def _by_instrument(readings: Readings, before: Floats, after: Floats, noise: ReadingNoise) -> tuple[InstrumentFit, ...]:
+    found = []
+    each = noise.each
+    for i, one in enumerate(readings.instruments):
+        mine = readings.rows.of == i
+        count = max(len(np.unique(readings.rows.line[mine])), 1)
+        unit = next(c.unit for c in one.components if c.shown)
+        b, a, n = (readings.rms(i, values) for values in (before, after, each))
+        found.append(InstrumentFit(one.name, one.kind, count, b, a, n, unit))
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""``gtpin import FORMAT FILE -o DATASET``: one command for each format."""

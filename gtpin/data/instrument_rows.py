@@ -1,0 +1,89 @@
+"""What the instruments of a dataset of schema 2 read: their tables' rows, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtpin.data.instrument_tables import LARGEST, InstrumentTable
+from gtpin.data.table import Column
+
+Rows = NDArray[np.bool_] | NDArray[np.integer[Any]] | slice | list[int]
+
+
+@dataclass(frozen=True, eq=False)
+class InstrumentRows:
+    """N rows of several instruments.
+
+    Parameters
+    ----------
+    tables
+        What dataset.toml says of each instrument.
+    files
+        The file of each one's rows; None where they came from none.
+    of
+        (N,) index of each row's instrument.
+    line
+        (N,) line of each row in its instrument's file.
+    columns
+        By name, (N,) each: what the instruments read, and ids of stations, planes, sockets and targets. NaN, or "" of an id,
+        in rows of instruments without the column.
+    component
+        (N,) the one number that a row stands for, counted from 0; -1 where it stands for all of its reading.
+    known
+        Of each instrument by name, the ids that each column of ids had in all rows that were read.
+    kinds
+        Classes of instruments of a user's own, by their kind.
+    """
+
+    tables: tuple[InstrumentTable, ...]
+    files: tuple[Path | None, ...]
+    of: NDArray[np.int64]
+    line: NDArray[np.int64]
+    columns: Mapping[str, Column]
+    component: NDArray[np.int64]
+    known: tuple[Mapping[str, tuple[str, ...]], ...]
+    kinds: Mapping[str, type[Any]] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.of)
+
+    def take(self, rows: Rows) -> InstrumentRows:
+        """Some of the rows, in the given order."""
+        return replace(
+            self,
+            of=self.of[rows],
+            line=self.line[rows],
+            columns={name: values[rows] for name, values in self.columns.items()},
+            component=self.component[rows],
+        )
+
+    @property
+    def read(self) -> NDArray[np.intp]:
+        """(N,) index of what each row reads: rows of one instrument, component, station, plane, socket and target share it."""
+        ids = [c.astype(str) for c in self.columns.values() if c.dtype == object]
+        keys = [np.unique(values, return_inverse=True)[1] for values in ids]
+        found = np.unique(np.column_stack([self.of, self.component, *keys]), axis=0, return_inverse=True)[1]
+        return np.asarray(found).ravel()
+
+    @property
+    def countable(self) -> NDArray[np.bool_]:
+        """(N,) rows whose numbers are none that are too large to count with."""
+        good = np.ones(len(self), dtype=bool)
+        for column in self.columns.values():
+            if column.dtype != object:
+                good &= ~(np.abs(column) > LARGEST)
+        return good
+
+    def rows_of(self, index: int) -> NDArray[np.intp]:
+        """Rows of an instrument, by its index."""
+        return np.flatnonzero(self.of == index)
+
+    def place(self, row: int) -> tuple[Path | None, int]:
+        """File and line of a row."""
+        return self.files[self.of[row]], int(self.line[row])

@@ -1,0 +1,197 @@
+"""Instruments of a dataset of schema 2: what each ``[[instrument]]`` of dataset.toml may say."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
+
+LARGEST = 1e12
+"""Largest number, m or rad, that a description or a reading may hold: its fourth power can still be counted with."""
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
+NAME = r"[A-Za-z0-9_-]+"
+"""What an instrument may be called."""
+Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
+Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+Point = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
+Distance = Annotated[tuple[Text, Text, Positive, Positive], Field(strict=False)]
+
+
+class InstrumentTable(BaseModel):
+    """What every instrument says of itself; a kind of a user's own derives from it.
+
+    ``sigma`` is of its reading, of each axis, m or rad, None where it is to be estimated. ``target`` is a point on the
+    platform in the TCP frame, m; ``targets`` several of them, by the ids of the column ``target``.
+
+    Examples
+    --------
+    >>> from typing import ClassVar, Literal
+    >>> import gtpin
+    >>> class StringTable(gtpin.InstrumentTable):
+    ...     numbers: ClassVar = ("reading",)
+    ...     kind: Literal["string"]
+    ...     length_sigma: float = 1e-2
+    >>> StringTable(name="left", kind="string", sigma=2e-5).length_sigma
+    0.01
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    numbers: ClassVar[tuple[str, ...]] = ()
+    """Columns of numbers that the table must have."""
+    optional: ClassVar[tuple[str, ...]] = ()
+    """Columns of numbers that it may have."""
+    ids: ClassVar[tuple[str, ...]] = ()
+    """Columns of ids that it may have."""
+    needed: ClassVar[tuple[str, ...]] = ()
+    """Those of ids that it must have."""
+
+    name: Name
+    kind: Text
+    file: Text | None = None
+    sigma: Positive | None = None
+    target: Point | None = None
+    targets: dict[Text, Point] = {}
+    target_sigma: NotNegative = 0.0
+
+    @property
+    def fixed_targets(self) -> dict[str, tuple[float, float, float]]:
+        """Targets by id; one of the id "" where there is one alone."""
+        return self.targets or {"": self.target or (0.0, 0.0, 0.0)}
+
+
+class TrackerTable(InstrumentTable):
+    """A laser tracker, a camera, or motion capture: positions, and orientations where it reads them."""
+
+    numbers: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    optional: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz", "sx", "sy", "sz", "srx", "sry", "srz")
+    ids: ClassVar[tuple[str, ...]] = ("target",)
+
+    kind: Literal["tracker"]
+    target: Point | Literal["free", "tcp"] | None = None  # type: ignore[assignment]
+    position_sigma: Positive | None = None
+    orientation_sigma: Positive | None = None
+    frame: Literal["robot", "free"] = "robot"
+    station: Point | None = None
+
+    @property
+    def fixed_targets(self) -> dict[str, tuple[float, float, float]]:
+        """Targets by id; one of the id "" where there is one alone, at the TCP where it is free."""
+        one = self.target if isinstance(self.target, tuple) else (0.0, 0.0, 0.0)
+        return self.targets or {"": one}
+
+
+class RangeTable(InstrumentTable):
+    """Distances from stations: a ball bar, a draw wire, a laser tracer."""
+
+    numbers: ClassVar[tuple[str, ...]] = ("range",)
+    ids: ClassVar[tuple[str, ...]] = ("station", "target")
+
+    kind: Literal["range"]
+    stations: dict[Text, Point] = Field(min_length=1)
+    station_sigma: NotNegative = 0.5
+    offset_sigma: NotNegative = 0.0
+
+
+class PlaneOf(BaseModel):
+    """A plane: a point on it, m, and its normal, base frame."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    point: Point
+    normal: Point
+
+    @field_validator("normal")
+    @classmethod
+    def _is_a_direction(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if sum(v * v for v in value) < 1e-12:
+            raise ValueError("a normal needs a length")
+        return value
+
+
+class PlaneTable(InstrumentTable):
+    """Touches of planes: a probe, a bed mesh, a dial gauge."""
+
+    optional: ClassVar[tuple[str, ...]] = ("height",)
+    ids: ClassVar[tuple[str, ...]] = ("plane", "target")
+
+    kind: Literal["plane"]
+    planes: dict[Text, PlaneOf] = Field(min_length=1)
+    plane_sigma: NotNegative = 5e-3
+    normal_sigma: NotNegative = 5e-3
+
+
+class SocketTable(InstrumentTable):
+    """A ball in sockets, a pin in holes, a datum sphere: the target is at one point in all rows of one id."""
+
+    ids: ClassVar[tuple[str, ...]] = ("socket", "target")
+    needed: ClassVar[tuple[str, ...]] = ("socket",)
+
+    kind: Literal["socket"]
+    sockets: dict[Text, Point] = {}
+    socket_sigma: Positive | None = None
+    distances: Annotated[tuple[Distance, ...], Field(strict=False)] = ()
+
+
+class TiltTable(InstrumentTable):
+    """A tilt sensor on the platform: two components of the unit vector against gravity."""
+
+    numbers: ClassVar[tuple[str, ...]] = ("tilt_x", "tilt_y")
+
+    kind: Literal["tilt"]
+    mount_sigma: NotNegative = 1e-2
+
+
+class EncoderTable(InstrumentTable):
+    """A measured joint that nothing drives."""
+
+    numbers: ClassVar[tuple[str, ...]] = ("reading",)
+
+    kind: Literal["encoder"]
+    joint: Text
+    zero_sigma: NotNegative = 1e-2
+
+
+class AnyTable(InstrumentTable):
+    """The table of a kind that is not known here: one of a user's own."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+
+TABLES: dict[str, type[InstrumentTable]] = {
+    "tracker": TrackerTable,
+    "range": RangeTable,
+    "plane": PlaneTable,
+    "socket": SocketTable,
+    "tilt": TiltTable,
+    "encoder": EncoderTable,
+}
+"""The kinds that gtpin knows, and what their tables may say."""
+HINTS: dict[str, str] = {
+    "name": "letters, digits, - and _: it is part of parameters' names",
+    "kind": f"write kind = one of {', '.join(TABLES)}",
+    "sigma": "1 sigma of its reading, m or rad, above 0; leave it out to have it estimated",
+    "target": "target = [x, y, z], three finite numbers in m, TCP frame",
+    "targets": "targets = {A = [x, y, z], B = [x, y, z]}, m, TCP frame",
+    "stations": "stations = {A = [x, y, z]}, m, base frame: where each stands, roughly",
+    "planes": "planes = {A = {point = [x, y, z], normal = [x, y, z]}}, m, base frame",
+    "sockets": "sockets = {S1 = [x, y, z]}, m, base frame",
+    "distances": 'distances = [["S1", "S2", 0.05, 5e-5]]: two sockets, m, and 1 sigma',
+    "joint": 'write joint = "NAME", as in the URDF',
+    "frame": 'write "robot" or "free"',
+}
+"""What to write under a key."""
+
+
+def declared_keys(table: type[InstrumentTable]) -> list[str]:
+    """Keys that the table of a kind may have."""
+    return list(table.model_fields)
+
+
+def written(table: InstrumentTable) -> dict[str, Any]:
+    """The keys of an ``[[instrument]]`` as they are written: without what is left to the default."""
+    return {
+        key: value for key, value in table.model_dump(exclude_none=True, exclude_defaults=True).items() if value != {}
+    } | {"kind": table.kind}

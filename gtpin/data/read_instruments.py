@@ -1,0 +1,240 @@
+"""Reading a dataset of schema 2: the tables of several instruments, put one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtpin.data import columns
+from gtpin.data.checks import Rows
+from gtpin.data.description import Instrument, read_toml
+from gtpin.data.files import read_table
+from gtpin.data.ids import Ids
+from gtpin.data.instrument_files import columns_beside, file_of, warn_of_files
+from gtpin.data.instrument_rows import InstrumentRows
+from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
+from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
+from gtpin.data.second_schema import SECOND, SecondDescription, describe_second
+from gtpin.data.table import Column, Floats, Table
+from gtpin.errors import DatasetError, warn
+
+SIGMAS = ("sx", "sy", "sz", "srx", "sry", "srz")
+"""Columns of a tracker's own sigmas, per row."""
+
+
+@dataclass(frozen=True)
+class InstrumentContents:
+    """A folder of schema 2: its description, and the rows of all tables."""
+
+    description: SecondDescription
+    pose: Ids
+    q: Floats
+    covariates: dict[str, Column]
+    rows: InstrumentRows
+
+    def as_tracker(self) -> tuple[Instrument, Floats, Floats | None] | None:
+        """The instrument, positions and quaternions of a dataset of one tracker whose target is the TCP or free.
+
+        None for any other: such data read the same in schema 1.
+        """
+        table = self.rows.tables[0]
+        if len(self.rows.tables) > 1 or not isinstance(table, TrackerTable):
+            return None
+        if isinstance(table.target, tuple) or table.targets or table.target_sigma or "sx" in self.rows.columns:
+            return None
+        if len(self.rows.known[0].get("target", ())) > 1:
+            return None
+        instrument = Instrument(
+            position_sigma=table.position_sigma or table.sigma,
+            orientation_sigma=table.orientation_sigma,
+            frame=table.frame,
+            target=table.target or "tcp",
+            station=table.station,
+        )
+        position = np.column_stack([self.rows.columns[name] for name in POSITION])
+        turned = "qw" in self.rows.columns
+        quaternions = np.column_stack([self.rows.columns[name] for name in ORIENTATION]) if turned else None
+        return instrument, position, quaternions
+
+
+def is_second(values: Mapping[str, object]) -> bool:
+    """Whether a dataset.toml is of schema 2."""
+    return values.get("schema") == SECOND
+
+
+def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentContents:
+    """Read a dataset folder of schema 2.
+
+    Parameters
+    ----------
+    kinds
+        Classes of instruments of a user's own, by kind; each has its ``Table``.
+
+    Raises
+    ------
+    DatasetError
+        For anything that the format does not allow, with file, line and column.
+
+    Warns
+    -----
+    GtpinWarning
+        Of covariates that only some instruments have, and that are left out.
+    """
+    toml = path / "dataset.toml"
+    own: dict[str, type[InstrumentTable]] = {kind: one.Table for kind, one in kinds.items()}
+    description = describe_second(read_toml(toml), toml, own)
+    tables = description.instruments
+    files = [file_of(path, i, table) for i, table in enumerate(tables)]
+    parts = [_part(files[i], table, columns_beside(toml, i, tables, files)) for i, table in enumerate(tables)]
+    n = parts[0].q.shape[1]
+    for part in parts[1:]:
+        if part.q.shape[1] != n:
+            what = f"{part.q.shape[1]} commands, but {n} in {parts[0].file.name}"
+            raise DatasetError(
+                what, file=part.file, row=1, column=f"q{part.q.shape[1]}", hint="give all tables q1 .. qn"
+            )
+    _check_commands(parts)
+    warn_of_files(path, {part.file.name for part in parts})
+    counts = [len(part.pose) for part in parts]
+    names = dict.fromkeys(name for part in parts for name in part.readings)
+    rows = InstrumentRows(
+        tables=description.instruments,
+        files=tuple(part.file for part in parts),
+        of=np.repeat(np.arange(len(parts)), counts),
+        line=np.concatenate([part.line for part in parts]),
+        columns={name: np.concatenate([_filled(part, name, parts) for part in parts]) for name in names},
+        component=np.full(sum(counts), -1),
+        known=tuple(
+            {n: tuple(dict.fromkeys(map(str, part.readings[n]))) for n in part.table.ids if n in part.readings}
+            for part in parts
+        ),
+        kinds=dict(kinds),
+    )
+    pose = np.concatenate([part.pose for part in parts])
+    return InstrumentContents(
+        description, pose, np.concatenate([part.q for part in parts]), _covariates(toml, parts), rows
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """The rows of one instrument."""
+
+    table: InstrumentTable
+    file: Path
+    line: NDArray[np.int64]
+    pose: Ids
+    q: Floats
+    readings: dict[str, Column]
+    covariates: dict[str, Column]
+
+
+def _part(file: Path, table: InstrumentTable, beside: set[str]) -> _Part:
+    """The rows of a table, but for columns that other instruments read in the same file."""
+    read = read_table(file, ids=table.ids)
+    line = read.row
+    rows = Rows.of(file, line, len(line))
+    q = rows.commands(columns.commands(read))
+    pose = rows.ids(read.column("pose"), "pose")
+    readings = _readings(read, table, rows)
+    taken = {"pose", *command_names(q.shape[1]), *readings, *table.optional, *table.ids, *table.numbers, *beside}
+    covariates = rows.covariates(columns.covariates(read, taken), q.shape[1], TAKEN_IN_POSES)
+    columns.warn_of_covariates(read, taken)
+    return _Part(table, file, line, pose, q, readings, covariates)
+
+
+def _readings(read: Table, table: InstrumentTable, rows: Rows) -> dict[str, Column]:
+    """The columns that the instrument's kind has."""
+    found: dict[str, Column] = {}
+    for name in table.numbers:
+        found[name] = rows.floats(read.column(name), [name])
+    for name in table.optional:
+        if name in read.columns:
+            found[name] = rows.floats(read.columns[name], [name])
+    for name in table.ids:
+        if name in read.columns or name in table.needed:
+            found[name] = rows.ids(read.column(name), name)
+    if isinstance(table, TrackerTable):
+        _check_tracker(read, found, rows)
+    return found
+
+
+def _check_tracker(read: Table, found: dict[str, Column], rows: Rows) -> None:
+    quaternions = columns.orientation(read)
+    if quaternions is not None:
+        found |= dict(zip(ORIENTATION, rows.quaternions(quaternions).T, strict=True))
+    needed = SIGMAS if quaternions is not None else SIGMAS[:3]
+    present = [name for name in SIGMAS if name in found]
+    if not present:
+        return
+    for name in needed:
+        values = read.column(name)
+        bad = np.flatnonzero(~(np.asarray(values, dtype=float) > 0.0))
+        if len(bad):
+            raise rows.error(int(bad[0]), name, f"{values[bad[0]]:.6g} can't be", "a sigma is above 0, m or rad")
+
+
+def _check_commands(parts: list[_Part]) -> None:
+    """Raise where rows that share a pose id, in one table or in two, differ in their commands."""
+    known: dict[str, tuple[Floats, Path]] = {}
+    for part in parts:
+        Rows.of(part.file, part.line, len(part.line)).same_commands(part.pose, part.q)
+        ids, first = np.unique(part.pose.astype(str), return_index=True)
+        for pose, index in zip(ids, first, strict=True):
+            q = part.q[index]
+            if pose not in known:
+                known[pose] = (q, part.file)
+            elif np.abs(known[pose][0] - q).max() > 1e-12:
+                raise DatasetError(
+                    f"pose {pose} has other commands here than in {known[pose][1].name}",
+                    file=part.file,
+                    row=int(part.line[index]),
+                    column="pose",
+                    hint="rows that share a pose id are one stop of the machine; give each stop an id of its own",
+                )
+
+
+def _filled(part: _Part, name: str, parts: list[_Part]) -> Column:
+    """A column of readings of one instrument; NaN, or "" of an id, where it has none."""
+    if name in part.readings:
+        return part.readings[name]
+    of = next(p.readings[name] for p in parts if name in p.readings)
+    if of.dtype == object:
+        empty = np.empty(len(part.pose), dtype=object)
+        empty[:] = ""
+        return empty
+    return np.full(len(part.pose), np.nan)
+
+
+def _covariates(toml: Path, parts: list[_Part]) -> dict[str, Column]:
+    """Covariates of all rows: an instrument without a column has the values of other tables at the same poses."""
+    names = dict.fromkeys(name for part in parts for name in part.covariates)
+    found: dict[str, Column] = {}
+    lost: list[str] = []
+    for name in names:
+        of_pose: dict[str, object] = {}
+        for part in parts:
+            if name in part.covariates:
+                for pose, value in zip(part.pose, part.covariates[name], strict=True):
+                    of_pose.setdefault(pose, value)
+        values: list[object] = []
+        for part in parts:
+            if name in part.covariates:
+                values += list(part.covariates[name])
+            elif all(pose in of_pose for pose in part.pose):
+                values += [of_pose[pose] for pose in part.pose]
+            else:
+                lost.append(f"{name} (not in {part.file.name})")
+                break
+        else:
+            column: Column = np.array(values, dtype=object if name == "session" else float)
+            column.setflags(write=False)
+            found[name] = column
+    if lost:
+        warn(f"{toml.parent}: covariates that only some tables have are left out: {', '.join(lost)}")
+    return found

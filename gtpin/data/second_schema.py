@@ -1,0 +1,154 @@
+"""The content of a dataset.toml of schema 2: as in schema 1, with several instruments."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import Field, ValidationError
+
+from gtpin.data.description import (
+    Conditions,
+    Description,
+    DriverTable,
+    Instrument,
+    Section,
+    TomlName,
+    TomlPositive,
+    explained,
+)
+from gtpin.data.instrument_tables import HINTS, TABLES, InstrumentTable, declared_keys, written
+from gtpin.errors import DatasetError
+
+SECOND = "gtpin-dataset/2"
+RESERVED = ("carts", "commands", "truth")
+"""Names of tables of a dataset's folder that are no instrument's."""
+
+
+class _Frame(Section):
+    """A dataset.toml of schema 2, its instruments unchecked."""
+
+    schema_: Literal["gtpin-dataset/2"] = Field(alias="schema")
+    robot: TomlName
+    tcp: TomlName | None = None
+    actuators: Annotated[tuple[TomlName, ...], Field(strict=False)] = ()
+    instrument: list[dict[str, Any]]
+    conditions: Conditions = Conditions()
+    tolerance: dict[TomlName, TomlPositive] = Field(default_factory=dict)
+    driver: Annotated[tuple[DriverTable, ...], Field(strict=False)] = ()
+
+
+@dataclass(frozen=True)
+class SecondDescription:
+    """The whole of a dataset.toml of schema 2: what it shares with schema 1, and its instruments."""
+
+    common: Description
+    instruments: tuple[InstrumentTable, ...]
+
+
+def describe_second(
+    values: Mapping[str, Any], file: Path | None, own: Mapping[str, type[InstrumentTable]]
+) -> SecondDescription:
+    """Check the content of a dataset.toml of schema 2.
+
+    Parameters
+    ----------
+    own
+        Tables of kinds of a user's own, by kind.
+
+    Raises
+    ------
+    DatasetError
+        With the invalid key.
+    """
+    if isinstance(values.get("instrument"), dict):
+        hint = "write [[instrument]], in double brackets, once for each, with name and kind"
+        raise DatasetError("schema 2 has a list of instruments", file=file, column="instrument", hint=hint)
+    try:
+        frame = _Frame.model_validate(values)
+    except ValidationError as error:
+        if error.errors()[0]["loc"] == ("instrument",):
+            hint = "write [[instrument]] once for each, with name and kind"
+            raise DatasetError("no list of instruments", file=file, column="instrument", hint=hint) from None
+        raise explained(file, error) from None
+    if not frame.instrument:
+        raise DatasetError("no instrument", file=file, column="instrument", hint="write [[instrument]] once for each")
+    kinds = {**TABLES, **own}
+    tables = tuple(_instrument(i, one, file, kinds) for i, one in enumerate(frame.instrument))
+    names = [table.name.lower() for table in tables]  # files' names, which some systems do not tell apart by case
+    for i, table in enumerate(tables):
+        column, hint = f"instrument.{i}.name", "give each a name of its own"
+        if names[i] in names[:i]:
+            what = f"two instruments are called {table.name}"
+            raise DatasetError(what, file=file, column=column, hint=hint + ", that differs by more than case")
+        if names[i] in RESERVED:
+            what = f"no instrument can be called {table.name}, as another file of the folder is"
+            raise DatasetError(what, file=file, column=column, hint=hint)
+    common = Description.model_validate(
+        {
+            "schema": "gtpin-dataset/1",
+            **frame.model_dump(include={"robot", "tcp", "actuators", "tolerance"}),
+            "conditions": frame.conditions,
+            "driver": frame.driver,
+            "instrument": Instrument(),
+        }
+    )
+    return SecondDescription(common, tables)
+
+
+def _instrument(
+    index: int, values: Mapping[str, Any], file: Path | None, kinds: Mapping[str, type[InstrumentTable]]
+) -> InstrumentTable:
+    place = f"instrument.{index}"
+    for key in ("name", "kind"):
+        if not isinstance(values.get(key), str):
+            raise DatasetError(f"an instrument needs a {key}", file=file, column=f"{place}.{key}", hint=HINTS[key])
+    kind = kinds.get(values["kind"])
+    if kind is None:
+        close = difflib.get_close_matches(values["kind"].lower(), kinds, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"kinds are {', '.join(kinds)}"
+        raise DatasetError(f"no instrument is of kind {values['kind']!r}", file=file, column=f"{place}.kind", hint=hint)
+    try:
+        table = kind.model_validate(dict(values))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = str(first["loc"][0])
+        column = ".".join([place, *(str(part) for part in first["loc"] if part != "[key]")])
+        if first["type"] == "extra_forbidden":
+            close = difflib.get_close_matches(key, declared_keys(kind), n=1)
+            hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(declared_keys(kind))}"
+            raise DatasetError("unknown key", file=file, column=column, hint=hint) from None
+        what = "the key is missing" if first["type"] == "missing" else f"{str(first['input'])[:60]} can't be"
+        raise DatasetError(what, file=file, column=column, hint=HINTS.get(key, _kind_of_hint(key))) from None
+    if isinstance(values.get("target"), (list, str)) and values.get("targets"):
+        raise DatasetError("target and targets", file=file, column=f"{place}.targets", hint="write one of the two")
+    for one, two, *_ in getattr(table, "distances", ()):
+        if one == two:
+            raise DatasetError(
+                f"a distance from {one} to itself", file=file, column=f"{place}.distances", hint=HINTS["distances"]
+            )
+    return table
+
+
+def _kind_of_hint(key: str) -> str:
+    return "a finite number, 0 or more, m or rad" if key.endswith("_sigma") else "correct the value"
+
+
+def write_second(file: Path, common: Description, tables: tuple[InstrumentTable, ...]) -> None:
+    """Write a dataset.toml of schema 2 that reads back as the same."""
+    values = {
+        "schema": SECOND,
+        "robot": common.robot,
+        "tcp": common.tcp,
+        "actuators": list(common.actuators),
+        "conditions": common.conditions.model_dump(),
+        "tolerance": common.tolerance,
+        "driver": [table.model_dump() for table in common.driver],
+        "instrument": [written(table) for table in tables],
+    }
+    text = tomli_w.dumps({key: value for key, value in values.items() if value not in ({}, [], None)})
+    file.write_text(text, encoding="utf-8", newline="\n")

@@ -1,0 +1,109 @@
+"""How far the TCP is off without a part of a model that a file can't represent."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import qmc
+
+from gtpin.data.names import is_approach
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.situation import Column, Situation
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+POSES = 128
+"""Commands that a loss is computed at."""
+WARMER = 1.0
+"""K above the reference at which a loss by temperature is stated."""
+SPEED = 0.1
+"""m/s or rad/s at which a loss by speed is stated."""
+
+
+def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of parts of a model, each with the root mean square displacement of the TCP that it accounts for, micrometres.
+
+    It is over commands that fill the ranges of the fit (else of the robot), to first order, without payload and force on the
+    tool, over the time and the sessions of the fit, and both directions of approach. What depends on a temperature or a
+    speed is stated for one kelvin, or 0.1 m/s or rad/s. Parts whose conditions nobody knows are named without a number.
+    """
+    if not names:
+        return names
+    q, poses = _postures(model)
+    active = {effect.name: effect for effect in model.effects}
+    found = []
+    for name in names:
+        moved: Floats | None
+        words: str | None
+        if name == "drive scales":
+            moved, words = _by_scales(model, q, poses), ""
+        elif name in active:
+            words = _conditions(model, active[name])
+            moved = None if words is None else _by_effect(model, active[name], q, poses)
+        else:
+            moved, words = None, ""
+        size = None if moved is None else float(np.sqrt((moved[:, :3] ** 2).sum(axis=1).mean()))
+        found.append(name if size is None else f"{name} ({1e6 * size:.3g} um{words})")
+    return tuple(found)
+
+
+def _postures(model: Model) -> tuple[Floats, Poses]:
+    """Commands that fill the ranges, and their poses by geometry alone, base frame."""
+    robot = model.robot
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    for active in model.effects:
+        if len(active.references.commands[0]) == robot.n_actuators:
+            lower, upper = active.references.commands
+    q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, scramble=False).random(POSES)
+    poses = model.kinematics.forward(q)
+    return q[poses.reached], poses[poses.reached]
+
+
+def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
+    """(N, 6) motion of the TCP by drive scales."""
+    off = np.zeros_like(q)
+    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
+        if parameter.kind == "scale" and parameter.per == "actuator":
+            off[:, parameter.owner] = deviation * q[:, parameter.owner]
+    return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses), off))
+
+
+def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> Floats:
+    """(N, 6) motion of the measured TCP by an effect."""
+    references, count = active.references, len(q)
+    wanted = {*references.covariates, *active.effect.covariates(model.robot, active.site)}
+    start, span = references.time
+    known: dict[str, Column] = {}
+    for name in wanted:
+        if name == "session":
+            known[name] = np.array(
+                [references.sessions[i % len(references.sessions)] for i in range(count)], dtype=object
+            )
+        elif name == "time":
+            known[name] = start + span * np.linspace(0.0, 1.0, count)
+        elif name.startswith("temp_"):
+            known[name] = np.full(count, references.temperature + WARMER)
+        elif name.startswith("speed"):
+            known[name] = np.full(count, SPEED)
+        elif is_approach(name):
+            known[name] = np.where(np.arange(count) % 2, 1.0, -1.0)
+        else:
+            known[name] = np.zeros(count)
+    at = Situation(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
+    return np.asarray(active.basis(at).displacement(at) @ active.coefficients)
+
+
+def _conditions(model: Model, active: ActiveEffect) -> str | None:
+    """What a loss is stated for, in words; None where the effect depends on a column that can hold anything."""
+    words = ""
+    for name in active.effect.covariates(model.robot, active.site):
+        if name.startswith("temp_"):
+            words = f" at {WARMER:g} K more"
+        elif name.startswith("speed"):
+            words = f" at {SPEED:g} m/s or rad/s"
+        elif name not in ("session", "time", "payload") and not is_approach(name):
+            return None
+    return words

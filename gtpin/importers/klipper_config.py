@@ -1,0 +1,130 @@
+"""Klipper's configuration: sections and their options, each with the file and line that it was read from.
+
+The form is that of Klipper's klippy/configfile.py: an INI file, comments after ``#`` and ``;``, options as ``name: value`` or
+``name = value``, indented lines that go on with a value, ``[include FILES]``, and at its end what SAVE_CONFIG wrote, each line
+after ``#*#``, which counts for more than what stands above.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from gtpin.errors import DatasetError
+from gtpin.importers.lines import decimal, text_lines
+
+SAVED = "#*#"
+DEEPEST = 8
+"""Includes in includes beyond which a file is taken to include itself."""
+
+_SECTION = re.compile(r"\[([^\]]+)\]\s*([#;].*)?")
+_OPTION = re.compile(r"([^:=\s\[#;][^:=]*?)\s*[:=](.*)")
+_COMMENT = re.compile(r"(?:^|\s)[#;].*")
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a value: its text without comments, and where it was read."""
+
+    text: str
+    file: Path
+    row: int
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option: its lines, the first of which may be blank."""
+
+    name: str
+    lines: tuple[Line, ...]
+
+    @property
+    def file(self) -> Path:
+        """Where it begins."""
+        return self.lines[0].file
+
+    @property
+    def row(self) -> int:
+        """Its line."""
+        return self.lines[0].row
+
+    @property
+    def text(self) -> str:
+        """Its lines as one."""
+        return " ".join(line.text for line in self.lines).strip()
+
+    def number(self) -> float:
+        """Its value as a finite number; raises `DatasetError`."""
+        return decimal(self.text, self.file, self.row, self.name)
+
+    def numbers(self, count: int) -> list[float]:
+        """Its value as so many finite numbers between commas; raises `DatasetError`."""
+        texts = self.text.split(",")
+        if len(texts) != count:
+            what = f"{len(texts)} numbers where {count} belong"
+            raise DatasetError(what, file=self.file, row=self.row, column=self.name, hint="correct the line")
+        return [decimal(text, self.file, self.row, self.name) for text in texts]
+
+
+Sections = Mapping[str, Mapping[str, Option]]
+"""Options by name, of sections by name."""
+
+
+def read_config(file: Path) -> Sections:
+    """Read a configuration with what it includes; raises `DatasetError` where a line is none of a configuration."""
+    found: dict[str, dict[str, Option]] = {}
+    _read(file, found, 0)
+    return found
+
+
+def needed(sections: Sections, section: str, name: str, file: Path) -> Option:
+    """An option that has to be there; raises `DatasetError`."""
+    option = sections.get(section, {}).get(name)
+    if option is None:
+        what = f"the option {name} of [{section}] is missing"
+        raise DatasetError(
+            what, file=file, column=name, hint="give the whole printer.cfg, with the files that it includes"
+        )
+    return option
+
+
+def _read(file: Path, found: dict[str, dict[str, Option]], depth: int) -> None:
+    if depth > DEEPEST:
+        raise DatasetError("files include one another", file=file, column="include", hint="give a file that ends")
+    saved: dict[str, dict[str, Option]] = {}
+    section: str | None = None
+    into, last = found, ""
+    for row, line in enumerate(text_lines(file), 1):
+        if line.startswith(SAVED):
+            if into is found:
+                section = None
+            into, line = saved, line[len(SAVED) :].removeprefix(" ")
+            if line.startswith(("<-----", "DO NOT EDIT")):
+                continue
+        elif into is saved and line.strip():
+            what = "a line without #*# below what SAVE_CONFIG wrote"
+            raise DatasetError(what, file=file, row=row, hint="restore the file as Klipper wrote it")
+        text = _COMMENT.sub("", line).rstrip()
+        if not text.strip():
+            continue
+        if text[0].isspace() and section is not None and last:  # goes on with the value above
+            option = into[section][last]
+            into[section][last] = Option(last, (*option.lines, Line(text.strip(), file, row)))
+            continue
+        if head := _SECTION.fullmatch(text.strip()):
+            section, last = " ".join(head[1].split()), ""
+            if section.startswith("include "):
+                for other in sorted(file.parent.glob(section.removeprefix("include ").strip())):
+                    _read(other, found, depth + 1)
+            into.setdefault(section, {})
+            continue
+        match = _OPTION.fullmatch(text.strip())
+        if match is None or section is None:
+            what = f"{text.strip()[:40]!r} is no line of a Klipper configuration"
+            raise DatasetError(what, file=file, row=row, hint="give printer.cfg, as Klipper reads and writes it")
+        last = match[1].strip().lower()
+        into[section][last] = Option(last, (Line(match[2].strip(), file, row),))
+    for name, options in saved.items():
+        found.setdefault(name, {}).update(options)

@@ -1,0 +1,94 @@
+"""Which command belongs to which reading, where a file of readings and a table of commands were written apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Commands
+from gtpin.data.ids import Ids
+from gtpin.errors import DatasetError
+
+Floats = npt.NDArray[np.float64]
+Match = Literal["pose", "row", "time"]
+
+
+def matched(
+    commands: Commands,
+    by: Match,
+    *,
+    file: Path,
+    row: npt.NDArray[np.int64],
+    pose: Ids | None = None,
+    time: Floats | None = None,
+    within: float | None = None,
+) -> npt.NDArray[np.intp]:
+    """(N,) the row of the commands of each reading.
+
+    Parameters
+    ----------
+    commands
+        The table.
+    by
+        ``pose``: of the same id; ``row``: as many, in the same order; ``time``: the nearest in time.
+    file, row
+        Where the (N,) readings were read.
+    pose, time
+        (N,) of the readings; time in s.
+    within
+        The longest time between a reading and its command, s.
+
+    Raises
+    ------
+    DatasetError
+        If what is matched by is missing on one side, or a reading has no command, or several.
+    """
+    if by == "row":
+        if len(commands.pose) != len(row):
+            what = f"{len(row)} rows, and {len(commands.pose)} of commands in {commands.file}"
+            raise DatasetError(what, file=file, hint="give as many commands, or match by pose or time")
+        return np.arange(len(row))
+    if by == "pose":
+        return _by_pose(commands, file, row, pose)
+    if by == "time":
+        return _by_time(commands, file, row, time, within)
+    raise DatasetError(f"match {by!r} is not known", column="match", hint="pose, row or time")
+
+
+def _by_pose(commands: Commands, file: Path, row: npt.NDArray[np.int64], pose: Ids | None) -> npt.NDArray[np.intp]:
+    if pose is None:
+        raise DatasetError("no column is named pose", file=file, column="pose", hint="name it, or match by row or time")
+    place = {name: number for number, name in reversed([*enumerate(commands.pose)])}
+    for name, line in zip(pose, row, strict=True):
+        if name not in place:
+            what = f"there is no command of pose {name[:40]} in {commands.file}"
+            raise DatasetError(what, file=file, row=int(line), column="pose", hint="add it, or delete the row")
+    return np.array([place[name] for name in pose], dtype=np.intp)
+
+
+def _by_time(
+    commands: Commands, file: Path, row: npt.NDArray[np.int64], time: Floats | None, within: float | None
+) -> npt.NDArray[np.intp]:
+    if time is None:
+        raise DatasetError("the readings have no time", file=file, column="time", hint="match by pose or row")
+    if "time" not in commands.covariates:
+        raise DatasetError("the column is missing", file=commands.file, row=1, column="time", hint="add it, in s")
+    if within is None or not 0.0 < within < np.inf:
+        hint = "say how far apart a reading and its command may be, s"
+        raise DatasetError("matching by time needs a longest time between them", column="within", hint=hint)
+    known = np.asarray(commands.covariates["time"], dtype=float)
+    order = np.argsort(known, kind="stable")
+    after = np.clip(np.searchsorted(known[order], time), 1, max(1, len(order) - 1))
+    either = order[np.column_stack([after - 1, np.minimum(after, len(order) - 1)])]
+    apart = np.abs(known[either] - time[:, None])
+    nearest: npt.NDArray[np.intp] = either[np.arange(len(time)), apart.argmin(axis=1)]
+    far = np.flatnonzero(~(apart.min(axis=1) <= within))
+    if far.size:
+        what = f"the nearest command in {commands.file} is {apart.min(axis=1)[far[0]]:.6g} s away"
+        more = f" (and {far.size - 1} more rows)" if far.size > 1 else ""
+        hint = "check that both have one clock and unit, or delete the row"
+        raise DatasetError(what + more, file=file, row=int(row[far[0]]), column="time", hint=hint)
+    return nearest

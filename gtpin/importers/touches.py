@@ -1,0 +1,169 @@
+"""Touches: positions at which a machine's controller believed its TCP to be when a probe touched a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.errors import DatasetError
+from gtpin.importers.travel import by_travel
+from gtpin.kinematics.inverse import commands_for
+from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+
+MILLIMETRE = 1e-3
+FARTHEST = 1e3
+"""Length, m, or angle, rad, beyond which a number of a file is taken to be damaged."""
+FREE, WHOLE = 3, 6
+"""Actuators with which positions alone, or positions with an orientation, determine the commands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """N touches of one surface, as a file tells them.
+
+    Parameters
+    ----------
+    file, row
+        Where they were read: (N,) lines.
+    pose
+        (N,) ids.
+    position
+        (N, 3) the TCP at the touch in the controller's coordinates, m; None where the file has the commands themselves.
+    q
+        (N, n) commands, m or rad; None where they follow from the positions.
+    travel
+        (N, n) travel of the drives, m, in any order and of any sign and zero; None where it was not recorded. The commands
+        are then taken from it: the geometry that the controller had is not in them.
+    height
+        (N,) height of the target over the surface, m, positive on the side that the normal points to; None for zero.
+    target
+        (3,) what touches, in the TCP frame, m.
+
+    Raises
+    ------
+    DatasetError
+        If a number is so large that it can only be damaged.
+    """
+
+    file: Path
+    row: npt.NDArray[np.int64]
+    pose: npt.NDArray[np.object_]
+    position: Floats | None = None
+    q: Floats | None = None
+    travel: Floats | None = None
+    height: Floats | None = None
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for values in (self.position, self.q, self.travel, self.height):
+            if values is not None:
+                check_size(values, self.file, self.row)
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+def check_size(values: Floats, file: Path, row: npt.NDArray[np.int64]) -> None:
+    """Raise `DatasetError` for the first of (N,) or (N, k) values, m or rad, that can only be damaged."""
+    large = np.flatnonzero(~(np.abs(values.reshape(len(row), -1)) < FARTHEST).all(axis=1))
+    if large.size:
+        hint = "correct the row, or delete it; check the unit"
+        raise DatasetError(f"a number beyond {FARTHEST:g} m", file=file, row=int(row[large[0]]), hint=hint)
+
+
+def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[float, float, float]) -> Touches:
+    """Touches of a probe that sits beside the nozzle, from millimetres.
+
+    Parameters
+    ----------
+    file, rows
+        Where each was read.
+    xyz
+        The nozzle's commands, mm.
+    offset
+        The probe's offset, mm: x and y of the probe from the nozzle, and the height of the nozzle over the bed at the touch.
+    """
+    x, y, z = (MILLIMETRE * value for value in offset)
+    return Touches(
+        file,
+        np.array(rows, dtype=np.int64),
+        np.array([str(number) for number in range(1, len(rows) + 1)], dtype=object),
+        position=MILLIMETRE * np.array(xyz).reshape(-1, 3),
+        target=(x, y, 0.0 - z),
+    )
+
+
+def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[Floats, Poses]:
+    """Commands of the robot's actuators at the touches, and the poses that the kinematics has there.
+
+    Commands that the file does not have are those by which the robot, with its nominal geometry, is at the position. A robot
+    of three actuators moves with its orientation free, one of six or more keeps that of its home.
+
+    Parameters
+    ----------
+    touches
+        What was read.
+    kinematics
+        Of the robot with the geometry that the controller had.
+    origin
+        (3,) the controller's zero in the base frame, m; the axes are parallel.
+
+    Returns
+    -------
+    q, poses
+        (N, n) commands, m or rad, and the (N) poses there.
+
+    Raises
+    ------
+    DatasetError
+        If the robot can't be there, or its commands are not those of the drives that were recorded.
+    """
+    robot = kinematics.geometry.robot
+    if touches.q is not None:
+        return _given(touches, kinematics)
+    assert touches.position is not None
+    if robot.n_actuators != FREE and robot.n_actuators < WHOLE:
+        raise DatasetError(
+            f"positions do not determine the {robot.n_actuators} commands of {robot.name}",
+            file=touches.file,
+            hint="give a robot of three, or of six or more actuators",
+        )
+    home = kinematics.forward(robot.home_q[None])
+    R = None if robot.n_actuators == FREE else np.repeat(home.R, len(touches), axis=0)
+    q, poses = commands_for(kinematics, touches.position + origin, R)
+    _refuse(touches, poses, robot.name)
+    if touches.travel is None:
+        return q, poses
+    q = by_travel(q, touches.travel, touches.file, robot.name)
+    poses = kinematics.forward(q)
+    _refuse(touches, poses, robot.name)
+    return q, poses
+
+
+def _given(touches: Touches, kinematics: Kinematics) -> tuple[Floats, Poses]:
+    q, robot = touches.q, kinematics.geometry.robot
+    assert q is not None
+    if q.shape[1] != robot.n_actuators:
+        what = f"{q.shape[1]} axes for the {robot.n_actuators} actuators of {robot.name}"
+        raise DatasetError(what, file=touches.file, column="axes", hint="name one axis for each, in the order q1 .. qn")
+    poses = kinematics.forward(q)
+    _refuse(touches, poses, robot.name)
+    return q, poses
+
+
+def _refuse(touches: Touches, poses: Poses, robot: str) -> None:
+    lost = np.flatnonzero(~poses.reached)
+    if lost.size:
+        more = f" (nor {lost.size - 1} more)" if lost.size > 1 else ""
+        raise DatasetError(
+            f"{robot} can't be where this row was touched{more}",
+            file=touches.file,
+            row=int(touches.row[lost[0]]),
+            hint="check that the robot has the machine's dimensions, the unit, and the controller's zero in the base frame",
+        )

@@ -1,0 +1,54 @@
+"""Commands from the recorded travel of the drives, whatever their order, sign and zero."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+
+from gtpin.errors import DatasetError
+
+Floats = npt.NDArray[np.float64]
+
+ALIKE = 0.05
+"""Share of the travel by which commands of the nominal geometry may differ from it. A machine whose dimensions are known to a
+few per cent stays below, and drives that are mistaken for others differ by about their whole travel."""
+FEWEST = 3
+"""Touches from which order and sign of the drives can be told."""
+
+
+def by_travel(q: Floats, travel: Floats, file: Path, robot: str) -> Floats:
+    """Commands (N, n) from the drives' travel (N, n): order, signs and zeros are those that the commands ``q`` show.
+
+    Parameters
+    ----------
+    q
+        (N, n) commands of the nominal robot at the same touches, m.
+    travel
+        (N, n) recorded travel, m.
+    file, robot
+        What errors name.
+
+    Raises
+    ------
+    DatasetError
+        If the travel of some drive is like that of no actuator: the robot is another machine.
+    """
+    if len(q) < FEWEST or q.shape != travel.shape:
+        what = f"{len(q)} touches with {travel.shape[1]} drives, for a robot of {q.shape[1]} actuators"
+        raise DatasetError(what, file=file, hint=f"give the robot of this printer, and {FEWEST} touches at least")
+    commanded, moved = q - q.mean(axis=0), travel - travel.mean(axis=0)
+    spread = np.sqrt((moved**2).mean())
+    same = np.sqrt(((commanded[:, :, None] - moved[:, None, :]) ** 2).mean(axis=0))
+    other = np.sqrt(((commanded[:, :, None] + moved[:, None, :]) ** 2).mean(axis=0))
+    apart = np.minimum(same, other)
+    actuator, drive = linear_sum_assignment(apart)
+    worst = float(apart[actuator, drive].max())
+    if not worst <= ALIKE * spread:
+        what = f"the carriages of {robot} would travel otherwise than those of this printer, by {1e3 * worst:.3g} mm"
+        raise DatasetError(what, file=file, hint="give a robot with the dimensions that this file has")
+    sign = np.where(same <= other, 1.0, -1.0)[actuator, drive]
+    found: Floats = q.mean(axis=0) + sign * moved[:, drive]
+    return found

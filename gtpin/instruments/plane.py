@@ -1,0 +1,105 @@
+"""Touches: the height of a target over a plane, as a probe, a bed mesh or a dial gauge reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.instrument_tables import PlaneTable
+from gtpin.instruments.instrument import Component, Instrument, Unknown
+from gtpin.instruments.targets import Targets, indices
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp, left_jacobian
+from gtpin.robot.parameters import rotation_axes
+
+Floats = npt.NDArray[np.float64]
+
+
+class Plane(Instrument):
+    """Height n . (p - p0) of a target p over a plane with the point p0 and the normal n, m; 0 where there is no column.
+
+    Unknown: each plane's height along n (prior ``plane_sigma``) and its tilts a and b (``normal_sigma``), the normal being
+    exp(a e_a + b e_b) n with e_a and e_b as for tracks (docs/conventions.md); targets.
+    """
+
+    kind, Table = "plane", PlaneTable
+    components = (Component("height", "m"),)
+    table: PlaneTable
+
+    def _unknowns(self) -> Sequence[Unknown]:
+        table = self.table
+        self.targets = Targets(table, self.read)
+        self.plane = indices(self.read, "plane", dict(table.planes), "plane")
+        self.point = np.array([plane.point for plane in table.planes.values()], dtype=float)
+        normals = np.array([plane.normal for plane in table.planes.values()], dtype=float)
+        self.normal = normals / np.linalg.norm(normals, axis=1)[:, None]
+        self.axes = np.stack([rotation_axes(n)[:2] for n in self.normal])  # (K, 2, 3)
+        height = self.read.numbers.get("height", np.zeros(self.read.count))
+        self._height = np.where(np.isfinite(height), height, 0.0)
+        found = list(self.targets.unknowns)
+        self._kinds = [
+            (kind, sigma)
+            for kind, sigma in (("height", table.plane_sigma), ("a", table.normal_sigma), ("b", table.normal_sigma))
+            if sigma > 0.0
+        ]
+        for plane in table.planes:
+            for kind, sigma in self._kinds:
+                unit = "m" if kind == "height" else "rad"
+                found.append(Unknown(f"{table.name}.plane[{plane}].{kind}", unit, 0.0, sigma))
+        return found
+
+    def measured(self) -> Floats:
+        """(M, 1) heights, m."""
+        return self._height[:, None]
+
+    def predicted(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1) heights, m."""
+        t, shifts, tilts = self._split(u)
+        away = self.targets.positions(poses, t) - self.point[self.plane]
+        normal = self._normals(tilts)[self.plane]
+        return np.asarray(((normal * away).sum(axis=1) - shifts[self.plane])[:, None])
+
+    def looked_at(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 3) the targets, base frame, m."""
+        return self.targets.positions(poses, u[: self.targets.count])
+
+    def by_pose(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1, 6): the normal, times the motion of the target."""
+        t, _, tilts = self._split(u)
+        return np.asarray(self._normals(tilts)[self.plane][:, None] @ self.targets.by_pose(poses, t))
+
+    def by_unknown(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1, k) by targets, and by each plane's height and tilts."""
+        t, _, tilts = self._split(u)
+        normals = self._normals(tilts)
+        found = np.zeros((len(poses), 1, len(u)))
+        k, width = self.targets.count, len(self._kinds)
+        found[:, :, :k] = normals[self.plane][:, None] @ self.targets.by_unknown(poses)
+        away = self.targets.positions(poses, t) - self.point[self.plane]
+        for i in range(len(self.point)):
+            rows = self.plane == i
+            vector = tilts[i] @ self.axes[i]
+            turned = left_jacobian(vector) @ self.axes[i].T  # (3, 2) rotation vectors of the changes
+            by_tilt = np.cross(turned.T, normals[i])  # (2, 3) changes of the normal
+            for j, (kind, _) in enumerate(self._kinds):
+                column = k + width * i + j
+                found[rows, 0, column] = -1.0 if kind == "height" else away[rows] @ by_tilt["ab".index(kind)]
+        return found
+
+    def _normals(self, tilts: Floats) -> Floats:
+        """(K, 3) the planes' normals."""
+        return np.asarray(np.einsum("kij,kj->ki", exp(np.einsum("ki,kij->kj", tilts, self.axes)), self.normal))
+
+    def _split(self, u: Floats) -> tuple[Floats, Floats, Floats]:
+        """Deviations of targets, shifts (K,) along the normals, and tilts (K, 2)."""
+        k, count = self.targets.count, len(self.point)
+        own = u[k:].reshape(count, len(self._kinds)) if self._kinds else np.zeros((count, 0))
+        values = {kind: own[:, j] for j, (kind, _) in enumerate(self._kinds)}
+        none = np.zeros(count)
+        return (
+            u[:k],
+            values.get("height", none),
+            np.column_stack([values.get("a", none), values.get("b", none)]),
+        )

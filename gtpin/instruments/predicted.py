@@ -1,0 +1,97 @@
+"""What an instrument of a model would read at given commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.names import ORIENTATION, POSITION
+from gtpin.data.table import Column
+from gtpin.errors import DatasetError, ModelError
+from gtpin.instruments import BUILT_IN
+from gtpin.instruments.instrument import Instrument, Read
+from gtpin.instruments.tracker import Tracker
+from gtpin.instruments.up import up_of
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import to_quaternions
+from gtpin.model.fitted_instrument import FittedInstrument
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+
+def instrument_of(model: Model, name: str) -> FittedInstrument:
+    """An instrument of a model, by its name.
+
+    Raises
+    ------
+    ModelError
+        If the model has no such instrument.
+    """
+    for one in model.instruments:
+        if one.name == name:
+            return one
+    known = ", ".join(one.name for one in model.instruments)
+    hint = f"it has {known}" if known else "a model of a dataset of one tracker has none: leave --instrument out"
+    raise ModelError(f"the model has no instrument {name!r}", hint=hint)
+
+
+def predicted_readings(model: Model, poses: Poses, name: str, ids: Mapping[str, Column]) -> dict[str, Floats]:
+    """Columns that an instrument would read, without noise.
+
+    Parameters
+    ----------
+    poses
+        (N) poses of the TCP that the model predicts, base frame.
+    name
+        The instrument.
+    ids
+        By name, (N,) ids of stations, planes, sockets and targets.
+
+    Raises
+    ------
+    ModelError
+        If there is no such instrument, or it lacks an id.
+    """
+    fitted = instrument_of(model, name)
+    kind = BUILT_IN.get(fitted.table.kind)
+    if kind is None:
+        raise ModelError(
+            f"instruments of kind {fitted.table.kind} can't be predicted", hint=f"{', '.join(BUILT_IN)} can"
+        )
+    read = Read(_blank(fitted, len(poses)), dict(ids), np.full(len(poses), -1), fitted.known)
+    try:
+        one: Instrument = kind(fitted.table, read, up_of(model.robot))
+    except DatasetError as error:
+        raise ModelError(error.what, column=error.column, hint=error.hint) from None
+    u = np.array([fitted.unknowns.get(unknown.name, 0.0) for unknown in one.unknowns])
+    values = one.predicted(poses, u)
+    if isinstance(one, Tracker):
+        found = dict(zip(POSITION, values[:, :3].T, strict=True))
+        if one.turned:
+            found |= dict(zip(ORIENTATION, to_quaternions(one.orientations(poses, u)).T, strict=True))
+        return found
+    return {c.name: values[:, i] for i, c in enumerate(one.components) if c.shown}
+
+
+def as_seen(model: Model) -> tuple[Model, str | None]:
+    """The model whose poses a prediction writes, and the tracker that reads them.
+
+    Without a tracker these are the poses of the TCP in the base frame without effects of the frame.
+    """
+    trackers = [one.name for one in model.instruments if one.table.kind == "tracker"]
+    if not model.instruments or trackers:
+        return model, next(iter(trackers), None)
+    return replace(model, effects=tuple(e for e in model.effects if e.site != "frame")), None
+
+
+def _blank(fitted: FittedInstrument, count: int) -> dict[str, Floats]:
+    """Columns of readings that an instrument's rows need, without a meaning."""
+    numbers = {name: np.ones(count) for name in (*fitted.table.numbers, *fitted.columns)}
+    for name in ("qx", "qy", "qz"):
+        if name in numbers:
+            numbers[name] = np.zeros(count)
+    return numbers

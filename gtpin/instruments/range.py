@@ -1,0 +1,101 @@
+"""Ranges: distances from stations to a target, as a ball bar, a draw wire or a laser tracer reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.instrument_tables import RangeTable
+from gtpin.instruments.instrument import Component, Instrument, RowError, Unknown
+from gtpin.instruments.targets import AXES, Targets, indices
+from gtpin.kinematics.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+
+
+class Range(Instrument):
+    """Distance from a station's centre s to the target p, plus the station's offset o: z = |p - s| + o, m.
+
+    Unknown: each station's centre (prior ``station_sigma`` per axis) and offset (``offset_sigma``), and targets.
+    """
+
+    kind, Table = "range", RangeTable
+    components = (Component("range", "m"),)
+    table: RangeTable
+
+    def _unknowns(self) -> Sequence[Unknown]:
+        self.targets = Targets(self.table, self.read)
+        self.station = indices(self.read, "station", dict(self.table.stations), "station")
+        self.centre = np.array(list(self.table.stations.values()), dtype=float)
+        name, sigma = self.table.name, self.table.station_sigma
+        centres = [
+            Unknown(f"{name}.station[{station}].{axis}", "m", float(at[i]), sigma)
+            for station, at in self.table.stations.items()
+            for i, axis in enumerate(AXES)
+            if sigma > 0.0
+        ]
+        self._n_centres = len(centres)
+        offsets = [
+            Unknown(f"{name}.offset[{station}]", "m", 0.0, self.table.offset_sigma)
+            for station in self.table.stations
+            if self.table.offset_sigma > 0.0
+        ]
+        return (*self.targets.unknowns, *centres, *offsets)
+
+    def check(self) -> None:
+        """Raise `DatasetError` for a range that is not positive."""
+        bad = np.flatnonzero(~(self.read.numbers["range"] > 0.0))
+        if len(bad):
+            value = self.read.numbers["range"][bad[0]]
+            raise RowError(int(bad[0]), f"{value:.6g} can't be", "range", "a range is a distance in m, above 0")
+
+    def measured(self) -> Floats:
+        """(M, 1) ranges, m."""
+        return self.read.numbers["range"][:, None]
+
+    def predicted(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1) ranges, m; see :meth:`Instrument.predicted`."""
+        away = self.away(poses, u)
+        return np.asarray(np.linalg.norm(away, axis=1)[:, None] + self._offset(u))
+
+    def looked_at(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 3) the targets, base frame, m."""
+        return self.targets.positions(poses, u[: self.targets.count])
+
+    def by_pose(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1, 6): the line of sight, times the motion of the target."""
+        return self._sight(poses, u)[:, None] @ self.targets.by_pose(poses, self._split(u)[0])
+
+    def by_unknown(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1, k): by targets and centres along the line of sight, by offsets 1."""
+        sight = self._sight(poses, u)
+        of_targets = sight[:, None] @ self.targets.by_unknown(poses)
+        of_centres = np.zeros((len(poses), 1, self._n_centres))
+        stations = len(self.centre)
+        for i in range(stations if self._n_centres else 0):
+            rows = self.station == i
+            of_centres[rows, 0, 3 * i : 3 * i + 3] = -sight[rows]
+        offsets = np.zeros((len(poses), 1, len(u) - self.targets.count - self._n_centres))
+        if offsets.shape[2]:
+            offsets[np.arange(len(poses)), 0, self.station] = 1.0
+        return np.concatenate([of_targets, of_centres, offsets], axis=2)
+
+    def away(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 3) from the station's centre to the target, base frame, m; u as for :meth:`predicted`."""
+        of_target, of_centre, _ = self._split(u)
+        centre = self.centre + (of_centre.reshape(-1, 3) if len(of_centre) else 0.0)
+        return self.targets.positions(poses, of_target) - centre[self.station]
+
+    def _split(self, u: Floats) -> tuple[Floats, Floats, Floats]:
+        a, b = self.targets.count, self.targets.count + self._n_centres
+        return u[:a], u[a:b], u[b:]
+
+    def _sight(self, poses: Poses, u: Floats) -> Floats:
+        away = self.away(poses, u)
+        return np.asarray(away / np.linalg.norm(away, axis=1)[:, None])
+
+    def _offset(self, u: Floats) -> Floats | float:
+        offset = self._split(u)[2]
+        return offset[self.station][:, None] if len(offset) else 0.0

@@ -1,0 +1,316 @@
+"""The readings of all instruments of a dataset as one measurement: residuals and their derivatives, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.dataset import Dataset
+from gtpin.data.instrument_rows import InstrumentRows
+from gtpin.errors import DatasetError
+from gtpin.instruments import BUILT_IN
+from gtpin.instruments.instrument import Instrument, Read, RowError, Unknown
+from gtpin.instruments.socket import Socket
+from gtpin.kinematics.poses import Poses
+from gtpin.model.fitted_instrument import FittedInstrument
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+VAGUE = 1.0
+"""Sigma, m and rad, of the prior of an unknown that has none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """N rows of c numbers each, what the instruments read at commands q (N, n).
+
+    Parameters
+    ----------
+    q
+        Commands, m or rad.
+    rows
+        The rows. Where instruments read different numbers of numbers, each row stands for one of them, and c is 1.
+    up
+        (3,) unit vector against gravity, base frame.
+    u
+        (k,) deviations of all unknowns from their declared values, about which ``minus`` and the derivatives are taken.
+    """
+
+    q: Floats
+    rows: InstrumentRows
+    up: Floats
+    u: Floats
+
+    @staticmethod
+    def of(dataset: Dataset, up: Floats, u: Floats | None = None) -> Readings:
+        """The readings of a dataset whose rows are :func:`single`.
+
+        Raises
+        ------
+        DatasetError
+            For readings that can't be.
+        """
+        rows = dataset.readings
+        assert rows is not None
+        found = Readings(dataset.q, rows, up, np.zeros(0))
+        return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
+
+    def take(self, rows: npt.NDArray[np.generic] | slice) -> Readings:
+        """Some of the rows."""
+        return replace(self, q=self.q[rows], rows=self.rows.take(rows))  # type: ignore[arg-type]
+
+    def at(self, u: Floats) -> Readings:
+        """The same readings with other unknowns."""
+        return replace(self, u=u)
+
+    @cached_property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """The instruments, each with its own rows."""
+        return instruments_of(self.rows, self.up)
+
+    @cached_property
+    def components(self) -> int:
+        """Numbers of a row."""
+        if (self.rows.component >= 0).any():
+            return 1
+        return max(len(one.components) for one in self.instruments)
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Unknowns of all instruments, in the order of ``u``."""
+        return tuple(unknown for one in self.instruments for unknown in one.unknowns)
+
+    @cached_property
+    def sigma(self) -> Floats:
+        """(k,) prior sigma of each unknown; infinite where it has none."""
+        return np.array([unknown.sigma for unknown in self.unknowns])
+
+    @cached_property
+    def group(self) -> npt.NDArray[np.intp]:
+        """(N, c) index of each number's sigma among those of all instruments."""
+        first = self._first_groups
+        return self._each(
+            lambda i, one: np.broadcast_to(
+                first[i] + np.array([c.group for c in one.components]), (one.read.count, len(one.components))
+            )
+        ).astype(np.intp)
+
+    @property
+    def alike(self) -> list[Indices]:
+        """Rows whose residuals are judged by each other: those of an instrument, and where a row is one number, of one sigma.
+
+        A rough guess may be off in position by much more, in sigmas, than in orientation.
+        """
+        first = self.group[:, 0]
+        return [np.flatnonzero(first == group) for group in np.unique(first)]
+
+    @cached_property
+    def declared(self) -> tuple[float | None, ...]:
+        """Declared sigma of each group; None where it is to be estimated."""
+        return tuple(sigma for one in self.instruments for sigma in one.declared)
+
+    @cached_property
+    def usual(self) -> Floats:
+        """(G,) declared sigmas, and where there is none the usual one at which an estimation starts."""
+        found = []
+        for one in self.instruments:
+            for group, sigma in enumerate(one.declared):
+                found.append(sigma or next(c.usual for c in one.components if c.group == group))
+        return np.array(found)
+
+    @cached_property
+    def row_sigma(self) -> Floats:
+        """(N, c) sigmas that rows declare themselves; NaN where they do not."""
+
+        def own(_: int, one: Instrument) -> Floats:
+            sigmas = one.row_sigmas()
+            return np.full((one.read.count, len(one.components)), np.nan) if sigmas is None else sigmas
+
+        return self._each(own)
+
+    @cached_property
+    def counted(self) -> Floats:
+        """(N, c) how many independent numbers each is."""
+        return self._each(lambda _, one: one.counted())
+
+    @cached_property
+    def shown(self) -> npt.NDArray[np.bool_]:
+        """(N, c) whether a number counts in its instrument's root mean square error."""
+        return self._each(
+            lambda _, one: np.broadcast_to(
+                np.array([c.shown for c in one.components]), (one.read.count, len(one.components))
+            )
+        ).astype(bool)
+
+    def minus(self, poses: Poses) -> Floats:
+        """(N, c) measured less predicted at poses (N) of the TCP, base frame."""
+        return self._each(lambda i, one: one.minus(poses[self._rows[i]], self.u[self._own[i]]))
+
+    def by_pose(self, poses: Poses) -> Floats:
+        """(N, c, 6) derivative of the readings by a shift, m, and a turn, rad, of the platform, base frame."""
+        return self._each(lambda i, one: one.by_pose(poses[self._rows[i]], self.u[self._own[i]]))
+
+    def by_unknown(self, poses: Poses) -> Floats:
+        """(N, c, k) derivative of the readings by the unknowns."""
+
+        def own(i: int, one: Instrument) -> Floats:
+            mine = one.by_unknown(poses[self._rows[i]], self.u[self._own[i]])
+            whole = np.zeros((*mine.shape[:2], len(self.u)))
+            whole[:, :, self._own[i]] = mine
+            return whole
+
+        return self._each(own)
+
+    def left(self, _: Model, poses: Poses) -> Floats:
+        """(N, c) measured less what a model has at poses, base frame."""
+        return self.minus(poses)
+
+    def scatter(self, J: Floats, model: Model, poses: Poses) -> Floats:
+        """(N, c, n) derivative of the readings by the commands, J (N, 6, n) being that of the poses, base frame."""
+        return self.seen(J, model, poses)
+
+    def seen(self, J: Floats, _: Model, poses: Poses) -> Floats:
+        """(N, c, m) motions J (N, 6, m) of the poses, base frame, as they are read."""
+        return np.asarray(self.by_pose(poses) @ J)
+
+    def unknown_columns(self, _: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
+        """(N, c, k) derivatives by the unknowns in prior sigmas, ``VAGUE`` where there is none; and 0: all have one then."""
+        assert not free_frame
+        assert pivot is None
+        return self.by_unknown(poses) * np.where(np.isfinite(self.sigma), self.sigma, VAGUE), 0
+
+    def at_trials(self, rows: npt.NDArray[np.intp], q: Floats, _: Poses) -> Readings:
+        """These readings, and others after them as ``rows`` are read: at all commands; what they would read is not known."""
+        return replace(self.take(rows), q=q)
+
+    def own(self, index: int) -> Floats:
+        """(k,) deviations of an instrument's unknowns, by its index."""
+        return self.u[self._own[index]]
+
+    @property
+    def deviation(self) -> Floats:
+        """(k,) values of the unknowns in prior sigmas, 0 where there is none: those are where they were fitted."""
+        return np.asarray(np.where(np.isfinite(self.sigma), self.u / self.sigma, 0.0))
+
+    def taken(self, _: bool) -> int:
+        """Number of unknowns without a prior, which take as many numbers of the readings."""
+        return int((~np.isfinite(self.sigma)).sum())
+
+    def start(self, nominal: Poses) -> Floats:
+        """(k,) first guess of the unknowns from nominal poses (N), base frame."""
+        parts = [one.start(nominal[self._rows[i]]) for i, one in enumerate(self.instruments)]
+        return np.concatenate([np.zeros(0), *parts])
+
+    def rms(self, index: int, values: Floats) -> float:
+        """Root mean square length of an instrument's errors (N, c): of positions that of vectors, of ranges that of numbers."""
+        mine = self.rows.of == index
+        some = values[mine][self.shown[mine]]
+        if not len(some):
+            return 0.0
+        width = sum(c.shown for c in self.instruments[index].components)
+        return float(np.sqrt(width * (some**2).mean()))
+
+    @property
+    def fitted(self) -> tuple[FittedInstrument, ...]:
+        """The instruments with the values of their unknowns."""
+        numbers = {n: column for n, column in self.rows.columns.items() if column.dtype != object}
+        found = []
+        for i, one in enumerate(self.instruments):
+            mine = self._rows[i]
+            columns = tuple(n for n in one.table.optional if n in numbers and np.isfinite(numbers[n][mine]).all())
+            values = {unknown.name: float(v) for unknown, v in zip(one.unknowns, self.u[self._own[i]], strict=True)}
+            found.append(FittedInstrument(one.table, columns, self.rows.known[i], values))
+        return tuple(found)
+
+    @cached_property
+    def _rows(self) -> tuple[Indices, ...]:
+        return tuple(self.rows.rows_of(i) for i in range(len(self.rows.tables)))
+
+    @cached_property
+    def _own(self) -> tuple[slice, ...]:
+        """The place of each instrument's unknowns in ``u``."""
+        ends = np.cumsum([0, *(len(one.unknowns) for one in self.instruments)])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @cached_property
+    def _first_groups(self) -> tuple[int, ...]:
+        return tuple(int(n) for n in np.cumsum([0, *(len(one.declared) for one in self.instruments)]))
+
+    def _each(self, values: Callable[[int, Instrument], npt.NDArray[np.generic]]) -> Floats:
+        """(N, c, ...) what each instrument gives for its rows, of these the component that each row stands for."""
+        found: Floats | None = None
+        for i, one in enumerate(self.instruments):
+            mine = np.asarray(values(i, one), dtype=np.float64)
+            if self.components == 1 and mine.shape[1] > 1:
+                mine = mine[np.arange(len(mine)), np.maximum(one.read.component, 0)][:, None]
+            if found is None:
+                found = np.empty((len(self.rows), *mine.shape[1:]))
+            found[self._rows[i]] = mine
+        assert found is not None
+        return found
+
+
+def instruments_of(rows: InstrumentRows, up: Floats) -> tuple[Instrument, ...]:
+    """The instruments of some rows.
+
+    Raises
+    ------
+    DatasetError
+        For readings that can't be, with their file and line.
+    """
+    found = []
+    for i, table in enumerate(rows.tables):
+        kind: type[Instrument] | None = rows.kinds.get(table.kind) or BUILT_IN.get(table.kind)
+        if kind is None:
+            hint = f"{', '.join(BUILT_IN)} are; measure with one of them"
+            raise DatasetError(f"instruments of kind {table.kind} are not supported yet", column=table.name, hint=hint)
+        try:
+            found.append(kind(table, Read.of(rows, i), up))
+            found[-1].check()
+        except RowError as error:
+            file, line = rows.place(int(rows.rows_of(i)[error.index]))
+            raise DatasetError(error.what, file=file, row=line, column=error.column, hint=error.hint) from None
+        except DatasetError as error:
+            if error.file is not None:
+                raise
+            raise DatasetError(
+                error.what, file=rows.files[i], row=error.row, column=error.column, hint=error.hint
+            ) from None
+    return tuple(found)
+
+
+def single(dataset: Dataset, up: Floats) -> Dataset:
+    """The dataset with as many numbers in each row: a row for each number, where instruments read different numbers of them.
+
+    Rows keep their number in ``row``; those that were split share it.
+    """
+    rows = dataset.readings
+    if rows is None or (rows.component >= 0).any():
+        return dataset
+    instruments = instruments_of(rows, up)
+    links = np.full(len(rows), np.nan)
+    for i, one in enumerate(instruments):
+        if isinstance(one, Socket):
+            links[rows.rows_of(i)] = one.link
+    counts = [one.read_components() for one in instruments]
+    widths = {own.shape[1] for own in counts}
+    if len(widths) == 1 and all(own.all() for own in counts):
+        return dataset
+    if np.isfinite(links).any():
+        rows = replace(rows, columns={**rows.columns, "link": links})
+    take, component = [], []
+    for i, own in enumerate(counts):
+        row, which = np.nonzero(own)
+        take.append(rows.rows_of(i)[row])
+        component.append(which)
+    order = np.concatenate(take)
+    split = replace(dataset, readings=rows).take(order)
+    assert split.readings is not None
+    return replace(split, readings=replace(split.readings, component=np.concatenate(component).astype(np.int64)))

@@ -1,0 +1,181 @@
+"""Sockets: the target is at one point in all rows of one id, as a ball in a socket or a pin in a hole is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.instrument_tables import SocketTable
+from gtpin.errors import DatasetError
+from gtpin.instruments.instrument import Component, Instrument, Unknown
+from gtpin.instruments.targets import AXES, Targets
+from gtpin.kinematics.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+
+
+class Socket(Instrument):
+    """Position p of the target less the point s of its socket, which is zero, m; and known distances |s1 - s2| of sockets.
+
+    A known distance is shared out over K rows, each with sigma * sqrt(K): together they say what one number says, and the fit
+    without some of the rows still knows nearly all of it.
+
+    Unknown: each point (prior ``socket_sigma`` about ``sockets``, where both are given), and targets.
+    """
+
+    kind, Table = "socket", SocketTable
+    components = (
+        *(Component(axis, "m", group=0) for axis in AXES),
+        Component("distance", "m", group=1, shown=False),
+    )
+    table: SocketTable
+
+    def _unknowns(self) -> Sequence[Unknown]:
+        table = self.table
+        self.targets = Targets(table, self.read)
+        if "socket" not in self.read.ids:
+            raise DatasetError("the column is missing", column="socket", hint="give each row the id of its socket")
+        ids = self.read.ids["socket"].astype(str)
+        self.names: list[str] = list(
+            dict.fromkeys([*self.read.known["socket"], *(table.sockets if table.socket_sigma else ())])
+        )
+        place = {name: i for i, name in enumerate(self.names)}
+        self.socket = np.array([place[name] for name in ids], dtype=np.intp)
+        for distance in table.distances:
+            for name in distance[:2]:
+                if name not in place:
+                    hint = f"sockets are {', '.join(self.names)}"
+                    raise DatasetError(f"no row has the socket {name}", column="socket", hint=hint)
+        declared = [table.sockets.get(name) for name in self.names]
+        self._known = np.array([at is not None for at in declared])
+        self.point = np.array([at or (0.0, 0.0, 0.0) for at in declared], dtype=float)
+        self._link, self._shared = self._links()
+        points = [
+            Unknown(f"{table.name}.point[{name}].{axis}", "m", float(self.point[i, k]), self._sigma(i))
+            for i, name in enumerate(self.names)
+            for k, axis in enumerate(AXES)
+        ]
+        return (*self.targets.unknowns, *points)
+
+    def _sigma(self, i: int) -> float:
+        return self.table.socket_sigma if self._known[i] and self.table.socket_sigma else np.inf
+
+    def _links(self) -> tuple[npt.NDArray[np.intp], Floats]:
+        """(M,) index of the distance that a row carries, -1 for none, and (D,) number of rows that share each."""
+        distances = self.table.distances
+        if "link" in self.read.numbers:  # as all rows that were read share them
+            link = np.nan_to_num(self.read.numbers["link"], nan=-1.0).astype(np.intp)
+            own = (link >= 0) & np.isin(self.read.component, (-1, 3))
+            return link, np.array([max(1.0, float((own & (link == i)).sum())) for i in range(len(distances))])
+        link = np.full(self.read.count, -1, dtype=np.intp)
+        for i, (one, two, *_) in enumerate(distances):
+            rows = np.flatnonzero(np.isin(self.socket, [self.names.index(one), self.names.index(two)]) & (link < 0))
+            if not len(rows):
+                rows = np.flatnonzero(link < 0)
+            if not len(rows):
+                raise DatasetError("more known distances than rows", column="distances", hint="leave some out")
+            left = sum(one in d[:2] or two in d[:2] for d in distances[i:])
+            link[rows[:: max(left, 1)]] = i
+        shared = np.array([float((link == i).sum()) for i in range(len(distances))])
+        return link, shared
+
+    @property
+    def link(self) -> npt.NDArray[np.intp]:
+        """(M,) index of the distance that a row carries; -1 for none."""
+        return self._link
+
+    def read_components(self) -> npt.NDArray[np.bool_]:
+        """(M, 4): x, y and z in all rows; the distance in those that carry one."""
+        own = np.ones((self.read.count, 4), dtype=bool)
+        own[:, 3] = self._link >= 0
+        return own
+
+    @property
+    def declared(self) -> tuple[float | None, ...]:
+        """Declared sigma per axis; those of distances are each row's."""
+        return (self.table.sigma, 1.0)
+
+    def row_sigmas(self) -> Floats | None:
+        """(M, 4) NaN, but for the sigmas of distances."""
+        sigmas = np.full((self.read.count, 4), np.nan)
+        rows = self._link >= 0
+        if rows.any():
+            sigma = np.array([distance[3] for distance in self.table.distances])
+            sigmas[rows, 3] = (sigma * np.sqrt(self._shared))[self._link[rows]]
+        return sigmas
+
+    def counted(self) -> Floats:
+        """(M, 4) 1, but for distances, of which each is one number that its rows share."""
+        counted = np.ones((self.read.count, 4))
+        rows = self._link >= 0
+        if rows.any():
+            counted[rows, 3] = (1.0 / self._shared)[self._link[rows]]
+        return counted
+
+    def measured(self) -> Floats:
+        """(M, 4) zeros, and known distances."""
+        values = np.zeros((self.read.count, 4))
+        rows = self._link >= 0
+        if rows.any():
+            values[rows, 3] = np.array([distance[2] for distance in self.table.distances])[self._link[rows]]
+        return values
+
+    def predicted(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 4) target less its socket's point, base frame, and the distance between points."""
+        t, points = self._split(u)
+        found = np.zeros((len(poses), 4))
+        found[:, :3] = self.targets.positions(poses, t) - points[self.socket]
+        for i, (one, two) in enumerate(self._pairs()):
+            found[self._link == i, 3] = np.linalg.norm(points[one] - points[two])
+        return found
+
+    def looked_at(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 3) the targets, base frame, m."""
+        return self.targets.positions(poses, u[: self.targets.count])
+
+    def by_pose(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 4, 6) motion of the target."""
+        found = np.zeros((len(poses), 4, 6))
+        found[:, :3] = self.targets.by_pose(poses, self._split(u)[0])
+        return found
+
+    def by_unknown(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 4, k) by targets and points."""
+        _, points = self._split(u)
+        k = self.targets.count
+        found = np.zeros((len(poses), 4, len(u)))
+        found[:, :3, :k] = self.targets.by_unknown(poses)
+        for i in range(len(self.names)):
+            rows = self.socket == i
+            found[rows, :3, k + 3 * i : k + 3 * i + 3] = -np.eye(3)
+        for i, (one, two) in enumerate(self._pairs()):
+            apart = points[one] - points[two]
+            unit = apart / np.linalg.norm(apart)
+            rows = self._link == i
+            found[rows, 3, k + 3 * one : k + 3 * one + 3] = unit
+            found[rows, 3, k + 3 * two : k + 3 * two + 3] = -unit
+        return found
+
+    def start(self, nominal: Poses) -> Floats:
+        """(k,) sockets where nominal targets are in the median; targets and points with a prior as declared."""
+        u = np.zeros(len(self.unknowns))
+        k = self.targets.count
+        at = self.targets.positions(nominal, u[:k])
+        for i in range(len(self.names)):
+            rows = self.socket == i
+            if not np.isfinite(self._sigma(i)) and rows.any():
+                u[k + 3 * i : k + 3 * i + 3] = np.median(at[rows], axis=0) - self.point[i]
+        return u
+
+    def at(self, u: Floats, name: str) -> Floats:
+        """(3,) where a socket is, base frame, m."""
+        return np.asarray(self._split(u)[1][self.names.index(name)])
+
+    def _pairs(self) -> list[tuple[int, int]]:
+        return [(self.names.index(one), self.names.index(two)) for one, two, *_ in self.table.distances]
+
+    def _split(self, u: Floats) -> tuple[Floats, Floats]:
+        k = self.targets.count
+        return u[:k], self.point + u[k:].reshape(-1, 3)

@@ -1,0 +1,104 @@
+"""Targets: points on the platform, declared in the TCP frame, that an instrument looks at or that touch something."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.instrument_tables import InstrumentTable
+from gtpin.errors import DatasetError
+from gtpin.instruments.instrument import Read, RowError, Unknown
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import skew
+
+Floats = npt.NDArray[np.float64]
+AXES = ("x", "y", "z")
+
+
+def indices(read: Read, column: str, known: dict[str, object], what: str) -> npt.NDArray[np.intp]:
+    """(M,) index, among the ids that dataset.toml has, of each row's id; the only one if the column is missing.
+
+    Raises
+    ------
+    DatasetError
+        For an id that dataset.toml does not have, or none where it has several.
+    """
+    if not read.count:
+        return np.zeros(0, dtype=np.intp)
+    names = list(known)
+    ids = read.ids.get(column)
+    if ids is None or (ids == "").all():
+        if len(names) > 1:
+            hint = f"add the column, with one of {', '.join(names)} in each row"
+            raise DatasetError(f"which {what}?", row=1, column=column, hint=hint)
+        return np.zeros(read.count, dtype=np.intp)
+    if names == [""]:
+        others = np.flatnonzero(ids != ids[0])
+        if len(others):
+            hint = f"write {column}s = {{{ids[0]} = ..., {ids[others[0]]} = ...}}"
+            raise RowError(int(others[0]), f"dataset.toml has no {what}s, so all rows are of one", column, hint)
+        return np.zeros(read.count, dtype=np.intp)
+    place = {name: i for i, name in enumerate(names)}
+    unknown = [i for i, value in enumerate(ids) if str(value) not in place]
+    if unknown:
+        hint = f"it has {', '.join(names)}"
+        raise RowError(unknown[0], f"dataset.toml has no {what} {str(ids[unknown[0]])!r}", column, hint)
+    return np.array([place[str(value)] for value in ids], dtype=np.intp)
+
+
+class Targets:
+    """Targets of an instrument's rows.
+
+    Parameters
+    ----------
+    table, read
+        The instrument's.
+    free
+        Whether they have no prior.
+    """
+
+    def __init__(self, table: InstrumentTable, read: Read, *, free: bool = False) -> None:
+        self._named = table.fixed_targets
+        self.of: npt.NDArray[np.intp] = indices(read, "target", dict(self._named), "target")
+        self.declared = np.array(list(self._named.values()), dtype=float)
+        sigma = np.inf if free else table.target_sigma
+        self.unknowns: tuple[Unknown, ...] = tuple(
+            Unknown(f"{table.name}.target{_in_brackets(name)}.{axis}", "m", float(at[i]), sigma)
+            for name, at in zip(self._named, self.declared, strict=True)
+            for i, axis in enumerate(AXES)
+            if sigma > 0.0
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return len(self.unknowns)
+
+    def lever(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 3) from the TCP to the targets, base frame, m; u (count,) their deviations."""
+        at = self.declared + (u.reshape(-1, 3) if self.count else 0.0)
+        return np.asarray(np.einsum("nij,nj->ni", poses.R, at[self.of]))
+
+    def positions(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 3) positions, base frame, m."""
+        return poses.T + self.lever(poses, u)
+
+    def by_pose(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 3, 6) derivative of the positions by a shift and a turn of the platform."""
+        moved = np.zeros((len(poses), 3, 6))
+        moved[:, :, :3] = np.eye(3)
+        moved[:, :, 3:] = -skew(self.lever(poses, u))
+        return moved
+
+    def by_unknown(self, poses: Poses) -> Floats:
+        """(M, 3, count) derivative of the positions by the targets' deviations."""
+        found = np.zeros((len(poses), 3, self.count))
+        if self.count:
+            for i in range(len(self.declared)):
+                rows = self.of == i
+                found[rows, :, 3 * i : 3 * i + 3] = poses.R[rows]
+        return found
+
+
+def _in_brackets(name: str) -> str:
+    return f"[{name}]" if name else ""

@@ -1,0 +1,73 @@
+"""Tilt sensors: the first two components, in the sensor's frame, of the unit vector against gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.instrument_tables import TiltTable
+from gtpin.errors import DatasetError
+from gtpin.instruments.instrument import Component, Instrument, RowError, Unknown
+from gtpin.instruments.tracker import TURNS
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp, left_jacobian, skew
+
+Floats = npt.NDArray[np.float64]
+
+
+MOST = 1.05
+"""Length of two components of a unit vector beyond which noise of a sensor is no reason. A stated assumption."""
+
+
+class Tilt(Instrument):
+    """x and y of S' up, with ``up`` the unit vector against gravity and S = R exp(m) the sensor's orientation.
+
+    They are angles, rad, as long as these are small. R is the platform's orientation. Unknown: the sensor's mounting m on the
+    platform, TCP frame (prior ``mount_sigma``).
+    """
+
+    kind, Table = "tilt", TiltTable
+    components = (Component("tilt_x", "rad", usual=5e-5), Component("tilt_y", "rad", usual=5e-5))
+    table: TiltTable
+
+    def _unknowns(self) -> Sequence[Unknown]:
+        if self.table.target is not None or self.table.targets:
+            raise DatasetError("a tilt sensor has no target", column="target", hint="leave target and targets out")
+        if self.table.mount_sigma == 0.0:
+            return ()
+        return [Unknown(f"{self.table.name}.mount.{axis}", "rad", 0.0, self.table.mount_sigma) for axis in TURNS]
+
+    def check(self) -> None:
+        """Raise for tilts that are no components of a unit vector."""
+        size = np.hypot(self.read.numbers["tilt_x"], self.read.numbers["tilt_y"])
+        bad = np.flatnonzero(size > MOST)
+        if len(bad):
+            hint = "tilts are components of a unit vector: rad for small angles, not degrees or mm/m"
+            raise RowError(int(bad[0]), f"tilts of {size[bad[0]]:.4g} together can't be", "tilt_x tilt_y", hint)
+
+    def measured(self) -> Floats:
+        """(M, 2) tilts."""
+        return np.column_stack([self.read.numbers["tilt_x"], self.read.numbers["tilt_y"]])
+
+    def predicted(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 2) tilts."""
+        return np.asarray((np.swapaxes(poses.R, 1, 2) @ self.up) @ self._mount(u))[:, :2]
+
+    def by_pose(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 2, 6) turns alone matter: the vector against gravity turns the other way in the sensor."""
+        found = np.zeros((len(poses), 2, 6))
+        turned = np.swapaxes(poses.R, 1, 2) @ skew(self.up)
+        found[:, :, 3:] = (self._mount(u).T @ turned)[:, :2]
+        return found
+
+    def by_unknown(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 2, 3) by the mounting."""
+        if not len(u):
+            return np.zeros((len(poses), 2, 0))
+        seen = np.swapaxes(poses.R, 1, 2) @ self.up
+        return np.asarray((self._mount(u).T @ skew(seen) @ left_jacobian(u))[:, :2])
+
+    def _mount(self, u: Floats) -> Floats:
+        return exp(u) if len(u) else np.eye(3)

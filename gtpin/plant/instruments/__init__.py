@@ -1,0 +1,1 @@
+"""Instruments of the plant: what ranges, touches, sockets, tilts, encoders and cameras read of a virtual machine."""

@@ -1,0 +1,234 @@
+"""From what a machine shall have, and the instruments that measure it, to a case."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Commands
+from gtpin.errors import GtpinError
+from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.arms.robot import Arm
+from gtpin.plant.background import weak_others
+from gtpin.plant.build import ids, known_robot, strong
+from gtpin.plant.causes.cause import Cause
+from gtpin.plant.instruments.case import InstrumentCase
+from gtpin.plant.instruments.choice import BAR, TOUCHED, checked, errors, held_readings, noises, reading, reads, stream
+from gtpin.plant.instruments.circles import circles
+from gtpin.plant.instruments.gauge import Gauge
+from gtpin.plant.instruments.layout import Layout
+from gtpin.plant.instruments.past import PastReadings
+from gtpin.plant.instruments.range import Range
+from gtpin.plant.instruments.tables import Read, Tables
+from gtpin.plant.instruments.touch import begun, felt
+from gtpin.plant.instruments.tracker import Tracker
+from gtpin.plant.instruments.way import AnArm, DayWay, Moved
+from gtpin.plant.machine import Machine
+from gtpin.plant.poses import Poses
+from gtpin.plant.recipe import Recipe
+from gtpin.plant.response import Plant
+from gtpin.plant.true_robot import OnRods
+from gtpin.plant.truth import Truth
+from gtpin.plant.visits import Visits, drawn, visited
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+
+POOL = 1000
+"""Commands all over the workspace by which instruments are placed, and from which touches begin."""
+MOST = 0.2
+"""Share of the touches that may fail, where a jump of an effect leaves no command at which the machine touches."""
+
+
+@dataclass(frozen=True)
+class Outing:
+    """Stops that instruments have of their own.
+
+    Parameters
+    ----------
+    layout
+        The workspace.
+    touching
+        Gauges that are touched, by stops counted from 0, and their commands (M, n).
+    bar
+        A ball bar, the commands (M, n) of its circles, and the speeds (M, n) there; or None.
+    """
+
+    layout: Layout
+    touching: tuple[tuple[Gauge, Floats], ...]
+    bar: tuple[Gauge, Floats, Floats] | None
+
+
+def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase:
+    """Make the case of a recipe, measured by some instruments.
+
+    ``recipe.poses`` is the number of stops at which the reading instruments read, and of the touches of each other one.
+
+    Raises
+    ------
+    GtpinError
+        If an instrument, effect or site is not known, the robot can't make the touches, or there is nothing to measure.
+    """
+    kinds, noise, seed = checked(instruments), recipe.noise, recipe.seed
+    if not kinds or recipe.poses < 2 or recipe.held_out < 1:
+        what = f"{len(kinds)} instruments, {recipe.poses} poses and {recipe.held_out} held out"
+        raise GtpinError(what, hint="ask for at least one instrument, two poses, and one held out")
+    if noise.free_target:
+        raise GtpinError(
+            "a free target with --instrument", hint="leave free_target out: instruments have targets of their own"
+        )
+    streams = [np.random.default_rng(part) for part in np.random.SeedSequence([seed, 5]).spawn(5)]
+    robot = known_robot(recipe.robot)
+    machine = ArmMachine.draw(robot, streams[0]) if isinstance(robot, Arm) else Machine.draw(robot, streams[0])
+    machine = replace(machine, free=(False, False)) if isinstance(machine, ArmMachine) else machine
+    out = _outing(machine, kinds, recipe, streams[1])
+    n_read = recipe.poses if reads(kinds) else 0
+    asked = [q for _, q in out.touching] + ([out.bar[1]] if out.bar else [])
+    plain = drawn(machine, n_read + recipe.held_out, streams[1])
+    q = np.vstack([plain[:n_read], *asked, plain[n_read:]])
+    visits = visited(machine, q, len(q) - recipe.held_out, n_read, recipe.conditions, streams[1])
+    if out.bar:
+        visits = _round(visits, len(q) - recipe.held_out - len(out.bar[1]), *out.bar[1:])
+    plant = Plant(machine, visits, np.array(noise.station))
+    gauges = _gauges(kinds, out, plant, n_read, recipe)
+    repeatability = noise.repeatability_of(machine, streams[3])
+    past, every = _past(plant, gauges, repeatability), np.arange(len(visits))
+    causes, _ = strong(recipe.wanted, seed, plant, every, past)
+    weak: list[tuple[Cause, float]] = []
+    if recipe.background:
+        taken = {(want.effect, want.site) for want in recipe.wanted}
+        weak, _ = weak_others(plant, every, past, taken, bool(recipe.wanted), streams[2])
+    jitter = machine.jitter(repeatability, len(visits), streams[3])
+    missed = [errors(gauge, noise, part) for gauge, part in zip(gauges, noises(seed, gauges), strict=True)]
+    touching = [i for i, gauge in enumerate(gauges) if gauge.touches]
+    way, good = felt(
+        DayWay(plant, [*causes, *weak], jitter), [gauges[i] for i in touching], [missed[i] for i in touching]
+    )
+    if touching and (~good).sum() > MOST * sum(len(gauges[i].stop) for i in touching):
+        raise GtpinError("the machine misses most of its touches", hint="make the effects smaller")
+    kept = [good[gauge.stop] for gauge in gauges]
+    gauges = [gauge.kept(rows) for gauge, rows in zip(gauges, kept, strict=True)]
+    missed = [error[rows] for error, rows in zip(missed, kept, strict=True)]
+    visits, held = way.plant.visits, np.flatnonzero(way.plant.visits.held)
+    dataset = _dataset(recipe, way, gauges, missed)
+    covariates = visits.take(held).columns(recipe.conditions)
+    return InstrumentCase(
+        name=f"case{seed:05d}",
+        dataset=dataset,
+        commands=Commands(ids(np.arange(len(held))), visits.q[held], covariates),
+        truth=_held_out(way, gauges)[held],
+        effects=_truths(recipe, way.plant, gauges, causes, repeatability),
+        gauges=tuple(gauges),
+        true=way.poses,
+        geometry=_geometry(machine),
+        machine=machine,
+        held=held_readings(gauges, way.plant.seen(way.active)[held]),
+    )
+
+
+def _outing(machine: Machine | ArmMachine, kinds: Sequence[str], recipe: Recipe, rng: np.random.Generator) -> Outing:
+    """The workspace, and the touches that a machine without effects makes."""
+    moved: Moved = AnArm(machine) if isinstance(machine, ArmMachine) else OnRods(machine.geometry)
+    pool = drawn(machine, POOL, rng)
+    robot = machine.robot
+    gravity = robot.gravity if isinstance(robot, Arm) else np.array(robot.description.gravity)
+    layout = Layout.of(moved.predict(pool), gravity, machine.n_carts)
+    touching = []
+    for kind in (kind for kind in kinds if kind in TOUCHED):
+        own = stream(recipe.seed, kind)
+        gauge = TOUCHED[kind](layout, np.arange(recipe.poses), recipe.noise.declared, own)
+        touching.append((gauge, begun(gauge, moved, pool, (robot.lower, robot.upper), own)))
+    bar = None
+    if BAR in kinds:
+        nominal: Moved = AnArm(ArmMachine.nominal(robot)) if isinstance(robot, Arm) else OnRods(Geometry.nominal(robot))
+        q, speed = circles(nominal, layout, pool, (robot.lower, robot.upper), recipe.poses)
+        gauge = Range.bar(layout, np.arange(len(q)), recipe.noise.declared, stream(recipe.seed, BAR))
+        bar = gauge, q, speed
+    return Outing(layout, tuple(touching), bar)
+
+
+def _round(visits: Visits, first: int, q: Floats, speed: Floats) -> Visits:
+    """Visits whose poses from ``first`` on are along circles, in the order of travel."""
+    place = np.flatnonzero((visits.pose >= first) & (visits.pose < first + len(q)))  # in the order of time
+    changed = {name: getattr(visits, name).copy() for name in ("pose", "q", "before", "speed", "acceleration")}
+    changed["pose"][place] = first + np.arange(len(q))
+    changed["q"][place], changed["speed"][place], changed["acceleration"][place] = q, speed, 0.0
+    changed["before"][place] = q - speed  # a second ago
+    return replace(visits, **changed)
+
+
+def _gauges(kinds: Sequence[str], out: Outing, plant: Plant, n_read: int, recipe: Recipe) -> list[Gauge]:
+    """The gauges at the stops of a day: those that read at the first ``n_read`` poses, then those that touch."""
+    pose, found, first = plant.visits.pose, [], n_read
+    order = np.random.default_rng(np.random.SeedSequence([recipe.seed, 7]))
+    stops = order.permutation(np.flatnonzero(pose < n_read))
+    for kind in (kind for kind in kinds if kind not in (*TOUCHED, BAR)):
+        poses = plant.ideal.poses[stops]
+        found.append(reading(kind, out.layout, poses, stops, recipe.noise, stream(recipe.seed, kind)))
+    own = [*out.touching, *([out.bar[:2]] if out.bar else [])]
+    for gauge, q in own:
+        place = np.argsort(pose, kind="stable")[np.searchsorted(np.sort(pose), first + np.arange(len(q)))]
+        found.append(replace(gauge, stop=place))
+        first += len(q)
+    return found
+
+
+def _dataset(recipe: Recipe, way: DayWay, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> Tables:
+    visits, robot = way.plant.visits, recipe.robot
+    return Tables(
+        robot=str(Path(robot).absolute()) if robot.endswith(".urdf") or "/" in robot or os.sep in robot else robot,
+        tcp=None,
+        reference_temperature=recipe.conditions.reference_temperature,
+        pose=ids(visits.pose),
+        q=visits.q,
+        covariates=visits.columns(recipe.conditions),
+        read=tuple(
+            Read(gauge.described(), gauge.stop, gauge.columns(way.poses[gauge.stop], error))
+            for gauge, error in zip(gauges, missed, strict=True)
+        ),
+    )
+
+
+def _held_out(way: DayWay, gauges: Sequence[Gauge]) -> Poses:
+    """(N) poses without lack of repeatability: seen by the tracker where there is one, else without effects of the frame."""
+    for gauge in gauges:
+        if isinstance(gauge, Tracker):
+            return gauge.seen(way.plant.seen(way.active), gauge.truth)
+    poses: Poses = way.plant.settled(way.active)[0].poses
+    return poses
+
+
+def _truths(
+    recipe: Recipe, plant: Plant, gauges: Sequence[Gauge], causes: Sequence[tuple[Cause, float]], repeatability: Floats
+) -> tuple[Truth, ...]:
+    """What the effects do at the stops as they are in the end."""
+    rows = np.concatenate([gauge.stop for gauge in gauges])
+    past = _past(plant, gauges, repeatability)
+    found = []
+    for want, (cause, amplitude) in zip(recipe.wanted, causes, strict=True):
+        displacement = plant.displacement([(cause, amplitude)])
+        found.append(Truth(want.effect, want.site, past.energy(displacement), amplitude, displacement[rows]))
+    return tuple(sorted(found, key=lambda truth: -truth.energy))
+
+
+def _past(plant: Plant, gauges: Sequence[Gauge], repeatability: Floats) -> PastReadings:
+    poses, jitter = plant.ideal.poses, DayWay(plant, [], None).by_command() * repeatability
+    return PastReadings.of(gauges, poses, plant.machine.by_tolerance(plant.visits.q, poses), jitter)
+
+
+def _geometry(machine: Machine | ArmMachine) -> dict[str, float]:
+    if isinstance(machine, Machine):
+        return dict(zip(machine.geometry.names, machine.geometry.deviation.tolist(), strict=True))
+    places = [*(f"placement[{site}]" for site in machine.robot.sites), "platform"]
+    axes = ("x", "y", "z", "rx", "ry", "rz")
+    values = np.vstack([machine.twists, machine.tool])
+    return {
+        f"{place}.{axis}": float(value)
+        for place, row in zip(places, values, strict=True)
+        for axis, value in zip(axes, row, strict=True)
+    }

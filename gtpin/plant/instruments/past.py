@@ -1,0 +1,73 @@
+"""How hard an effect is to see by other instruments: the whitened energy of what it does to their readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cho_factor, cho_solve
+
+from gtpin.plant.instruments.gauge import Gauge
+from gtpin.plant.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+
+FREE = 3.0
+"""1 sigma of what nothing is known of, m and rad: wide enough not to matter."""
+
+
+@dataclass(frozen=True)
+class PastReadings:
+    """Measures displacements of the poses (N, 6) by E = d' (I + B B')^-1 d, with d the whitened change of the readings.
+
+    Parameters
+    ----------
+    H
+        Of each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6) of its readings by the pose.
+    B
+        (K, p) whitened derivative of all readings by the geometry, in units of its tolerances, and by what is hidden of the
+        instruments, in units of its priors.
+    """
+
+    H: tuple[tuple[npt.NDArray[np.int_], Floats], ...]
+    B: Floats
+
+    @staticmethod
+    def of(gauges: Sequence[Gauge], poses: Poses, by_tolerance: Floats, jitter: Floats) -> PastReadings:
+        """For the poses (N) at all stops.
+
+        Parameters
+        ----------
+        by_tolerance
+            (N, 6, p) their derivative by the geometry in tolerances.
+        jitter
+            (N, 6, n) how each actuator's repeatability moves them, 1 sigma: it adds to the noise, which matters where an
+            instrument is finer than the machine.
+        """
+        H, blocks = [], []
+        own = [len(gauge.hidden) for gauge in gauges]
+        for i, gauge in enumerate(gauges):
+            here = poses[gauge.stop]
+            plain = gauge.by_pose(here)
+            sigma = np.sqrt(gauge.sigma**2 + ((plain @ jitter[gauge.stop]) ** 2).sum(axis=2))[..., None]
+            slope = plain / sigma
+            priors = np.array([min(one.prior, FREE) for one in gauge.hidden])
+            hidden = np.zeros((*gauge.sigma.shape, sum(own)))
+            hidden[..., sum(own[:i]) : sum(own[: i + 1])] = gauge.by_hidden(here) * priors / sigma
+            block = np.concatenate([slope @ by_tolerance[gauge.stop], hidden], axis=2)
+            H.append((gauge.stop, slope))
+            blocks.append(block.reshape(-1, block.shape[2]))
+        return PastReadings(tuple(H), np.vstack(blocks))
+
+    def whitened(self, displacement: Floats) -> Floats:
+        """(K,) whitened change of all readings by a displacement (N, 6) of the stops, m and rad."""
+        return np.concatenate([np.einsum("mci,mi->mc", slope, displacement[stop]).ravel() for stop, slope in self.H])
+
+    def energy(self, displacement: Floats) -> float:
+        """E of a displacement (N, 6), by Woodbury's identity."""
+        d = self.whitened(displacement)
+        projected = self.B.T @ d
+        absorbed = projected @ cho_solve(cho_factor(np.eye(len(projected)) + self.B.T @ self.B), projected)
+        return float(d @ d - absorbed)

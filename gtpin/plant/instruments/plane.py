@@ -1,0 +1,100 @@
+"""Touches of planes: the command at which a point of the platform meets a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.table import Column
+from gtpin.plant.instruments.gauge import Gauge, Hidden
+from gtpin.plant.instruments.layout import Layout
+from gtpin.plant.instruments.targets import Targets, labels
+from gtpin.plant.poses import Poses
+from gtpin.plant.rotations import across, exp
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int_]
+
+SIGMA = 1e-5
+"""Repeatability of a touch probe, m."""
+HEIGHT_SIGMA, NORMAL_SIGMA = 5e-3, 5e-3
+"""What a dataset takes planes' errors for, where it does not say (the contract's), m and rad: they are drawn from it."""
+APART, TILTED = 0.5, 0.35
+"""Heights of the level planes, in half heights of the workspace, and the tilt of the third, rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plane(Gauge):
+    """n . (p - point) = height: target p, the plane's normal n and a point of it; the readings are what is missing to 0.
+
+    Parameters
+    ----------
+    targets
+        What the dataset says of them.
+    planes
+        The same of the planes: a point, m, and a unit normal, base frame, by id.
+    plane
+        (M,) index of each row's.
+    """
+
+    kind: ClassVar[str] = "plane"
+    touches: ClassVar[bool] = True
+
+    targets: Targets
+    planes: dict[str, tuple[tuple[float, float, float], Floats]]
+    plane: Ints
+
+    @staticmethod
+    def drawn(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Plane:
+        """Two level planes at different heights, and a tilted one, touched in turn."""
+        name, targets = "bed", Targets.one()
+        tilted = np.sin(TILTED) * layout.axes[0] + np.cos(TILTED) * layout.up
+        planes = {
+            "low": (layout.at(0.0, 0.0, -APART), layout.up),
+            "high": (layout.at(0.0, 0.0, APART), layout.up),
+            "tilted": (layout.at(0.0, 0.0, 0.0), tilted),
+        }
+        priors = {"height": HEIGHT_SIGMA, "a": NORMAL_SIGMA, "b": NORMAL_SIGMA}
+        off = [
+            Hidden(f"{name}.plane[{plane}].{what}", prior * rng.standard_normal(), prior)
+            for plane in planes
+            for what, prior in priors.items()
+        ]
+        hidden = (*targets.drawn(name, rng), *off)
+        return Plane(name, stops, hidden, declared, targets, planes, np.arange(len(stops)) % len(planes))
+
+    @property
+    def sigma(self) -> Floats:
+        """See :class:`Gauge`."""
+        return np.full((len(self.stop), 1), SIGMA)
+
+    def readings(self, poses: Poses, u: Floats) -> Floats:
+        """See :class:`Gauge`."""
+        height, a, b = u[3 * len(self.targets) :].reshape(-1, 3)[self.plane].T
+        points = np.array([point for point, _ in self.planes.values()])[self.plane]
+        normals = np.array([normal for _, normal in self.planes.values()])
+        sideways = np.array([across(normal) for normal in normals])[self.plane]
+        turned = exp(a[:, None] * sideways[:, 0] + b[:, None] * sideways[:, 1]) @ normals[self.plane][..., None]
+        p = self.targets.positions(poses, u, np.zeros(len(poses), dtype=int))
+        return np.asarray(np.einsum("ni,ni->n", turned[..., 0], p - points) - height)[:, None]
+
+    def table(self) -> dict[str, Any]:
+        """See :class:`Gauge`."""
+        planes = {name: {"point": list(p), "normal": n.tolist()} for name, (p, n) in self.planes.items()}
+        return {**self.targets.table(), "planes": planes}
+
+    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
+        """See :class:`Gauge`."""
+        return {"plane": labels(tuple(self.planes), self.plane)}
+
+    def ids(self) -> dict[str, tuple[str, ...]]:
+        """See :class:`Gauge`."""
+        return {"plane": tuple(self.planes)}
+
+    @classmethod
+    def by_row(cls) -> tuple[str, ...]:
+        """See :class:`Gauge`."""
+        return "stop", "plane"

@@ -1,0 +1,103 @@
+"""Sockets: places in which a ball of the platform comes to sit, again and again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.table import Column
+from gtpin.plant.instruments.gauge import Gauge, Hidden
+from gtpin.plant.instruments.layout import Layout
+from gtpin.plant.instruments.targets import Targets, labels
+from gtpin.plant.poses import Poses
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int_]
+
+SIGMA = 2e-5
+"""How a ball sits, per axis, m."""
+SPREAD = 0.35
+"""Of the sockets, in half extents of the workspace."""
+CORNERS = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
+PLACED = 5e-3
+"""1 sigma of their places about these corners, m."""
+DISTANCE_SIGMA = 5e-5
+"""To so much the distance of two of them is known, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Socket(Gauge):
+    """p = s: target p in socket s; the readings are what is missing to it.
+
+    Parameters
+    ----------
+    targets
+        What the dataset says of them.
+    sockets
+        Their ids; their places are all but unknown.
+    distance
+        What the dataset says of the distance of the first two, m.
+    socket, target
+        (M,) indices of each row's.
+    """
+
+    kind: ClassVar[str] = "socket"
+    touches: ClassVar[bool] = True
+
+    targets: Targets
+    sockets: tuple[str, ...]
+    distance: float
+    socket: Ints
+    target: Ints
+
+    @staticmethod
+    def drawn(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Socket:
+        """Four sockets in the workspace; three targets where the platform can't be turned at will, else one."""
+        name, targets = "cup", Targets.one() if layout.freedoms >= 6 else Targets.three()
+        sockets = tuple(f"S{i + 1}" for i in range(len(CORNERS)))
+        shares = [[SPREAD * share for share in corner] for corner in CORNERS]
+        places = np.array([layout.at(*share) for share in shares]) + PLACED * rng.standard_normal((len(CORNERS), 3))
+        points = [
+            Hidden(f"{name}.point[{socket}].{axis}", float(at), np.inf)
+            for socket, place in zip(sockets, places, strict=True)
+            for axis, at in zip("xyz", place, strict=True)
+        ]
+        true = float(np.linalg.norm(places[0] - places[1]))
+        distance = round(true + DISTANCE_SIGMA * rng.standard_normal(), 7)
+        hidden = (*targets.drawn(name, rng), *points)
+        turn = np.arange(len(stops)) % (len(sockets) * len(targets))
+        return Socket(
+            name, stops, hidden, declared, targets, sockets, distance, turn % len(sockets), turn // len(sockets)
+        )
+
+    @property
+    def sigma(self) -> Floats:
+        """See :class:`Gauge`."""
+        return np.full((len(self.stop), 3), SIGMA)
+
+    def readings(self, poses: Poses, u: Floats) -> Floats:
+        """See :class:`Gauge`."""
+        places = u[3 * len(self.targets) :].reshape(-1, 3)
+        return np.asarray(self.targets.positions(poses, u, self.target) - places[self.socket])
+
+    def table(self) -> dict[str, Any]:
+        """See :class:`Gauge`."""
+        known = [*self.sockets[:2], self.distance, DISTANCE_SIGMA]
+        return {**self.targets.table(), "distances": [known]}
+
+    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
+        """See :class:`Gauge`."""
+        found: dict[str, Column] = {"socket": labels(self.sockets, self.socket)}
+        return found if len(self.targets) == 1 else {**found, "target": labels(self.targets.names, self.target)}
+
+    def ids(self) -> dict[str, tuple[str, ...]]:
+        """See :class:`Gauge`."""
+        return {"socket": self.sockets, "target": self.targets.names}
+
+    @classmethod
+    def by_row(cls) -> tuple[str, ...]:
+        """See :class:`Gauge`."""
+        return "stop", "socket", "target"

@@ -1,0 +1,216 @@
+"""Polar plots of circular tests: deviations of the radius, magnified, as ball-bar users know them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gtpin.errors import DatasetError
+from gtpin.report.ball_bar import Circle, Layer, circles
+from gtpin.report.embedded import Plot, escaped
+from gtpin.report.figure import alone, figure
+from gtpin.report.palette import ACCENT, FIT, LIGHT, LINE, ZERO
+from gtpin.report.residual_columns import scale_of
+from gtpin.report.residual_plots import pose_names
+from gtpin.report.residuals import Residuals
+from gtpin.report.words import quantity, typeset
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+LAYERS: dict[Layer, str] = {
+    "measured": "As measured",
+    "before": "Left by geometry alone",
+    "after": "Left by geometry with the causes",
+}
+COLORS = {"counterclockwise": ACCENT, "clockwise": FIT}
+INSIDE, OUTSIDE = 2.2, 1.15
+"""Radii of the plot inside and outside the circle without a deviation, over the largest deviation."""
+ROUND = np.linspace(0.0, 360.0, 181)
+"""Angles of a drawn circle, degrees."""
+
+
+@dataclass(frozen=True)
+class CircularTest:
+    """A circle of a page: its name in the page's plots, its title, and a plot of each layer."""
+
+    key: str
+    title: str
+    plots: tuple[Plot, ...]
+
+
+def circular_tests(residuals: Residuals, causes: bool) -> list[CircularTest]:
+    """The circles that readings lie on, with their plots.
+
+    Parameters
+    ----------
+    causes
+        Whether there are any, so that a last layer shows what they leave.
+    """
+    layers, found = _layers(causes), []
+    for number, circle in enumerate(circles(residuals)):
+        key, title = f"circle-{number}", name_of(circle)
+        plots = tuple(
+            Plot(
+                f"{key}-{layer}",
+                f"{title}: {LAYERS[layer].lower()}",
+                partial(_alone, residuals, circle, layer, layers),
+                caption=caption(circle, layer, layers),
+                height=300,
+            )
+            for layer in layers
+        )
+        found.append(CircularTest(key, title, plots))
+    return found
+
+
+def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
+    """The layers of a circle beside each other.
+
+    Parameters
+    ----------
+    number
+        Place of the circle among those of the data, counted from 0.
+    causes
+        Whether there are any, so that a last layer shows what they leave.
+
+    Raises
+    ------
+    DatasetError
+        If there is no such circle.
+    """
+    found = circles(residuals)
+    if not found:
+        hint = "a circular test has readings of a range instrument along half a turn or more about its station"
+        raise DatasetError("no readings lie on circles", hint=hint)
+    if not 0 <= number < len(found):
+        raise DatasetError(f"there is no circle {number}", hint=f"there are {len(found)}, counted from 0")
+    circle, layers = found[number], _layers(causes)
+    traces: list[dict[str, Any]] = []
+    layout: dict[str, Any] = {"annotations": []}
+    for k, layer in enumerate(layers):
+        suffix = str(k + 1) if k else ""
+        traces += [
+            trace | {"subplot": f"polar{suffix}", "showlegend": k == 0 and "name" in trace}
+            for trace in _traces(residuals, circle, layer, layers)
+        ]
+        left, right = k / len(layers), (k + 0.88) / len(layers)
+        layout[f"polar{suffix}"] = _polar(circle, layer, layers) | {"domain": {"x": [left, right], "y": [0.14, 1.0]}}
+        words = "<br>".join(_lines(circle, layer, layers))
+        place = {
+            "x": (left + right) / 2.0,
+            "y": 0.06,
+            "xref": "paper",
+            "yref": "paper",
+            "yanchor": "top",
+            "xanchor": "center",
+        }
+        layout["annotations"].append({"text": words, "showarrow": False, "font": {"size": 11}} | place)
+    layout |= {"width": 400 * len(layers), "height": 560}
+    made = alone(figure(traces, layout), f"Circular test, {name_of(circle)}")
+    made.update_layout(margin={"t": 90, "b": 70})
+    return made
+
+
+def name_of(circle: Circle) -> str:
+    """A circle in words: ``ballbar XY, radius 150 mm``."""
+    ids = "".join(f", {what} {one}" for what, one in (("station", circle.station), ("target", circle.target)) if one)
+    return typeset(f"{circle.instrument} {circle.plane}{ids}, radius {quantity(circle.radius, 'm')}")
+
+
+def caption(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> str:
+    """The quantities of ISO 230-4 of a layer, and what a division of its plot is."""
+    first, *others = _lines(circle, layer, layers)
+    return f"{first}. {'. '.join(others)}."
+
+
+def _lines(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
+    _, unit, top = _scale(circle, _one_scale(layer, layers))
+    words = [f"{LAYERS[layer]}, {_division(top):g} {unit} a division"]
+    for direction in circle.directions:
+        low, high = (f"{'+' if value > 0.0 else ''}{quantity(value, 'm')}" for value in circle.radial(layer, direction))
+        words.append(
+            f"{direction.capitalize()}: G {quantity(circle.circular(layer, direction), 'm')}, F {low} to {high}"
+        )
+    if len(circle.directions) > 1:
+        words.append(f"Both: G(b) {quantity(circle.circular(layer), 'm')}")
+    return words
+
+
+def _layers(causes: bool) -> tuple[Layer, ...]:
+    return ("measured", "before", "after") if causes else ("measured", "before")
+
+
+def _alone(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[Layer]) -> Figure:
+    layout = {
+        "polar": _polar(circle, layer, layers),
+        "showlegend": False,
+        "margin": {"t": 24, "b": 24, "l": 30, "r": 30},
+    }
+    return figure(_traces(residuals, circle, layer, layers), layout)
+
+
+def _scale(circle: Circle, layers: Sequence[Layer]) -> tuple[float, str, float]:
+    """Factor from m to the unit that layers are drawn in, the unit, and the largest deviation in it."""
+    values = np.concatenate([t.deviation[layer] for t in circle.traces for layer in layers])
+    factor, unit = scale_of(values, "m")
+    return factor, unit, factor * max(float(np.abs(values).max()), 1e-12)
+
+
+def _one_scale(layer: Layer, layers: Sequence[Layer]) -> Sequence[Layer]:
+    """The layers that are drawn at the scale of one: what is left before and after, at one, as it is compared."""
+    return [one for one in layers if (one == "measured") == (layer == "measured")]
+
+
+def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[dict[str, Any]]:
+    factor, unit, _ = _scale(circle, _one_scale(layer, layers))
+    zero = {"r": np.zeros_like(ROUND), "theta": ROUND, "mode": "lines", "line": {"color": ZERO, "width": 1.4}}
+    traces: list[dict[str, Any]] = [zero | {"type": "scatterpolar", "hoverinfo": "skip"}]
+    for trace in circle.traces:
+        color = COLORS[trace.direction]
+        traces.append(
+            {
+                "type": "scatterpolar",
+                "mode": "lines",
+                "name": trace.direction,
+                "theta": np.rad2deg(trace.angle),
+                "r": factor * trace.deviation[layer],
+                "line": {"color": color, "width": 1.5},
+                "text": pose_names(residuals, trace.rows),
+                "hovertemplate": f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>",
+            }
+        )
+    named = set[str]()
+    for one in traces:  # each direction once in the legend
+        one["showlegend"] = "name" in one and one["name"] not in named
+        named.add(one.get("name", ""))
+    return traces
+
+
+def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, Any]:
+    """The axes of a plot: the circle without a deviation at two thirds of its radius."""
+    _, _, top = _scale(circle, _one_scale(layer, layers))
+    step = _division(top)
+    first, last = (-np.floor(INSIDE * top / step), np.floor(OUTSIDE * top / step))
+    one, two = circle.axes
+    grid = {"gridcolor": LINE, "linecolor": LINE}
+    radial = {
+        "range": [-INSIDE * top, OUTSIDE * top],
+        "tickvals": step * np.arange(first, last + 1.0),
+        "showticklabels": False,
+        "ticks": "",
+        "showline": False,
+    }
+    names = [f"+{one}", f"+{two}", f"−{one}", f"−{two}"]
+    around = {"tickvals": [0, 90, 180, 270], "ticktext": [escaped(name) for name in names]}
+    return {"bgcolor": LIGHT["paper"], "radialaxis": radial | grid, "angularaxis": around | grid}
+
+
+def _division(top: float) -> float:
+    """A round step, of which the largest deviation has two to four."""
+    power = 10.0 ** np.floor(np.log10(top / 2.0))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= top / 2.0))

@@ -1,0 +1,26 @@
+"""A square part of a plane, as planes are drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.robot.parameters import rotation_axes
+
+Floats = npt.NDArray[np.float64]
+
+
+def patch(point: Floats, normal: Floats, half: float) -> Floats:
+    """(4, 3) corners of a square about a point of a plane, in their order around it, right-handed to the normal.
+
+    Parameters
+    ----------
+    point, normal
+        (3,) its middle, m, and unit normal.
+    half
+        Half its side, m.
+    """
+    first, second = rotation_axes(normal)[:2]
+    return np.array(
+        [point + half * (a * first + b * second) for a, b in ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))]
+    )

@@ -1,0 +1,84 @@
+"""What readings can't see, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.unseen_remedies import Remedy
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+
+SHOWN = 3
+"""Parameters that a sentence names."""
+WHAT = {
+    "touches": "touches of a plane whose normal is along {axis}",
+    "distances": "distances from one station, by a draw wire or a ball bar,",
+    "tilts": "readings of a tilt sensor",
+    "positions": "positions, by a camera or a tracker,",
+    "poses": "positions and orientations, by a tracker,",
+}
+"""Measurements in words."""
+SCALE = 0.9
+"""Cosine between a direction and the growth of all lengths alike from which it is called that. A stated assumption."""
+
+
+def unseen_words(
+    geometry: Geometry, directions: Floats, learned: Floats, remedies: Sequence[Remedy | None]
+) -> tuple[str, ...]:
+    """One sentence for each unobservable direction, in their order.
+
+    Parameters
+    ----------
+    geometry
+        The geometry.
+    directions
+        (p, m) unit vectors in parameter space, in tolerances.
+    learned
+        (m,) variance reduction along each.
+    remedies
+        The measurement that would show each; None where none is known.
+    """
+    return tuple(
+        f"{_sentence(geometry, directions[:, i], float(np.sqrt(1.0 - learned[i])))} {_remedy(remedy)}"
+        for i, remedy in enumerate(remedies)
+    )
+
+
+def _remedy(remedy: Remedy | None) -> str:
+    if remedy is None:
+        return "No usual measurement at these poses would show it: it hardly moves the platform there."
+    what = WHAT[remedy.what].format(axis=remedy.axis)
+    return f"{remedy.count} {what} would show it."
+
+
+def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
+    """A direction in words; ``sigma`` is its standard deviation in tolerances."""
+    order = np.argsort(-np.abs(direction))
+    direction = direction * np.sign(direction[order[0]])
+    sizes = direction * geometry.tolerance * sigma
+    named = [f"{geometry.names[i]} by {_amount(sizes[i], geometry.parameters[i].unit)}" for i in order[:SHOWN]]
+    listed = ", ".join(named)
+    if _is_growth(geometry, direction):
+        return f"The scale of the machine can't be told: all its lengths may grow together ({listed}, ...), 1 sigma."
+    if abs(direction[order[0]]) > SCALE:
+        return f"{named[0].replace(' by ', ' may be off by ')}, 1 sigma: these readings hardly show it."
+    return (
+        f"These can't be told apart: they may change together, {listed}, ..., 1 sigma; these readings hardly show it."
+    )
+
+
+def _amount(value: float, unit: str) -> str:
+    if unit == "m":
+        return f"{1e3 * value:+.2g} mm"
+    return f"{1e3 * value:+.2g} mrad" if unit == "rad" else f"{1e6 * value:+.2g} parts in a million"
+
+
+def _is_growth(geometry: Geometry, direction: Floats) -> bool:
+    """Whether a direction is that of all lengths growing alike: each by its nominal value."""
+    growth = np.array([p.nominal if p.unit == "m" else 0.0 for p in geometry.parameters]) / geometry.tolerance
+    norm = float(np.linalg.norm(growth))
+    return norm > 0.0 and abs(float(direction @ growth)) / norm > SCALE

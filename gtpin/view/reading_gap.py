@@ -1,0 +1,159 @@
+"""What a model leaves of the readings of any instruments, as errors in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.instrument_unknowns import with_unknowns
+from gtpin.data import Dataset, check_commands
+from gtpin.errors import DatasetError, ModelError, warn
+from gtpin.instruments.instrument import Instrument
+from gtpin.instruments.readings import Readings, instruments_of, single
+from gtpin.instruments.up import up_of
+from gtpin.kinematics.poses import Poses
+from gtpin.model.fitted_instrument import FittedInstrument
+from gtpin.model.model import Model
+from gtpin.report.words import quantity
+from gtpin.view.gap import Gap, gap_of, whose
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ReadingGap(Gap):
+    """Measured less predicted readings of any instruments, of N rows.
+
+    ``T`` is where the target is, ``error`` by how much it is off as far as the reading tells: along the line of sight of a
+    range, along a plane's normal. A tilt has none.
+
+    Parameters
+    ----------
+    name
+        (N,) the instrument of each row.
+    value, unit
+        (N,) length of what is left of the reading, and its unit.
+    whitened
+        (N,) the same over its declared sigma; where none is declared over the root mean square of all of the instrument.
+    """
+
+    name: tuple[str, ...] = ()
+    value: Floats = ()  # type: ignore[assignment]
+    unit: tuple[str, ...] = ()
+    whitened: Floats = ()  # type: ignore[assignment]
+
+    @property
+    def names(self) -> list[str]:
+        """Each pose's id, its instrument where there are several, and its row in the instrument's table."""
+        if len(set(self.name)) == 1:
+            return super().names
+        return [f"{pose} ({name} row {row})" for pose, name, row in zip(self.pose, self.name, self.row, strict=True)]
+
+    @property
+    def size(self) -> Floats:
+        """(N,) errors over their sigmas."""
+        return self.whitened
+
+    @property
+    def what(self) -> str:
+        """What is shown, and of which model."""
+        return f"reading errors {self.whose}"
+
+    @property
+    def summary(self) -> str:
+        """Root mean square errors of each instrument."""
+        names = np.array(self.name)
+        sizes = []
+        for one in dict.fromkeys(self.name):
+            rows = np.flatnonzero(names == one)
+            sizes.append(f"{one} {quantity(float(np.sqrt((self.value[rows] ** 2).mean())), self.unit[rows[0]])}")
+        return f"{', '.join(sizes)} RMS at {len(self.q)} readings"
+
+    def said(self, index: int) -> str:
+        """One of the errors in words."""
+        return f"{self.name[index]} off by {quantity(float(self.value[index]), self.unit[index])}"
+
+
+def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[FittedInstrument, ...]]:
+    """The gap of a model at a dataset of any instruments, and the instruments as the model has them.
+
+    A model without instruments, as the nominal one, is shown with those of the dataset: their unknowns have the values
+    that fit best.
+
+    Raises
+    ------
+    DatasetError
+        If the commands do not fit the robot, or it can reach none of the poses.
+    ModelError
+        If a covariate is missing that an active effect needs, or the model lacks one of the instruments.
+
+    Warns
+    -----
+    GtpinWarning
+        Of poses that the robot can't reach, by name; they are left out.
+    """
+    if dataset.readings is None:
+        return gap_of(model, dataset), model.instruments
+    robot = model.robot
+    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    poses = model.predict(dataset.q, dataset.covariates)
+    if not poses.reached.any():
+        raise DatasetError("the robot reaches none of these poses", file=dataset.file, hint="check robot and commands")
+    if not poses.reached.all():
+        names = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[~poses.reached]))
+        warn(f"left out, can't be reached: poses {names}")
+    kept, poses = dataset.take(poses.reached), poses[poses.reached]
+    fitted = model.instruments or _fitted(model, kept)
+    return _gap(model, kept, poses, fitted), fitted
+
+
+def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:
+    """The dataset's instruments with the values of their unknowns that fit a model best."""
+    up = up_of(model.robot)
+    whole = single(dataset, up)
+    readings, poses = Readings.of(whole, up), model.predict(whole.q, whole.covariates)
+    return with_unknowns(readings.at(readings.start(poses)), poses).fitted
+
+
+def _gap(model: Model, dataset: Dataset, poses: Poses, fitted: Sequence[FittedInstrument]) -> ReadingGap:
+    rows = dataset.readings
+    assert rows is not None
+    known = {name: value for one in fitted for name, value in one.unknowns.items()}
+    count = len(dataset)
+    T, error, value, whitened = poses.T.copy(), np.zeros((count, 3)), np.zeros(count), np.zeros(count)
+    names, units = np.empty(count, dtype=object), np.empty(count, dtype=object)
+    for i, one in enumerate(instruments_of(rows, up_of(model.robot))):
+        mine = rows.rows_of(i)
+        if not len(mine):
+            continue
+        u = _unknowns(one, known)
+        there = poses[mine]
+        left = one.minus(there, u)
+        shown = np.array([c.shown for c in one.components])
+        T[mine] = one.looked_at(there, u)
+        error[mine] = np.einsum("mci,mc->mi", one.by_pose(there, u)[:, shown, :3], left[:, shown])
+        value[mine] = np.linalg.norm(left[:, shown], axis=1)
+        whitened[mine] = value[mine] / (one.declared[0] or max(float(np.sqrt((value[mine] ** 2).mean())), 1e-300))
+        names[mine], units[mine] = one.name, next(c.unit for c in one.components if c.shown)
+    words = tuple(map(str, names)), tuple(map(str, units))
+    return ReadingGap(
+        whose(model), dataset.pose, rows.line, dataset.q, T, error, {}, words[0], value, words[1], whitened
+    )
+
+
+def _unknowns(one: Instrument, known: dict[str, float]) -> Floats:
+    """(k,) values of an instrument's unknowns.
+
+    Raises
+    ------
+    ModelError
+        If the model does not know them.
+    """
+    missing = [unknown.name for unknown in one.unknowns if unknown.name not in known]
+    if missing:
+        hint = "give the model that gtpin calibrate makes of these data"
+        raise ModelError(f"the model does not know {missing[0]}", hint=hint)
+    return np.array([known[unknown.name] for unknown in one.unknowns])

@@ -1,0 +1,115 @@
+"""Workspace and dexterity of robots without rods."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import gtpin
+from gtpin.accuracy.chain_sensitivity import chain_sensitivity
+from gtpin.accuracy.chain_workspace import chain_commands, chain_dexterity, chain_workspace
+from gtpin.cli import main
+from gtpin.robot.description import Description
+
+LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
+
+
+def robot(*joints: tuple[str, str, str, float]) -> gtpin.Model:
+    """A chain of (type, axis, place, half range) joints."""
+    parts, parent = ['<link name="base"/>'], "base"
+    for i, (kind, axis, place, limit) in enumerate(joints):
+        parts.append(
+            f'<link name="l{i}"/><joint name="j{i}" type="{kind}"><parent link="{parent}"/><child link="l{i}"/>'
+            f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT.format(-limit, limit)}</joint>'
+        )
+        parent = f"l{i}"
+    tool = '<link name="tool0"/><joint name="tool" type="fixed"><parent link="{}"/><child link="tool0"/>{}</joint>'
+    parts.append(tool.format(parent, '<origin xyz="0.4 0 0"/>'))
+    text = f'<robot name="chain">{"".join(parts)}</robot>'
+    return gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(text, "chain"))))
+
+
+GANTRY = robot(
+    ("prismatic", "1 0 0", "0 0 0", 0.5), ("prismatic", "0 1 0", "0 0 0", 0.3), ("prismatic", "0 0 1", "0 0 0", 0.1)
+)
+SCARA = robot(("revolute", "0 0 1", "0 0 0.5", 3.0), ("revolute", "0 0 1", "0.4 0 0", 3.0))
+
+
+def test_a_gantry_reaches_its_box_alike_everywhere() -> None:
+    space = chain_workspace(GANTRY)
+    assert space.reachable.all()
+    assert space.volume == pytest.approx(1.0 * 0.6 * 0.2, rel=0.01)
+    assert space.across == 2
+    assert_allclose(space.dexterity.condition, 1.0)
+    assert_allclose(space.dexterity.singularity, 1.0)
+    assert_allclose(space.dexterity.rotation_gain, 0.0, atol=1e-12)
+    assert_allclose(np.nanmax(space.dexterity.limit), 0.1, rtol=0.05)  # the middle of the shortest range
+
+
+def test_each_posture_is_in_its_cell_and_a_cell_has_the_median_of_its_postures() -> None:
+    space = chain_workspace(SCARA)
+    for i, axis in enumerate(space.axes):
+        size = axis[1] - axis[0] if len(axis) > 1 else 1e-9
+        assert (np.abs(space.poses.T[:, i] - axis[space.cell[:, i]]) <= 0.5 * size * (1.0 + 1e-9)).all()
+    values = np.where(np.arange(len(space.q)) % 7 == 0, np.inf, space.q[:, 0])
+    table = space.on_grid(values)
+    one = space.cell[5]
+    here = (space.cell == one).all(axis=1) & np.isfinite(values)
+    assert table[tuple(one)] == pytest.approx(float(np.median(values[here])), abs=1e-12)
+    assert np.isnan(table[~space.reachable]).all()
+
+
+def test_a_flat_workspace_is_cut_along_its_plane_and_has_no_volume() -> None:
+    space = chain_workspace(SCARA)
+    assert space.across == 2
+    assert len(space.axes[2]) == 1
+    assert space.volume == 0.0
+
+
+def test_two_links_of_equal_length_are_singular_where_they_are_stretched_or_folded() -> None:
+    q = np.array([[0.3, 0.0], [0.3, np.pi], [0.3, np.pi / 2.0]])
+    found = chain_dexterity(SCARA, q, SCARA.kinematics.forward(q))
+    # Of the two singular values of the position the smaller is 0 there; in between their product is l1 l2 |sin(q2)|.
+    assert_allclose(found.position_gain[:2, 1], 0.0, atol=1e-12)
+    assert np.prod(found.position_gain[2, :2]) == pytest.approx(0.4 * 0.4)
+    assert found.condition[2] < 10.0 < found.condition[:2].min()
+
+
+def test_commands_fill_the_ranges() -> None:
+    q = chain_commands(GANTRY, 500, 0)
+    limit = np.array([0.5, 0.3, 0.1])
+    assert (np.abs(q) <= limit).all()
+    assert (np.ptp(q, axis=0) > 1.9 * limit).all()
+
+
+@pytest.mark.parametrize("model", [GANTRY, SCARA, gtpin.read_model("ur5")], ids=["gantry", "scara", "ur5"])
+def test_the_command_writes_maps_a_page_and_dexterity(
+    model: gtpin.Model, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib")
+    gtpin.write_model(model, tmp_path / "model")
+    monkeypatch.setattr(sys, "argv", ["gtpin", "sensitivity", str(tmp_path / "model"), "-o", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    assert "report.html" in capsys.readouterr().out
+    maps = {f"map_{name}.png" for name in ("position", "orientation", "condition", "singularity")}
+    written = {file.name for file in (tmp_path / "out").iterdir()}
+    assert written == {".gtpin.json", "sensitivity.csv", "accuracy.json", "report.html", "sensitivity.png"} | maps
+    told = json.loads((tmp_path / "out" / "accuracy.json").read_text(encoding="utf-8"))
+    assert set(told["dexterity"]) == {"position_gain", "rotation_gain", "condition", "singularity", "limit"}
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for site in model.robot.sites:
+        assert f">{site}</th>" in page
+    assert "postures that fill the joints" in page
+    assert "rod" not in page.split("<h2")[3]
+
+
+def test_an_unreachable_pose_is_told() -> None:
+    with pytest.raises(gtpin.GtpinError, match="no commands"):
+        chain_sensitivity(GANTRY, np.zeros((0, 3)))

@@ -1,0 +1,368 @@
+"""Readings that can't be the robot's as they stand are refused in one line that names what is wrong; good ones are not."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from virtual_gantry import Gantry, draw
+from virtual_instruments import Seen, bed, cup, laser, level, read, wire
+
+import gtpin
+from gtpin.errors import DatasetError, GtpinError, GtpinWarning
+
+MACHINE = draw(np.random.default_rng(7))
+RNG = np.random.default_rng(8)
+WIRE, GAUGE, TOUCHES = (
+    wire(MACHINE.gantry, RNG, 100),
+    bed(MACHINE.gantry, RNG, 80, heights=True),
+    bed(MACHINE.gantry, RNG, 60),
+)
+CUP, LEVEL, LASER = cup(MACHINE.gantry, RNG, 72), level(MACHINE.gantry, RNG, 80), laser(MACHINE.gantry, RNG, 60)
+GOOD = {"wire": WIRE, "gauge": GAUGE, "touches": TOUCHES, "cup": CUP, "level": LEVEL, "laser": LASER}
+UNITS = {"millimetres": 1e3, "centimetres": 1e2, "inches": 1.0 / 0.0254, "micrometres": 1e6}
+
+
+def places(seen: Seen, key: str, factor: float) -> dict:
+    """Points of dataset.toml in another unit."""
+    found = {}
+    for name, at in seen.said[key].items():
+        if key == "planes":
+            found[name] = at | {"point": [factor * v for v in at["point"]]}
+        else:
+            found[name] = [factor * v for v in at]
+    return found
+
+
+def columns(seen: Seen, factor: float, *names: str) -> dict:
+    return {name: np.array(seen.columns[name]) * factor for name in names}
+
+
+def refused(folder: Path, *seen: Seen, instruments: tuple[type, ...] = ()) -> GtpinError:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        dataset = read(folder / "set", *seen, instruments=instruments)
+        with pytest.raises(GtpinError) as caught:
+            gtpin.calibrate(dataset)
+    assert "\n" not in str(caught.value)
+    assert caught.value.hint
+    return caught.value
+
+
+OTHER_UNITS: dict[str, tuple[Callable[[float], Seen], str, str]] = {
+    "ranges": (lambda f: WIRE.reading(**columns(WIRE, f, "range")), "wire.csv", "range looks like"),
+    "stations": (lambda f: WIRE.saying(stations=places(WIRE, "stations", f)), "dataset.toml", "stations look like"),
+    "stations hardly known": (
+        lambda f: WIRE.saying(stations=places(WIRE, "stations", f), station_sigma=0.5),
+        "dataset.toml",
+        "stations look like",
+    ),
+    "ranges and stations": (
+        lambda f: WIRE.saying(stations=places(WIRE, "stations", f)).reading(**columns(WIRE, f, "range")),
+        "wire.csv",
+        "range and stations look like",
+    ),
+    "heights": (lambda f: GAUGE.reading(**columns(GAUGE, f, "height")), "bed.csv", "height looks like"),
+    "planes": (lambda f: TOUCHES.saying(planes=places(TOUCHES, "planes", f)), "dataset.toml", "planes look like"),
+    "a tip": (
+        lambda f: TOUCHES.saying(target=[f * v for v in TOUCHES.said["target"]]),
+        "dataset.toml",
+        "the target looks like",
+    ),
+    "targets": (lambda f: CUP.saying(targets=places(CUP, "targets", f)), "dataset.toml", "the targets look like"),
+    "positions": (lambda f: LASER.reading(**columns(LASER, f, "x", "y", "z")), "laser.csv", "x y z look like"),
+    "sockets": (
+        lambda f: CUP.saying(sockets={"S0": [f * CUP.truth[f"cup.point[S0].{x}"] for x in "xyz"]}, socket_sigma=1e-3),
+        "dataset.toml",
+        "sockets look like",
+    ),
+    "a distance": (
+        lambda f: CUP.saying(distances=[[a, b, f * d, f * s] for a, b, d, s in CUP.said["distances"]]),
+        "dataset.toml",
+        "looks like",
+    ),
+}
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("name", OTHER_UNITS)
+def test_another_unit_is_named_and_where(tmp_path, name, unit):
+    make, file, looks = OTHER_UNITS[name]
+    error = refused(tmp_path, make(UNITS[unit]))
+    assert isinstance(error, DatasetError)
+    assert Path(str(error.file)).name == file
+    assert f"{looks} {unit}" in str(error)
+    assert error.column
+
+
+def test_a_target_in_millimetres_is_named_where_the_frame_could_take_most_of_it_in(tmp_path):
+    error = refused(tmp_path, LASER.saying(target=[1e3 * v for v in LASER.said["target"]]))
+    assert "the target looks like millimetres" in error.what
+    assert error.column == "instrument.0.target"
+
+
+@pytest.mark.parametrize("unit", ["millimetres", "inches"])
+def test_another_unit_of_one_of_several_instruments_is_named(tmp_path, unit):
+    wrong, file, looks = OTHER_UNITS["heights"]
+    error = refused(tmp_path, WIRE, LEVEL, wrong(UNITS[unit]), LASER)
+    assert Path(str(error.file)).name == file
+    assert f"bed: {looks} {unit}" in error.what
+
+
+@pytest.mark.parametrize("side", ["heights", "normals"])
+def test_a_plane_touched_from_below_is_named(tmp_path, side):
+    if side == "heights":
+        wrong = GAUGE.reading(**columns(GAUGE, -1.0, "height"))
+    else:
+        planes = {k: v | {"normal": [-x for x in v["normal"]]} for k, v in GAUGE.said["planes"].items()}
+        wrong = GAUGE.saying(planes=planes)
+    error = refused(tmp_path, wrong)
+    assert "other side of the plane" in error.what
+    assert (Path(str(error.file)).name, error.column) == ("bed.csv", "height")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("degrees", np.degrees(1.0)), ("mm/m", 1e3)])
+def test_tilts_of_another_unit_are_named(tmp_path, unit, factor):
+    error = refused(tmp_path, LEVEL.reading(**columns(LEVEL, factor, "tilt_x", "tilt_y")))
+    assert unit in str(error)
+    assert (Path(str(error.file)).name, error.column) == ("level.csv", "tilt_x tilt_y")
+
+
+@pytest.mark.parametrize(
+    ("looks", "x", "y", "signs"),
+    [
+        ("have the other sign", "tilt_x", "tilt_y", (-1.0, -1.0)),
+        ("are swapped", "tilt_y", "tilt_x", (1.0, 1.0)),
+        ("quarter turn", "tilt_y", "tilt_x", (1.0, -1.0)),
+    ],
+)
+def test_tilts_along_other_axes_are_named(tmp_path, looks, x, y, signs):
+    wrong = LEVEL.reading(tilt_x=signs[0] * LEVEL.columns[x], tilt_y=signs[1] * LEVEL.columns[y])
+    assert looks in refused(tmp_path, wrong).what
+
+
+def test_a_range_below_0_is_named_by_its_row(tmp_path):
+    ranges = WIRE.columns["range"].copy()
+    ranges[5] *= -1.0
+    error = refused(tmp_path, WIRE.reading(range=ranges))
+    assert (Path(str(error.file)).name, error.row, error.column) == ("wire.csv", 7, "range")
+
+
+IDS: dict[str, tuple[Seen, int | None, str, str]] = {
+    "a station that dataset.toml lacks": (
+        WIRE.reading(station=["E" if i == 7 else at for i, at in enumerate(WIRE.columns["station"])]),
+        9,
+        "station",
+        "A, B, C, D",
+    ),
+    "a plane that it lacks": (
+        GAUGE.reading(plane=["E" if i == 3 else at for i, at in enumerate(GAUGE.columns["plane"])]),
+        5,
+        "plane",
+        "P, Q, R",
+    ),
+    "a target that it lacks": (
+        CUP.reading(target=["E" if i == 0 else at for i, at in enumerate(CUP.columns["target"])]),
+        2,
+        "target",
+        "A, B, C, D",
+    ),
+    "targets that it does not list": (CUP.saying(targets=None), 8, "target", "targets = {A = ..., B = ...}"),
+    "several stations and no column": (Seen(WIRE.said, WIRE.q, {"range": WIRE.columns["range"]}), 1, "station", "A, B"),
+    "several planes and no column": (
+        Seen(GAUGE.said, GAUGE.q, {"height": GAUGE.columns["height"]}),
+        1,
+        "plane",
+        "P, Q",
+    ),
+    "a distance of a socket that no row has": (
+        CUP.saying(distances=[["S1", "S9", 0.1, 1e-5]]),
+        None,
+        "socket",
+        "S0, S1",
+    ),
+    "a target of a tilt sensor": (LEVEL.saying(target=[0.0, 0.0, 0.0]), None, "target", "leave target"),
+    "no socket visited twice": (
+        CUP.saying(distances=None).reading(socket=[f"Z{i}" for i in range(72)]),
+        None,
+        "socket",
+        "several poses",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_ids_that_do_not_fit_the_description_are_named(tmp_path, name):
+    wrong, row, column, told = IDS[name]
+    error = refused(tmp_path, wrong)
+    assert Path(str(error.file)).suffix == ".csv"
+    assert (error.row, error.column) == (row, column)
+    assert told in error.hint
+
+
+def test_a_socket_that_is_visited_once_is_warned_of_and_does_no_harm(tmp_path):
+    once = CUP.reading(socket=["Z" if i == 7 else at for i, at in enumerate(CUP.columns["socket"])])
+    with pytest.warns(GtpinWarning, match="visited once, so that they say nothing: sockets Z"):
+        found = gtpin.calibrate(read(tmp_path / "set", once))
+    assert_calibrated(found)
+
+
+SIGMAS = {
+    "millimetres": (WIRE.saying(sigma=0.02), "sigma of wire is 0.02", "times less"),
+    "a tracker's in millimetres": (LASER.saying(position_sigma=0.015), "position_sigma of laser", "times less"),
+    "a socket's in millimetres": (CUP.saying(sigma=0.02), "sigma of cup", "times less"),
+}
+
+
+@pytest.mark.parametrize("name", SIGMAS)
+def test_a_sigma_that_is_far_from_what_the_data_show_is_named(tmp_path, name):
+    wrong, told, ratio = SIGMAS[name]
+    error = refused(tmp_path, wrong)
+    assert Path(str(error.file)).name == "dataset.toml"
+    assert told in error.what
+    assert ratio in error.what
+
+
+def test_a_sigma_that_is_a_resolution_is_questioned_and_does_little_harm(tmp_path):
+    with pytest.warns(GtpinWarning, match="or the declared sigma is too small"):
+        found = gtpin.calibrate(read(tmp_path / "set", WIRE.saying(sigma=2e-7)))
+    assert found.enlarged > 30.0  # sigmas of parameters are those of the noise that is there
+
+
+def test_a_sigma_of_a_careful_data_sheet_is_not_used_and_warned_of(tmp_path):
+    with pytest.warns(GtpinWarning, match="the data's own is used"):
+        found = gtpin.calibrate(read(tmp_path / "set", WIRE.saying(sigma=8e-5)))
+    assert_calibrated(found)
+
+
+OTHER_MISTAKES = {
+    "commands in millimetres": (Seen(WIRE.said, WIRE.q * 1e3, WIRE.columns), "q1", "millimetres"),
+    "commands in another order": (Seen(WIRE.said, WIRE.q[:, [1, 0, 2]], WIRE.columns), None, "order of q1"),
+    "each row with the command of the next": (
+        Seen(WIRE.said, np.roll(WIRE.q, 1, axis=0), WIRE.columns),
+        None,
+        "commands",
+    ),
+    "half the distance": (WIRE.reading(**columns(WIRE, 0.5, "range")), None, "commands"),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_MISTAKES)
+def test_other_mistakes_are_refused_with_what_to_check(tmp_path, name):
+    wrong, column, told = OTHER_MISTAKES[name]
+    error = refused(tmp_path, wrong)
+    assert error.column == column
+    assert told in error.hint or told in error.what
+
+
+def test_two_rows_at_the_wrong_socket_are_set_aside(tmp_path):
+    sockets = list(CUP.columns["socket"])
+    sockets[6], sockets[13] = sockets[13], sockets[6]
+    with pytest.warns(
+        GtpinWarning, match="set aside as gross errors: poses s6, s13|set aside as gross errors: poses s13, s6"
+    ):
+        found = gtpin.calibrate(read(tmp_path / "set", CUP.reading(socket=sockets)))
+    assert_calibrated(found)
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_good_readings_are_let_pass(tmp_path, name):
+    assert_calibrated(gtpin.calibrate(read(tmp_path / "set", GOOD[name])))
+
+
+def test_good_readings_of_all_instruments_together_are_let_pass(tmp_path):
+    several = (WIRE, TOUCHES, CUP, LEVEL, LASER)
+    found = gtpin.calibrate(read(tmp_path / "set", *several))
+    assert_calibrated(found)
+    assert [one.name for one in found.by_instrument] == [one.said["name"] for one in several]
+
+
+def test_small_tilts_of_a_platform_that_should_not_tilt_are_let_pass(tmp_path):
+    # A linear delta's nominal platform stands level: tilts in any smaller unit would be nearer to that, and no more right.
+    robot = gtpin.load_robot("linear_delta")
+    rng = np.random.default_rng(10)
+    nominal = gtpin.Geometry.nominal(robot)
+    off = nominal.with_values(nominal.values + 3.0 * nominal.tolerance * rng.standard_normal(len(nominal.values)))
+    lower, upper = np.array(robot.lower), np.array(robot.upper)
+    q = (lower + upper) / 2.0 + 0.15 * (upper - lower) * rng.uniform(-1.0, 1.0, (60, 3))
+    seen = gtpin.Model(off).predict(q).R[:, 2, :2] + rng.normal(0.0, 5e-5, (60, 2))
+    said = {"name": "level", "kind": "tilt", "sigma": 5e-5}
+    found = gtpin.calibrate(
+        read(tmp_path / "set", Seen(said, q, {"tilt_x": seen[:, 0], "tilt_y": seen[:, 1]}), robot="linear_delta")
+    )
+    assert np.median(np.abs(seen)) > 0.01  # where other readings are tried
+    assert found.by_instrument[0].after < 2e-4
+
+
+def test_stations_that_are_declared_twenty_centimetres_off_are_let_pass(tmp_path):
+    rng = np.random.default_rng(9)
+    off = {}
+    for name, at in WIRE.said["stations"].items():
+        way = rng.normal(size=3)
+        off[name] = list(map(float, np.array(at) + 0.2 * way / np.linalg.norm(way)))
+    assert_calibrated(gtpin.calibrate(read(tmp_path / "set", WIRE.saying(stations=off, station_sigma=0.5))))
+
+
+def assert_calibrated(found):
+    """Errors are as small as is told: none of 48 beyond five sigmas."""
+    errors = found.model.geometry.deviation - np.array([MACHINE.deviations[name] for name in found.names])
+    assert np.abs(errors / found.sigma).max() < 5.0
+
+
+@pytest.mark.parametrize("value", [1e300, -1e160, 1e30, 1e6])
+@pytest.mark.parametrize(("name", "column"), [("gauge", "height"), ("laser", "x"), ("wire", "range")])
+def test_a_number_that_nothing_reads_is_set_aside(tmp_path, name, column, value):
+    values = np.array(GOOD[name].columns[column])
+    values[3] = abs(value) if name == "wire" else value  # a range below 0 is refused
+    dataset = read(tmp_path / "set", GOOD[name].reading(**{column: values}))
+    with np.errstate(all="raise"), pytest.warns(GtpinWarning, match=r"set aside as gross errors: poses [a-z]3$"):
+        found = gtpin.calibrate(dataset)
+    assert_calibrated(found)
+
+
+@pytest.mark.parametrize("key", ["sockets", "stations", "planes", "targets"])
+def test_what_no_row_uses_does_no_harm(tmp_path, key):
+    seen = {"sockets": CUP, "stations": WIRE, "planes": GAUGE, "targets": CUP}[key]
+    more = {"point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, 1.0]} if key == "planes" else [0.0, 0.0, 1.0]
+    found = gtpin.calibrate(read(tmp_path / "set", seen.saying(**{key: seen.said.get(key, {}) | {"Z": more}})))
+    assert_calibrated(found)
+
+
+def test_a_single_row_of_an_instrument_says_nothing_against_its_sigma(tmp_path):
+    once = Seen(LEVEL.said, LEVEL.q[:1], {name: column[:1] for name, column in LEVEL.columns.items()}, prefix="l")
+    assert_calibrated(gtpin.calibrate(read(tmp_path / "set", WIRE, once)))
+
+
+def test_undeclared_sigmas_of_unequal_instruments_are_each_its_own_with_repeats(tmp_path):
+    rng = np.random.default_rng(3)
+    machine = Gantry.nominal()
+    parts = {
+        "wire": (wire(machine, rng, 90, sigma=1e-9), ["range"], 5e-4),
+        "laser": (laser(machine, rng, 60, sigma=1e-9), ["x", "y", "z"], 1e-5),
+    }
+    read(tmp_path / "set", *(one.saying(sigma=None, position_sigma=None) for one, _, _ in parts.values()))
+    for name, (_, columns, sigma) in parts.items():
+        file = tmp_path / "set" / f"{name}.csv"
+        table = pd.read_csv(file)
+        visited = table.loc[table.index.repeat(3)]  # each pose, with its id, three times
+        visited[columns] += sigma * rng.standard_normal((len(visited), len(columns)))
+        visited.to_csv(file, index=False)
+    found = gtpin.calibrate(gtpin.Dataset.read(tmp_path / "set"))
+    for (name, (_, _, sigma)), seen in zip(parts.items(), found.noise.sigma, strict=True):
+        assert seen == pytest.approx(sigma, rel=0.2), name
+
+
+def test_one_bad_seating_in_a_socket_visited_twice_is_set_aside(tmp_path):
+    rng = np.random.default_rng(8)
+    machine = Gantry.nominal()
+    good = cup(machine, rng, 74, sockets=37)
+    bad = Seen(
+        good.said, good.q + np.where(np.arange(74)[:, None] == 5, [[2e-4, 0.0, 0.0]], 0.0), good.columns, good.truth
+    )
+    with pytest.warns(GtpinWarning, match="set aside"):
+        found = gtpin.calibrate(read(tmp_path / "set", bad))
+    assert "p5" in found.rejected

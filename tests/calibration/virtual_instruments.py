@@ -1,0 +1,231 @@
+"""Instruments of the tests' own, which read the tests' own Gantry-Tau.
+
+What each one reads is written down here a second time; nothing of gtpin's equations or kinematics is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from scipy.spatial.transform import Rotation
+from virtual_gantry import Gantry, commands
+
+import gtpin
+
+Floats = np.ndarray
+
+WIRE, TOUCH, SEAT, LEVEL, LASER = 2e-5, 1e-5, 2e-5, 5e-5, 1.5e-5
+"""Usual sigmas, m and rad."""
+CENTRE = Gantry.nominal().poses(np.zeros((1, 3)))[0][0]
+"""Where the TCP is at zero commands, m."""
+TARGETS = {
+    "A": (0.06, 0.0, 0.01),
+    "B": (-0.03, 0.05, 0.02),
+    "C": (-0.03, -0.05, 0.06),
+    "D": (0.05, 0.08, -0.06),
+}
+"""Points on the platform, TCP frame, m."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What one instrument read, and the true values of its unknowns."""
+
+    said: dict[str, Any]
+    q: Floats
+    columns: dict[str, Any]
+    truth: dict[str, float] = field(default_factory=dict)
+    prefix: str = "p"
+
+    def table(self) -> str:
+        columns = {"pose": [f"{self.prefix}{i}" for i in range(len(self.q))]}
+        columns |= {f"q{i + 1}": self.q[:, i] for i in range(self.q.shape[1])} | self.columns
+        rows = zip(*(map(str, column) for column in columns.values()), strict=True)
+        return "\n".join([",".join(columns), *(",".join(row) for row in rows)])
+
+    def saying(self, **said: Any) -> Seen:
+        """The same readings under another description; None takes a key away."""
+        new = {key: value for key, value in (self.said | said).items() if value is not None}
+        return Seen(new, self.q, self.columns, self.truth, self.prefix)
+
+    def reading(self, **columns: Any) -> Seen:
+        """Other readings under the same description."""
+        return Seen(self.said, self.q, self.columns | columns, self.truth, self.prefix)
+
+
+def read(folder: Path, *seen: Seen, robot: str = "gantry_tau", instruments: Sequence[type] = ()) -> gtpin.Dataset:
+    """The dataset of some instruments, as it is read from a folder."""
+    folder.mkdir(exist_ok=True)
+    for old in folder.iterdir():
+        old.unlink()
+    toml = {"schema": "gtpin-dataset/2", "robot": robot, "instrument": [one.said for one in seen]}
+    (folder / "dataset.toml").write_text(tomli_w.dumps(toml))
+    for one in seen:
+        (folder / f"{one.said['name']}.csv").write_text(one.table())
+    return gtpin.Dataset.read(folder, instruments=instruments)
+
+
+def wire(
+    machine: Gantry,
+    rng: np.random.Generator,
+    count: int,
+    *,
+    sigma: float = WIRE,
+    away: float = 0.05,
+    offset: float = 0.0,
+) -> Seen:
+    """Ranges from four stations, each so far away (sigma per axis) from where it is declared."""
+    declared = CENTRE + np.array([[2.0, 0.3, 0.5], [-1.5, 1.5, 0.2], [0.2, -2.0, 1.0], [0.3, 0.2, 2.2]])
+    true = declared + rng.normal(0.0, away, (4, 3))
+    offsets = rng.normal(0.0, offset, 4)
+    q, of = commands(rng, count), rng.integers(0, 4, count)
+    T, _ = machine.poses(q)
+    ranges = np.sqrt(((T - true[of]) ** 2).sum(axis=1)) + offsets[of] + rng.normal(0.0, sigma, count)
+    said = {"name": "wire", "kind": "range", "sigma": sigma, "station_sigma": away, "stations": named(declared)}
+    truth = {f"wire.station[{name}].{x}": at[i] for name, at in named(true).items() for i, x in enumerate("xyz")}
+    if offset:
+        said["offset_sigma"] = offset
+        truth |= {f"wire.offset[{name}]": float(value) for name, value in zip("ABCD", offsets, strict=True)}
+    return Seen(said, q, {"station": ["ABCD"[i] for i in of], "range": ranges}, truth)
+
+
+def bed(
+    machine: Gantry,
+    rng: np.random.Generator,
+    count: int,
+    *,
+    sigma: float = TOUCH,
+    height: float = 3e-3,
+    heights: bool = False,
+) -> Seen:
+    """Touches of three planes by a tip; with ``heights``, a gauge reads how far the tip is over them instead."""
+    points = CENTRE + np.array([[0.0, 0.0, -0.1], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0]])
+    normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [np.sin(0.35), 0.0, np.cos(0.35)]])
+    tip, turn = np.array([0.02, -0.03, 0.05]), 1e-3
+    shifts, tilts = rng.normal(0.0, height, 3), rng.normal(0.0, turn, (3, 2))
+    true = np.array([tilted(n, tilt) for n, tilt in zip(normals, tilts, strict=True)])
+    of = rng.integers(0, 3, count)
+
+    def over(q: Floats) -> Floats:
+        T, R = machine.poses(q)
+        return ((T + R @ tip - points[of]) * true[of]).sum(axis=1) - shifts[of]
+
+    q, noise = commands(rng, count), rng.normal(0.0, sigma, count)
+    columns: dict[str, Any] = {"plane": ["PQR"[i] for i in of]}
+    if heights:
+        columns["height"] = over(q) + noise
+    else:
+        q = _moved(lambda q: (over(q) + noise)[:, None], 0.7 * q)
+    said = {
+        "name": "bed",
+        "kind": "plane",
+        "sigma": sigma,
+        "target": list(map(float, tip)),
+        "plane_sigma": height,
+        "normal_sigma": turn,
+        "planes": {
+            name: {"point": list(map(float, p)), "normal": list(map(float, n))}
+            for name, p, n in zip("PQR", points, normals, strict=True)
+        },
+    }
+    truth = {f"bed.plane[{name}].height": float(value) for name, value in zip("PQR", shifts, strict=True)}
+    truth |= {
+        f"bed.plane[{n}].{x}": float(v)
+        for n, tilt in zip("PQR", tilts, strict=True)
+        for x, v in zip("ab", tilt, strict=True)
+    }
+    return Seen(said, q, columns, truth, "t")
+
+
+def cup(
+    machine: Gantry,
+    rng: np.random.Generator,
+    count: int,
+    *,
+    sigma: float = SEAT,
+    distance: float = 5e-5,
+    sockets: int = 6,
+) -> Seen:
+    """Four targets seated in some sockets, of which the distances of two pairs are known."""
+    points = CENTRE + rng.uniform(-1.0, 1.0, (sockets, 3)) * [0.2, 0.1, 0.1]
+    targets = np.array(list(TARGETS.values()))
+    of, ball = np.arange(count) % sockets, (np.arange(count) // sockets) % 4
+    noise = rng.normal(0.0, sigma, (count, 3))
+
+    def missed(q: Floats) -> Floats:
+        T, R = machine.poses(q)
+        return T + np.einsum("nij,nj->ni", R, targets[ball]) + noise - points[of]
+
+    q = _moved(missed, np.zeros((count, 3)))
+    known = [
+        [f"S{a}", f"S{b}", float(np.linalg.norm(points[a] - points[b]) + rng.normal(0.0, distance)), distance]
+        for a, b in ((0, 1), (2, 3))
+    ]
+    said = {"name": "cup", "kind": "socket", "sigma": sigma, "distances": known}
+    said["targets"] = {name: list(at) for name, at in TARGETS.items()}
+    columns = {"socket": [f"S{i}" for i in of], "target": ["ABCD"[i] for i in ball]}
+    truth = {f"cup.point[S{i}].{x}": float(at[k]) for i, at in enumerate(points) for k, x in enumerate("xyz")}
+    return Seen(said, q, columns, truth, "s")
+
+
+def level(machine: Gantry, rng: np.random.Generator, count: int, *, sigma: float = LEVEL, mount: float = 5e-3) -> Seen:
+    """A tilt sensor: the vertical, seen in its frame."""
+    turn = rng.normal(0.0, mount, 3)
+    q = commands(rng, count)
+    sensor = machine.poses(q)[1] @ Rotation.from_rotvec(turn).as_matrix()
+    seen = sensor[:, 2, :2] + rng.normal(0.0, sigma, (count, 2))
+    said = {"name": "level", "kind": "tilt", "sigma": sigma, "mount_sigma": mount}
+    truth = {f"level.mount.r{x}": float(v) for x, v in zip("xyz", turn, strict=True)}
+    return Seen(said, q, {"tilt_x": seen[:, 0], "tilt_y": seen[:, 1]}, truth, "l")
+
+
+def laser(machine: Gantry, rng: np.random.Generator, count: int, *, sigma: float = LASER) -> Seen:
+    """A tracker anywhere, which sees a target known in the TCP frame."""
+    turn, at = Rotation.from_rotvec(rng.normal(0.0, 0.7, 3)), rng.uniform(-3.0, 3.0, 3)
+    q = commands(rng, count)
+    T, R = machine.poses(q)
+    seen = turn.apply(T + R @ TARGETS["D"]) + at + rng.normal(0.0, sigma, (count, 3))
+    said = {"name": "laser", "kind": "tracker", "position_sigma": sigma, "frame": "free", "target": list(TARGETS["D"])}
+    truth = {f"laser.frame.{x}": float(v) for x, v in zip("xyz", at, strict=True)}
+    truth |= {f"laser.frame.r{x}": float(v) for x, v in zip("xyz", turn.as_rotvec(), strict=True)}
+    return Seen(said, q, dict(zip("xyz", seen.T, strict=True)), truth, "m")
+
+
+def camera(machine: Gantry, rng: np.random.Generator, count: int) -> Seen:
+    """A tracker whose rows tell their own sigmas: along its line of sight, z, four times those across."""
+    one = laser(machine, rng, count, sigma=0.0)
+    sigma = rng.uniform(1.0, 4.0, (count, 1)) * np.array([2e-5, 2e-5, 8e-5])
+    noise = rng.normal(0.0, 1.0, (count, 3)) * sigma
+    seen = {x: one.columns[x] + noise[:, i] for i, x in enumerate("xyz")}
+    said = {"name": "eye", "kind": "tracker", "frame": "free", "target": list(TARGETS["D"])}
+    truth = {name.replace("laser", "eye"): value for name, value in one.truth.items()}
+    return Seen(said, one.q, seen | dict(zip(("sx", "sy", "sz"), sigma.T, strict=True)), truth, "c")
+
+
+def named(points: Floats) -> dict[str, list[float]]:
+    return {name: list(map(float, at)) for name, at in zip("ABCD", points, strict=True)}
+
+
+def tilted(n: Floats, tilt: Floats) -> Floats:
+    """A normal turned by a about the base axis least aligned with it (less its part along it) and by b about n x a."""
+    least = np.eye(3)[np.argmin(np.abs(n))]
+    a = least - (least @ n) * n
+    a /= np.sqrt(a @ a)
+    return Rotation.from_rotvec(tilt[0] * a + tilt[1] * np.cross(n, a)).apply(n)
+
+
+def _moved(missed: Callable[[Floats], Floats], q: Floats) -> Floats:
+    """Commands (N, 3) moved as little as it takes until what is ``missed`` (N, k) is zero."""
+    for number in range(20):
+        at = missed(q)
+        if np.abs(at).max() < 1e-12:
+            return q
+        if number < 3:
+            J = np.stack([(missed(q + 1e-6 * way) - at) / 1e-6 for way in np.eye(3)], axis=2)
+        q = q - (np.linalg.pinv(J) @ at[..., None])[..., 0]
+    raise AssertionError("no commands bring it there")

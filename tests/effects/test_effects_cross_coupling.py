@@ -1,0 +1,53 @@
+"""Products of cosines by which the joints of robots depend on each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.effects import Situation
+from gtpin.effects.cross_coupling import FINE, PAIR, SINGLE, CrossCoupling, _products, _with_count
+
+ROBOT = gtpin.load_robot("ur5")
+
+
+@pytest.mark.parametrize("rods", [True, False])
+def test_the_number_of_coefficients_tells_the_products(rods: bool) -> None:
+    for others in range(1, 30):
+        chosen = _products(others, rods)
+        found = _with_count(chosen.count)
+        assert (found.others, found.rows) == (others, chosen.rows)
+
+
+def test_no_product_is_there_twice_and_single_cosines_come_first_joint_by_joint() -> None:
+    for others in range(1, 8):
+        for chosen in (_products(others, True), _products(others, False)):
+            assert len(set(chosen.rows)) == len(chosen.rows)
+            first = chosen.rows[: others * chosen.single]
+            assert first == tuple(
+                tuple(order if k == joint else 0 for k in range(others))
+                for joint in range(others)
+                for order in range(1, chosen.single + 1)
+            )
+
+
+@pytest.mark.parametrize("others", FINE)
+def test_joints_of_an_arm_couple_one_by_one_and_two_by_two(others: int) -> None:
+    rows = _products(others, False).rows
+    alone = [row for row in rows if sum(o > 0 for o in row) == 1]
+    pairs = [row for row in rows if sum(o > 0 for o in row) == 2]
+    assert len(alone) + len(pairs) == len(rows)
+    assert max(map(sum, alone)) == SINGLE
+    assert max(map(sum, pairs)) == PAIR
+
+
+def test_an_arm_s_coupling_is_fitted_where_it_depends_finely_on_two_neighbours() -> None:
+    kinematics = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).kinematics
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (250, ROBOT.n_actuators))
+    at = Situation(kinematics, q, kinematics.forward(q), {})
+    basis = CrossCoupling().basis(at, ROBOT.sites[2])
+    columns = basis.command[1] * basis.sigma
+    wanted = 1e-4 * np.sin(3.0 * q[:, 1]) * np.cos(1.5 * q[:, 3])
+    fitted = columns @ np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    assert np.std(wanted - fitted) < 0.2 * np.std(wanted)

@@ -1,0 +1,92 @@
+"""What a file does not hold of a model is told in micrometres, and a drive's scale stands in a transmission."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.situation import Situation
+from gtpin.export import export
+from gtpin.export.loss import with_losses
+
+UR5 = gtpin.read_model("ur5")
+RNG = np.random.default_rng(0)
+Q = RNG.uniform(-2.0, 2.0, (1500, 6))
+APPROACH = {f"approach{i + 1}": RNG.choice([-1.0, 1.0], len(Q)) for i in range(6)}
+
+
+def with_effect(name: str, site: str, first: float) -> gtpin.Model:
+    """An arm with an effect whose first coefficient is given; all others are none."""
+    effect = effects_by_id()[name]
+    at = Situation(UR5.kinematics, Q, UR5.kinematics.forward(Q), APPROACH)
+    nonlinear = 0.2 if name == "rack_periodic" else None
+    count = len(effect.basis(at, site, nonlinear))
+    coefficients = first * np.eye(count)[0]
+    active = ActiveEffect(effect, site, nonlinear, coefficients, np.zeros((count, count)), at.references)
+    return replace(UR5, effects=(active,))
+
+
+@pytest.mark.parametrize(
+    ("name", "site", "first"),
+    [
+        ("encoder_scale", "shoulder_lift_joint", 1e-4),
+        ("rack_periodic", "elbow_joint", 1e-4),
+        ("joint_compliance", "shoulder_lift_joint", 2e-6),
+        ("backlash", "wrist_1_joint", 1e-4),
+        ("link_compliance", "arm", 1e-7),
+    ],
+)
+def test_a_loss_is_how_far_predictions_without_the_effect_are_off(name: str, site: str, first: float) -> None:
+    model = with_effect(name, site, first)
+    off = model.predict(Q, APPROACH).T - UR5.predict(Q).T
+    exact = 1e6 * float(np.sqrt((off**2).sum(axis=1).mean()))
+    (text,) = with_losses(model, (f"{name}@{site}",))
+    told = re.fullmatch(rf"{name}@{site} \((\S+) um\)", text)
+    assert told is not None
+    # Of 128 commands, beside 1,500 others of the same ranges.
+    assert float(told[1]) == pytest.approx(exact, rel=0.1)
+
+
+def test_what_depends_on_a_temperature_is_told_for_a_kelvin() -> None:
+    effect = effects_by_id()["thermal_links"]
+    at = Situation(UR5.kinematics, Q, UR5.kinematics.forward(Q), {"temp_link": np.linspace(20.0, 30.0, len(Q))})
+    basis = effect.basis(at, "arm")
+    coefficients = np.full(len(basis), 1e-5)
+    active = ActiveEffect(effect, "arm", None, coefficients, np.zeros((len(basis),) * 2), at.references)
+    (text,) = with_losses(replace(UR5, effects=(active,)), ("thermal_links@arm",))
+    assert text.endswith(" um at 1 K more)")
+
+
+def test_a_drives_scale_stands_in_a_transmission_and_is_told(tmp_path: Path) -> None:
+    with pytest.warns(gtpin.GtpinWarning, match=r"encoder_scale@elbow_joint \(\S+ um\); .*: as <transmission> only"):
+        export(with_effect("encoder_scale", "elbow_joint", 1e-4), tmp_path / "arm.urdf")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        export(UR5, tmp_path / "plain.urdf")
+    before, after = (reductions(tmp_path / name) for name in ("plain.urdf", "arm.urdf"))
+    assert len(after) == len(before)  # ur5's URDF has a transmission for each joint already
+    for joint, reduction in after.items():
+        # A joint moves by its actuator's travel over the reduction.
+        assert before[joint] / reduction == pytest.approx(1.0 + 1e-4 * (joint == "elbow_joint"), abs=1e-12)
+    q = Q[:3]
+    again = gtpin.read_model(tmp_path / "arm.urdf")
+    np.testing.assert_allclose(again.predict(q).T, UR5.predict(q).T, rtol=0, atol=1e-12)
+
+
+def reductions(file: Path) -> dict[str, float]:
+    root = ElementTree.parse(file).getroot()
+    found = {}
+    for transmission in root.findall("transmission"):
+        joint, reduction = transmission.find("joint"), next(transmission.iter("mechanicalReduction"))
+        assert joint is not None
+        found[joint.get("name", "")] = float(reduction.text or "nan")
+    return found

@@ -1,0 +1,131 @@
+"""Files of Klipper: the commands are where the machine was when it touched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from printed import ANGLES, MESH, ORIGIN, PROBED, STEP, carriages, mesh_cfg, places, printer_cfg
+
+import gtpin
+from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.importers.klipper_delta import read_klipper_delta
+from gtpin.importers.klipper_mesh import read_klipper_mesh
+from gtpin.importers.klipper_probe import read_klipper_probe
+from gtpin.importers.touches import commands
+
+Write = Callable[[str, str], Path]
+KINEMATICS = gtpin.read_model("linear_delta").kinematics
+
+
+def test_commands_of_a_delta_calibration_bring_the_nozzle_to_where_it_touched(write: Write) -> None:
+    xyz = places()
+    touches = read_klipper_delta(write("printer.cfg", printer_cfg(xyz)))
+    q, poses = commands(touches, KINEMATICS, np.array(ORIGIN))
+    np.testing.assert_allclose(poses.T, 1e-3 * xyz + ORIGIN, atol=1e-7)  # steps have three decimals
+    np.testing.assert_allclose(np.diff(q, axis=0), 1e-3 * np.diff(carriages(xyz), axis=0), atol=1e-7)
+
+
+def test_commands_are_the_recorded_travel_whatever_radius_the_firmware_believed_in(write: Write) -> None:
+    xyz = places()
+    file = write("printer.cfg", printer_cfg(xyz, believed_radius=1.01 * 524.25))
+    q, _ = commands(read_klipper_delta(file), KINEMATICS, np.array(ORIGIN))
+    np.testing.assert_allclose(np.diff(q, axis=0), 1e-3 * np.diff(carriages(xyz), axis=0), atol=1e-7)
+
+
+def test_each_drive_is_found_whatever_order_the_file_has_them_in(write: Write) -> None:
+    xyz, turned = places(), (ANGLES[2], ANGLES[0], ANGLES[1])
+    q, _ = commands(
+        read_klipper_delta(write("printer.cfg", printer_cfg(xyz, angles=turned))), KINEMATICS, np.array(ORIGIN)
+    )
+    np.testing.assert_allclose(np.diff(q, axis=0), 1e-3 * np.diff(carriages(xyz), axis=0), atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        f"step_distance: {STEP}",
+        "rotation_distance: 40\nmicrosteps: 16 ; fine",
+        "rotation_distance: 80\nmicrosteps: 8\nfull_steps_per_rotation: 400\ngear_ratio: 2:1",
+        "rotation_distance: 240\nmicrosteps: 16\ngear_ratio: 60:20, 2:1",
+    ],
+)
+def test_a_step_is_as_long_as_klipper_s_options_say(write: Write, drive: str) -> None:
+    xyz = places()
+    touches = read_klipper_delta(write("printer.cfg", printer_cfg(xyz, drive=drive)))
+    assert touches.travel is not None
+    np.testing.assert_allclose(np.diff(touches.travel, axis=0), -1e-3 * np.diff(carriages(xyz), axis=0), atol=1e-7)
+
+
+def test_the_probe_s_offset_is_the_height_of_the_nozzle_over_the_bed(write: Write) -> None:
+    touches = read_klipper_delta(write("printer.cfg", printer_cfg(places(), height=2.5)))
+    np.testing.assert_allclose(touches.height, 2.5e-3)
+
+
+def test_a_printer_of_other_dimensions_is_refused(write: Write) -> None:
+    touches = read_klipper_delta(write("printer.cfg", printer_cfg(places(), believed_radius=800.0)))
+    with pytest.raises(DatasetError, match="travel otherwise"):
+        commands(touches, KINEMATICS, np.array(ORIGIN))
+
+
+def test_what_was_measured_by_hand_is_left_out_with_a_warning(write: Write) -> None:
+    by_hand = "#*# manual_height0 = 250.1\n#*# manual_height0_pos = 1.0,2.0,3.0\n#*# distance0 = 64.82\n"
+    with pytest.warns(GtpinWarning, match="distance0, manual_height0"):
+        touches = read_klipper_delta(write("printer.cfg", printer_cfg(places(7)) + by_hand))
+    assert len(touches) == 7
+
+
+def test_options_of_included_files_count(write: Write) -> None:
+    text = printer_cfg(places())
+    drive = "rotation_distance: 40\nmicrosteps: 16"
+    write("parts/steppers.cfg", "\n".join(f"[stepper_{tower}]\n{drive}" for tower in "abc"))
+    split = write("printer.cfg", "[include parts/*.cfg]\n" + text.replace(drive, "endstop_pin: PE5"))
+    whole = write("whole.cfg", text)
+    np.testing.assert_array_equal(read_klipper_delta(split).travel, read_klipper_delta(whole).travel)
+    write("parts/steppers.cfg", "[include ../printer.cfg]\n")
+    with pytest.raises(DatasetError, match="include one another"):
+        read_klipper_delta(split)
+
+
+def test_corners_of_a_round_mesh_that_nobody_probed_are_left_out(write: Write) -> None:
+    touches = read_klipper_mesh(write("printer.cfg", mesh_cfg(MESH)))
+    expected = [[0, -100, 0.1], [-100, 0, 0.2], [0, 0, 0.0], [100, 0, -0.2], [0, 100, 0.3]]
+    np.testing.assert_allclose(touches.position, 1e-3 * np.array(expected), atol=1e-15)
+    assert len(read_klipper_mesh(write("square.cfg", mesh_cfg(MESH, round_=False)))) == 9
+
+
+def test_a_mesh_without_the_section_that_tells_its_form_is_refused(write: Write) -> None:
+    text = mesh_cfg(MESH)
+    with pytest.raises(DatasetError, match=r"\[bed_mesh\] is missing"):
+        read_klipper_mesh(write("printer.cfg", text[text.index("#*#") :]))
+    with pytest.raises(DatasetError, match="bed_mesh default"):
+        read_klipper_mesh(write("printer.cfg", text), profile="other")
+
+
+def test_old_and_new_wording_of_a_touch_are_the_same_touch(write: Write) -> None:
+    offset = (-25.0, 5.0, 1.25)
+    old = read_klipper_probe(write("old.log", PROBED), offset)
+    new = PROBED
+    for x, y, z in ((10.0, -20.0, 1.525), (10.0, -20.0, 1.5275), (0.0, 120.5, 1.4025)):
+        there = f"{x + offset[0]:.3f},{y + offset[1]:.3f} bed will contact at z={z - offset[2]:.6f}"
+        new = new.replace(f"probe at {x:.3f},{y:.3f} is z={z:.6f}", f"probe: at {there}")
+    found = read_klipper_probe(write("new.log", new), offset)
+    assert old.position is not None
+    np.testing.assert_allclose(found.position, old.position, atol=1e-12)
+    np.testing.assert_allclose(old.position[0], [0.010, -0.020, 0.001525])
+    assert list(old.row) == [1, 3, 5]
+
+
+def test_tip_of_a_probe_beside_the_nozzle_is_on_the_bed_at_the_touch(write: Write) -> None:
+    offset = (-25.0, 5.0, 1.25)
+    for touches in (
+        read_klipper_probe(write("log", PROBED.replace("1.5", "1.2").replace("1.4", "1.2")), offset),
+        read_klipper_mesh(write("printer.cfg", mesh_cfg(MESH)), offset=offset),
+    ):
+        _, poses = commands(touches, KINEMATICS, np.array(ORIGIN))
+        tips = poses.T + np.einsum("nij,j->ni", poses.R, touches.target) - ORIGIN
+        assert (
+            np.abs(tips[:, 2]).max() < 4e-4
+        )  # the files' deviations from a flat bed; 1.25 mm if the offset were not used

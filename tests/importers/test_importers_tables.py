@@ -1,0 +1,142 @@
+"""Lists of points, and poses of ROS: what the user names, and how commands are found for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from printed import POINTS, ROS
+
+import gtpin
+from gtpin.data import Commands
+from gtpin.errors import DatasetError
+from gtpin.importers.points import read_points
+from gtpin.importers.ros_poses import read_ros_poses
+
+Write = Callable[[str, str], Path]
+NAMES = ["-", "-", "pose", "x", "y", "z"]
+
+
+def commands(pose: list[str], **covariates: list[float]) -> Commands:
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (len(pose), 6))
+    return Commands(np.array(pose, dtype=object), q, {name: np.array(v) for name, v in covariates.items()})
+
+
+def test_points_have_the_commands_of_the_pose_of_their_name(write: Write) -> None:
+    given = commands(["p2", "p1", "p3"])
+    file = write("points.txt", POINTS)
+    dataset = read_points(file, "ur5", NAMES, "space", "mm", commands=given, match="pose")
+    assert list(dataset.pose) == ["p1", "p2", "p1"]
+    np.testing.assert_array_equal(dataset.q, given.q[[1, 0, 1]])
+    np.testing.assert_allclose(dataset.position[0], [1.2034512, -0.87712, 0.4550031], rtol=1e-12)
+    assert (dataset.instrument.frame, dataset.instrument.target) == ("free", "free")
+
+
+def test_rows_have_the_commands_of_their_order_if_there_are_as_many(write: Write) -> None:
+    file = write("points.txt", POINTS)
+    given = Commands(np.array(["a", "b", "a"], dtype=object), commands(["a", "b", "c"]).q[[0, 1, 0]])
+    dataset = read_points(file, "ur5", NAMES, "space", "inch", commands=given, match="row")
+    np.testing.assert_array_equal(dataset.q, given.q)
+    np.testing.assert_allclose(dataset.position[1, 2], 401.25 * 0.0254)
+    with pytest.raises(DatasetError, match="3 rows, and 2 of commands"):
+        read_points(file, "ur5", NAMES, "space", "mm", commands=commands(["a", "b"]), match="row")
+
+
+def test_decimal_commas_semicolons_and_degrees_are_read_as_they_are_named(write: Write) -> None:
+    text = "x;y;z;T;j1;j2;j3;j4;j5;j6\n1,5;-2,25;3;20,5;90;0;-45;1;2;180\n"
+    names = ["x", "y", "z", "temp_frame", *(f"q{i}" for i in range(1, 7))]
+    dataset = read_points(
+        write("points.csv", text), "ur5", names, "semicolon", "m", angle="deg", header=1, decimal_comma=True
+    )
+    np.testing.assert_allclose(dataset.position, [[1.5, -2.25, 3.0]])
+    np.testing.assert_allclose(dataset.q, np.radians([[90, 0, -45, 1, 2, 180]]))
+    np.testing.assert_allclose(dataset.covariates["temp_frame"], [20.5])
+
+
+def test_lengths_among_the_commands_have_the_unit_of_lengths(write: Write) -> None:
+    robot = gtpin.load_robot("linear_delta")
+    assert not robot.revolute.any()
+    text = "1,2,3,100,-50,25\n"
+    dataset = read_points(
+        write("points.csv", text), "linear_delta", ["x", "y", "z", "q1", "q2", "q3"], "comma", "mm", tcp=None
+    )
+    np.testing.assert_allclose(dataset.q, [[0.1, -0.05, 0.025]])
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"columns": ["-", "pose", "x", "y", "z"]}, "row 2: the row has 6 columns, and 5 are named"),
+        ({"columns": ["-", "-", "pose", "x", "y", "y"]}, "named twice"),
+        ({"columns": ["-", "-", "pose", "x", "y", "-"]}, "no column is named z"),
+        ({"columns": ["-", "-", "qw", "x", "y", "z"]}, "no column is named qx"),
+        ({"columns": ["-", "-", "q2", "x", "y", "z"], "commands": None}, "no column is named q1"),
+        ({"columns": ["-", "pose", "-", "x", "y", "z"]}, "no command of pose Poses"),
+        ({"unit": "km"}, "unit 'km'"),
+        ({"match": None}, "which command"),
+        ({"match": "time"}, "no time"),
+        ({"commands": None}, "there are no commands"),
+        ({"header": 9}, "there are no rows"),
+        ({"separator": "comma"}, "the row has 1 columns"),
+        ({"separator": "comma", "decimal_comma": True}, "commas between columns and in numbers"),
+    ],
+)
+def test_what_is_not_said_or_does_not_fit_is_refused(write: Write, changed: dict[str, Any], told: str) -> None:
+    given: dict[str, Any] = {
+        "columns": NAMES,
+        "separator": "space",
+        "unit": "mm",
+        "commands": commands(["p1", "p2"]),
+        "match": "pose",
+        **changed,
+    }
+    with pytest.raises(DatasetError, match=told):
+        read_points(write("points.txt", POINTS), "ur5", **given)
+
+
+def test_the_unit_of_angles_is_asked_for(write: Write) -> None:
+    names = ["x", "y", "z", *(f"q{i}" for i in range(1, 7))]
+    file = write("points.txt", "1 2 3 1 1 1 1 1 1\n")
+    with pytest.raises(DatasetError, match="unit of the angles"):
+        read_points(file, "ur5", names, "space", "mm")
+    with pytest.raises(DatasetError, match="5 columns of commands for the 6"):
+        read_points(write("short.txt", "1 2 3 1 1 1 1 1\n"), "ur5", names[:-1], "space", "mm", angle="rad")
+
+
+def test_poses_of_a_topic_have_the_command_nearest_in_time(write: Write) -> None:
+    given = commands(["a", "b"], time=[175.45, 175.58])
+    dataset = read_ros_poses(write("tag.csv", ROS), "ur5", given, "time", within=0.05)
+    assert list(dataset.pose) == ["a", "b", "b"]
+    np.testing.assert_allclose(dataset.position[2], [0.43, -0.07, 0.34])
+    np.testing.assert_allclose(dataset.covariates["time"], [0.0, 0.12, 0.174], atol=1e-9)
+    with pytest.raises(DatasetError, match=r"row 4, .* is 0\.041 s away"):
+        read_ros_poses(write("tag.csv", ROS), "ur5", given, "time", within=0.03)
+    with pytest.raises(DatasetError, match="longest time"):
+        read_ros_poses(write("tag.csv", ROS), "ur5", given, "time")
+
+
+def test_quaternions_are_ordered_by_the_names_of_their_columns(write: Write) -> None:
+    dataset = read_ros_poses(write("tag.csv", ROS), "ur5", commands(["a", "b", "c"]), "row")
+    expected = [[0.8, 0.0, 0.6, 0.0], [0.8, 0.6, 0.0, 0.0], [0.8, 0.0, 0.0, 0.6]]
+    np.testing.assert_allclose(dataset.orientation, expected, atol=1e-12)
+
+
+def test_of_several_poses_in_a_message_the_one_that_is_meant_has_to_be_named(write: Write) -> None:
+    header, *rows = ROS.splitlines()
+    pose = header.split(",")[4:]
+    both = header + "," + ",".join(name.replace("field.pose", "field.detections1.pose.pose.pose") for name in pose)
+    text = "\n".join([both, *(f"{row},1.0,2.0,3.0,0.0,0.0,0.0,1.0" for row in rows)])
+    given = commands(["a", "b", "c"])
+    with pytest.raises(DatasetError, match=r"2 columns end in position\.x"):
+        read_ros_poses(write("tags.csv", text), "ur5", given, "row")
+    prefix = "field.detections1.pose.pose.pose"
+    dataset = read_ros_poses(write("tags.csv", text), "ur5", given, "row", prefix=prefix)
+    np.testing.assert_allclose(dataset.position, np.tile([1.0, 2.0, 3.0], (3, 1)))
+
+
+def test_a_topic_without_poses_is_refused(write: Write) -> None:
+    with pytest.raises(DatasetError, match=r"there is no column position\.x"):
+        read_ros_poses(write("imu.csv", "%time,field.data\n1,2\n"), "ur5", commands(["a"]), "row")

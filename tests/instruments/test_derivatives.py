@@ -1,0 +1,138 @@
+"""Every instrument's derivatives are those of its prediction, by finite differences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from gtpin.data.instrument_tables import TABLES
+from gtpin.instruments import BUILT_IN, Instrument, Tracker
+from gtpin.instruments.instrument import Read
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
+
+Floats = npt.NDArray[np.float64]
+
+COUNT = 12
+UP = np.array([0.0, 0.6, 0.8])
+STEP = 1e-6
+
+
+def _poses(rng: np.random.Generator) -> Poses:
+    return Poses(rng.normal(0.0, 0.5, (COUNT, 3)), exp(rng.normal(0.0, 0.7, (COUNT, 3))))
+
+
+def _ids(*names: str) -> npt.NDArray[np.object_]:
+    return np.array([names[i % len(names)] for i in range(COUNT)], dtype=object)
+
+
+def _tables(rng: np.random.Generator) -> dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]]:
+    """By name: what dataset.toml says, columns of numbers, and columns of ids."""
+    targets = {"target_sigma": 1e-4, "targets": {"T": (0.05, 0.0, -0.1), "U": (0.0, 0.04, 0.0)}}
+    wxyz = to_quaternions(exp(rng.normal(0.0, 0.7, (COUNT, 3))))
+    position = {axis: rng.normal(0.0, 1.0, COUNT) for axis in "xyz"}
+    turned = position | dict(zip(("qw", "qx", "qy", "qz"), wxyz.T, strict=True))
+    of_target = {"target": _ids("T", "U", "T")}
+    return {
+        "range": (
+            {"kind": "range", "stations": {"A": (2.0, 0.1, 0.3), "B": (-1.0, 2.0, 0.5)}, "offset_sigma": 1e-3}
+            | targets,
+            {"range": rng.uniform(1.0, 3.0, COUNT)},
+            of_target | {"station": _ids("A", "B")},
+        ),
+        "plane": (
+            {
+                "kind": "plane",
+                "planes": {
+                    "P": {"point": (0.1, 0.2, -0.3), "normal": (0.0, 0.1, 1.0)},
+                    "Q": {"point": (0.0, 0.0, 0.3), "normal": (1.0, 0.2, -0.4)},
+                },
+            }
+            | targets,
+            {"height": rng.normal(0.0, 1e-3, COUNT)},
+            of_target | {"plane": _ids("P", "P", "Q")},
+        ),
+        "socket": (
+            {
+                "kind": "socket",
+                "sockets": {"S": (0.1, 0.2, 0.3)},
+                "socket_sigma": 1e-3,
+                "distances": (("S", "R", 0.05, 5e-5),),
+            }
+            | targets,
+            {},
+            of_target | {"socket": _ids("S", "R", "R")},
+        ),
+        "tilt": (
+            {"kind": "tilt"},
+            {"tilt_x": rng.normal(0.0, 0.1, COUNT), "tilt_y": rng.normal(0.0, 0.1, COUNT)},
+            {},
+        ),
+        "tracker, targets": ({"kind": "tracker", "frame": "free"} | targets, position, of_target),
+        "tracker, all free": ({"kind": "tracker", "frame": "free", "target": "free"}, turned, {}),
+        "tracker, orientations": ({"kind": "tracker", "target_sigma": 1e-3}, turned, {}),
+    }
+
+
+def instrument(name: str) -> tuple[Instrument, Poses, Floats]:
+    rng = np.random.default_rng(3)
+    said, numbers, ids = _tables(rng)[name]
+    table = TABLES[said["kind"]].model_validate(said | {"name": "one"})
+    known = {column: tuple(dict.fromkeys(map(str, values))) for column, values in ids.items()}
+    read = Read(numbers, ids, np.full(COUNT, -1), known)
+    one = BUILT_IN[said["kind"]](table, read, UP)
+    u = rng.normal(0.0, 0.05, len(one.unknowns))
+    return one, _poses(rng), u
+
+
+NAMES = tuple(_tables(np.random.default_rng(0)))
+
+
+def test_poses_near_those_that_were_read_leave_no_orientation() -> None:
+    for name in ("tracker, all free", "tracker, orientations"):
+        one, poses, u = instrument(name)
+        assert isinstance(one, Tracker)
+        assert np.abs(one.minus(_near(one, poses, u), u)[:, 3:]).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_by_the_pose_are_those_of_the_prediction(name: str) -> None:
+    one, poses, u = instrument(name)
+    if isinstance(one, Tracker) and one.turned:
+        poses = _near(one, poses, u)
+    expected = np.empty((COUNT, len(one.components), 6))
+    for i in range(6):
+        step = np.zeros(6)
+        step[i] = STEP
+        both = [one.minus(Poses(poses.T + s * step[:3], exp(s * step[3:]) @ poses.R), u) for s in (-1.0, 1.0)]
+        expected[:, :, i] = (both[0] - both[1]) / (2.0 * STEP)
+    assert np.abs(one.by_pose(poses, u) - expected).max() < 2e-8
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_by_unknowns_are_those_of_the_prediction(name: str) -> None:
+    one, poses, u = instrument(name)
+    if isinstance(one, Tracker) and one.turned:
+        poses = _near(one, poses, u)
+    assert len(u)
+    expected = np.empty((COUNT, len(one.components), len(u)))
+    for i in range(len(u)):
+        step = np.zeros(len(u))
+        step[i] = STEP
+        expected[:, :, i] = (one.minus(poses, u - step) - one.minus(poses, u + step)) / (2.0 * STEP)
+    assert np.abs(one.by_unknown(poses, u) - expected).max() < 2e-8
+
+
+def _near(one: Tracker, poses: Poses, u: Floats) -> Poses:
+    """Poses at which the tracker would read the orientations that it has read, as a fit's are."""
+    read = from_quaternions(np.column_stack([one.read.numbers[name] for name in ("qw", "qx", "qy", "qz")]))
+    # It reads F R M, and so F M at R = 1 and, with the mount M alone unknown, M.
+    still = Poses(poses.T, np.broadcast_to(np.eye(3), (COUNT, 3, 3)))
+    free = one.table.frame == "free"
+    both = one.orientations(still, u)
+    mount = one.orientations(still, np.concatenate([u[:-6], np.zeros(6)])) if free else both
+    frame = both @ np.swapaxes(mount, 1, 2)
+    return Poses(poses.T, np.swapaxes(frame, 1, 2) @ read @ np.swapaxes(mount, 1, 2))
