@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import median
-from scipy.stats import qmc
 
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.poses import Poses
@@ -95,6 +94,8 @@ class ChainWorkspace:
 
 def chain_commands(model: Model, count: int, seed: int) -> Floats:
     """(N, n) commands that fill the joints' ranges, or a turn where there is no end to them; those that are reached."""
+    from scipy.stats import qmc
+
     robot = model.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)

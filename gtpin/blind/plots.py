@@ -12,7 +12,7 @@ from gtpin.blind.figures import of_kind
 from gtpin.blind.judged import VISIBLE, Judged
 from gtpin.blind.power import EDGES, matched_filter
 from gtpin.report.embedded import Plot
-from gtpin.report.figure import figure
+from gtpin.report.figure import Drawing
 from gtpin.report.palette import ACCENT, BAD, DATA, FIT, GOOD, LOW, MID, MYSTERY, WARN, ZERO
 
 COLORS = (ACCENT, FIT, GOOD, MYSTERY)
@@ -67,7 +67,7 @@ def _reliability(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Plot | None
     }
     caption = "Probabilities of the named causes, and of all members of their classes, by tenths; bars: 95 %."
     return (
-        Plot("reliability", "Reliability of the probabilities", partial(figure, traces, layout), (), caption)
+        Plot("reliability", "Reliability of the probabilities", partial(Drawing, traces, layout), (), caption)
         if rows["causes"]
         else None
     )
@@ -107,7 +107,7 @@ def _power(rows: Sequence[Mapping[str, Any]]) -> Plot | None:
     return Plot(
         "power",
         "Share detected by energy",
-        partial(figure, traces, layout),
+        partial(Drawing, traces, layout),
         (),
         "Single effects by the energy that geometry can't explain; bars: 95 %.",
     )
@@ -143,7 +143,7 @@ def _confusion(counts: Mapping[str, Mapping[str, int]]) -> Plot | None:
     return Plot(
         "confusion",
         "Confusion matrix of single effects",
-        partial(figure, [trace], layout),
+        partial(Drawing, [trace], layout),
         (),
         caption,
         height=130 + 24 * len(counts),
@@ -178,7 +178,7 @@ def _shrinkage(cases: Sequence[Judged]) -> Plot | None:
     return Plot(
         "shrinkage",
         "Explained fraction of the gap, predicted and realised",
-        partial(figure, [line, dots], layout),
+        partial(Drawing, [line, dots], layout),
         (),
         "One dot per case; values below -1 are drawn at -1.",
     )
@@ -226,7 +226,7 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
     return Plot(
         "difficulty",
         "Energy, and what the best wrong effect leaves",
-        partial(figure, traces, layout),
+        partial(Drawing, traces, layout),
         (),
         "Single effects; dotted: D = 63.",
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
@@ -51,6 +50,8 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def _postures(model: Model) -> tuple[Floats, Poses]:
     """Commands that fill the ranges, and their poses by geometry alone, base frame."""
+    from scipy.stats import qmc
+
     robot = model.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)

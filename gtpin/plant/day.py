@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from gtpin.plant.fields import curve
 
@@ -68,5 +67,7 @@ class Day:
 
 def _lagged(source: Floats, constant: float) -> Floats:
     """What follows a source (M,) with a time constant, s, from zero."""
+    from scipy.signal import lfilter
+
     share = STEP / (constant + STEP)
     return np.asarray(lfilter([share], [1.0, share - 1.0], source))

@@ -12,7 +12,7 @@ import numpy as np
 from gtpin.errors import DatasetError
 from gtpin.report.ball_bar import Circle, Layer, circles
 from gtpin.report.embedded import Plot, escaped
-from gtpin.report.figure import alone, figure
+from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import ACCENT, FIT, LIGHT, LINE, ZERO
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import pose_names
@@ -111,7 +111,7 @@ def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
         }
         layout["annotations"].append({"text": words, "showarrow": False, "font": {"size": 11}} | place)
     layout |= {"width": 400 * len(layers), "height": 560}
-    made = alone(figure(traces, layout), f"Circular test, {name_of(circle)}")
+    made = alone(Drawing(traces, layout).figure(), f"Circular test, {name_of(circle)}")
     made.update_layout(margin={"t": 90, "b": 70})
     return made
 
@@ -145,13 +145,13 @@ def _layers(causes: bool) -> tuple[Layer, ...]:
     return ("measured", "before", "after") if causes else ("measured", "before")
 
 
-def _alone(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[Layer]) -> Figure:
+def _alone(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[Layer]) -> Drawing:
     layout = {
         "polar": _polar(circle, layer, layers),
         "showlegend": False,
         "margin": {"t": 24, "b": 24, "l": 30, "r": 30},
     }
-    return figure(_traces(residuals, circle, layer, layers), layout)
+    return Drawing(_traces(residuals, circle, layer, layers), layout)
 
 
 def _scale(circle: Circle, layers: Sequence[Layer]) -> tuple[float, str, float]:

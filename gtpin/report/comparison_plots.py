@@ -12,12 +12,12 @@ from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError
 from gtpin.report.embedded import Choice, Plot
-from gtpin.report.figure import figure
+from gtpin.report.figure import Drawing
 from gtpin.report.palette import ACCENT, FIT, GOOD, INK, SOFT, WARN
 from gtpin.report.residual_plots import shown
 
 if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
+    pass
 
 COLORS = {1: SOFT, 2: WARN, 3: ACCENT, 4: GOOD, 5: FIT}
 FIGURES = {"mean_um": "mean", "rms_um": "root mean square", "max_um": "largest"}
@@ -26,23 +26,23 @@ ANGLES = Choice("angle", "Angle", (("alpha", "alpha"), ("beta", "beta"), ("gamma
 
 
 def errors_plot(comparison: Comparison) -> Plot:
-    """The place of :func:`errors_figure`."""
+    """The place of :func:`errors_drawing`."""
     title = "Position errors of each model with 95 % intervals"
-    return Plot("errors", title, partial(errors_figure, comparison), height=360)
+    return Plot("errors", title, partial(errors_drawing, comparison), height=360)
 
 
 def angles_plot(comparison: Comparison) -> Plot:
-    """The place of :func:`angles_figure`."""
-    return Plot("angles", "Orientation errors pose by pose", partial(angles_figure, comparison), (ANGLES,))
+    """The place of :func:`angles_drawing`."""
+    return Plot("angles", "Orientation errors pose by pose", partial(angles_drawing, comparison), (ANGLES,))
 
 
 def carts_plot(carts: CartMeasurements) -> Plot:
-    """The place of :func:`carts_figure`."""
+    """The place of :func:`carts_drawing`."""
     title = "What a straight line leaves of each cart's measured track"
-    return Plot("carts", title, partial(carts_figure, carts), height=320)
+    return Plot("carts", title, partial(carts_drawing, carts), height=320)
 
 
-def errors_figure(comparison: Comparison) -> Figure:
+def errors_drawing(comparison: Comparison) -> Drawing:
     """Mean, root mean square and largest position error of each model on held-out poses, with 95 % intervals."""
     traces = []
     for held, ends in zip(comparison.held, comparison.intervals(), strict=True):
@@ -63,12 +63,12 @@ def errors_figure(comparison: Comparison) -> Figure:
         traces.append(
             {"type": "bar", "name": name, "x": list(FIGURES.values()), "y": values, "error_y": bars, "marker": color}
         )
-    return figure(
+    return Drawing(
         traces, {"barmode": "group", "yaxis": {"title": {"text": "position error (µm)"}, "rangemode": "tozero"}}
     )
 
 
-def angles_figure(comparison: Comparison, angle: str = "alpha") -> Figure:
+def angles_drawing(comparison: Comparison, angle: str = "alpha") -> Drawing:
     """An Euler angle (ZYZ), measured less predicted, of each held-out pose.
 
     Raises
@@ -97,10 +97,10 @@ def angles_figure(comparison: Comparison, angle: str = "alpha") -> Figure:
             }
         )
     titles = {"xaxis": "held-out pose, in the dataset's order", "yaxis": f"{angle} (mrad)"}
-    return figure(traces, {axis: {"title": {"text": text}} for axis, text in titles.items()})
+    return Drawing(traces, {axis: {"title": {"text": text}} for axis, text in titles.items()})
 
 
-def carts_figure(carts: CartMeasurements) -> Figure:
+def carts_drawing(carts: CartMeasurements) -> Drawing:
     """Residuals of a straight line fitted to each cart's measured positions."""
     traces = []
     for j in range(carts.n_actuators):
@@ -109,4 +109,4 @@ def carts_figure(carts: CartMeasurements) -> Figure:
         places = {"x": line.q[rows], "y": 1e6 * line.absolute[rows]}
         traces.append({"type": "scatter", "mode": "lines", "name": f"cart {j + 1}"} | places)
     off = {"title": {"text": "off a straight line (µm)"}, "rangemode": "tozero"}
-    return figure(traces, {"xaxis": {"title": {"text": "commanded position (m)"}}, "yaxis": off})
+    return Drawing(traces, {"xaxis": {"title": {"text": "commanded position (m)"}}, "yaxis": off})

@@ -11,14 +11,14 @@ import numpy as np
 from gtpin.estimate import WIDE
 from gtpin.report.effect_curves import Curve, Line
 from gtpin.report.embedded import Plot, escaped
-from gtpin.report.figure import figure
+from gtpin.report.figure import Drawing
 from gtpin.report.palette import CURVES, DATA
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import POINTS, shown
 from gtpin.report.words import joined, quantity
 
 if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
+    pass
 
 MOST = 6
 """Largest number of curves that are drawn per effect."""
@@ -38,18 +38,18 @@ def curve_plots(name: str, found: Sequence[Curve]) -> list[Plot]:
         What the plots' names begin with.
     """
     return [
-        Plot(f"{name}-{i}", f"{curve.name} against {curve.x_title}", partial(curve_figure, curve), height=300)
+        Plot(f"{name}-{i}", f"{curve.name} against {curve.x_title}", partial(curve_drawing, curve), height=300)
         for i, curve in enumerate(drawn_curves(found))
     ]
 
 
-def curve_figure(curve: Curve) -> Figure:
+def curve_drawing(curve: Curve) -> Drawing:
     """A curve of an effect with its 95 % interval, and the measurements less everything else that the model explains."""
     factor, unit = scale_of(np.concatenate([line.y for line in curve.lines]), curve.unit)
     traces: list[dict[str, Any]] = []
     for k, line in enumerate(curve.lines):
         traces += _traces(curve, line, factor, *CURVES[k % len(CURVES)], rank=2 * k + 1)
-    return figure(traces, _layout(curve, factor, unit))
+    return Drawing(traces, _layout(curve, factor, unit))
 
 
 def curve_notes(found: Sequence[Curve]) -> list[str]:

@@ -6,17 +6,14 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from gtpin.report.figure import LOOK
+from gtpin.report.figure import LOOK, Drawing
 from gtpin.report.palette import LIGHT, name_of
-
-if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
 
 FEW = 8
 """Entries up to which a list is written where it is used."""
@@ -44,7 +41,7 @@ class Plot:
     title
         Title, also read by screen readers.
     draw
-        Makes the figure; called with one option of each choice in ``follows``, by the choices' names.
+        Makes the drawing; called with one option of each choice in ``follows``, by the choices' names.
     follows
         Choices of the reader that the figure depends on.
     caption
@@ -57,14 +54,14 @@ class Plot:
 
     name: str
     title: str
-    draw: Callable[..., Figure]
+    draw: Callable[..., Drawing]
     follows: Sequence[Choice] = ()
     caption: str = ""
     height: int = 340
     whole: bool = False
 
-    def figures(self) -> dict[tuple[str, ...], Figure]:
-        """The figures, by the options that are chosen; those of the last choice vary fastest."""
+    def drawings(self) -> dict[tuple[str, ...], Drawing]:
+        """The drawings, by the options that are chosen; those of the last choice vary fastest."""
         names = [choice.name for choice in self.follows]
         options = product(*([value for value, _ in choice.options] for choice in self.follows))
         return {chosen: self.draw(**dict(zip(names, chosen, strict=True))) for chosen in options}
@@ -98,14 +95,12 @@ class Shared:
 
     def embed(self, plot: Plot) -> Embedded:
         """Draw a plot's figures, and write them with references to what is shared."""
-        drawn = plot.figures()
+        drawn = plot.drawings()
         figures: list[dict[str, Any]] = []
         marks: dict[tuple[str, str, str], frozenset[tuple[str, ...]]] = {}
         for chosen, made in drawn.items():
-            traces = [trace.to_plotly_json() for trace in made.data]
-            layout = {name: value for name, value in made.layout.to_plotly_json().items() if name != "template"}
-            figures.append(self._written({"data": traces, "layout": layout}))
-            for look in filter(None, map(_look, traces)):
+            figures.append(self._written({"data": made.traces, "layout": made.layout}))
+            for look in filter(None, map(_look, made.traces)):
                 marks[look] = marks.get(look, frozenset()) | {chosen}
         follows = [[choice.name, len(choice.options)] for choice in plot.follows]
         return Embedded(plot, script({"follows": follows, "figures": figures}), marks)
@@ -153,7 +148,7 @@ def _look(trace: Mapping[str, Any]) -> tuple[str, str, str] | None:
     color = (trace.get("line") or trace.get("marker") or {}).get("color")
     if "name" not in trace or not isinstance(color, str):
         return None
-    return trace["name"], trace.get("mode", trace["type"]), name_of(color)
+    return trace["name"], trace.get("mode", trace.get("type", "scatter")), name_of(color)
 
 
 def script(content: Mapping[str, Any]) -> Markup:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.errors import GtpinError
 from gtpin.report.embedded import Choice, Plot
-from gtpin.report.figure import alone, figure
+from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import pose_names, shown
@@ -76,7 +76,7 @@ def maps(residuals: Residuals, layers: Choice) -> Maps:
     scale = MapScale.of(residuals)
 
     def plot(view: str) -> Plot:
-        def draw(layer: str) -> Figure:
+        def draw(layer: str) -> Drawing:
             return _map(residuals, view, scale, layer == "after")
 
         return Plot(f"map-{view}", f"Residual map, {view[0]} and {view[1]}", draw, (layers,), height=310)
@@ -97,7 +97,7 @@ def residual_map(residuals: Residuals, view: str = "xy", *, after: bool = False)
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
     scale = MapScale.of(residuals)
-    made = _map(residuals, view, scale, after)
+    made = _map(residuals, view, scale, after).figure()
     bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": scale.unit, "side": "right"}}
     made.update_traces(selector={"mode": "markers"}, marker={"showscale": True, "colorbar": bar})
     return alone(made, f"Position residuals, directions magnified {scale.magnified:,.0f} times")
@@ -111,7 +111,7 @@ def _magnification(T: Floats, lengths: Floats) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
 
 
-def _map(residuals: Residuals, view: str, scale: MapScale, after: bool) -> Figure:
+def _map(residuals: Residuals, view: str, scale: MapScale, after: bool) -> Drawing:
     rows = shown(len(residuals))
     T = residuals.poses.T[rows]
     # Residuals are the instrument's, the map the base frame's.
@@ -152,4 +152,4 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool) -> Figur
         "showlegend": False,
         "margin": {"t": 10},
     }
-    return figure([arrows, points], layout)
+    return Drawing([arrows, points], layout)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.errors import GtpinError
 from gtpin.report.embedded import Choice, Plot
-from gtpin.report.figure import alone, figure
+from gtpin.report.figure import Drawing, alone
 from gtpin.report.maps import Maps, residual_map
 from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.residual_plots import pose_names, shown
@@ -35,7 +35,7 @@ def reading_maps(residuals: Residuals, layers: Choice) -> Maps:
     top = _top(residuals)
 
     def plot(view: str) -> Plot:
-        def draw(layer: str, instrument: str = ALL) -> Figure:
+        def draw(layer: str, instrument: str = ALL) -> Drawing:
             return _map(residuals, view, top, layer == "after", instrument)
 
         title = f"Errors of readings, {view[0]} and {view[1]}"
@@ -58,7 +58,7 @@ def workspace_figure(residuals: Residuals, view: str = "xy", *, after: bool = Fa
         return residual_map(residuals, view, after=after)
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
-    made = _map(residuals, view, _top(residuals), after, ALL)
+    made = _map(residuals, view, _top(residuals), after, ALL).figure()
     bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": "sigmas", "side": "right"}}
     made.update_traces(marker={"showscale": True, "colorbar": bar})
     return alone(made, "Errors of readings over their sigma")
@@ -74,7 +74,7 @@ def _top(residuals: Residuals) -> float:
     return max(LEAST, float(np.quantile(whitened(residuals, False), 0.98)))
 
 
-def _map(residuals: Residuals, view: str, top: float, after: bool, instrument: str) -> Figure:
+def _map(residuals: Residuals, view: str, top: float, after: bool, instrument: str) -> Drawing:
     assert residuals.readings is not None
     names = [one.name for one in residuals.readings.instruments]
     of = residuals.readings.rows.of
@@ -107,4 +107,4 @@ def _map(residuals: Residuals, view: str, top: float, after: bool, instrument: s
         "showlegend": False,
         "margin": {"t": 10},
     }
-    return figure([points], layout)
+    return Drawing([points], layout)

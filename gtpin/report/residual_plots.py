@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.report.embedded import Choice, Plot, escaped
-from gtpin.report.figure import alone, figure
+from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import DATA, DIVERGING, FIT, INK, ZERO
 from gtpin.report.residual_columns import Column, View, column, columns, commanded, view
 from gtpin.report.residuals import Residuals, evenly
@@ -59,7 +59,8 @@ def residual_figure(
     after
         Show the residuals of geometry with the causes, instead of geometry alone.
     """
-    made = _figure(residuals, column(residuals, against, causes), view(residuals, component), causes, after)
+    drawing = _drawing(residuals, column(residuals, against, causes), view(residuals, component), causes, after)
+    made = drawing.figure()
     made.update_layout(showlegend=True)
     return alone(made, f"Residuals against {coordinate_words(against)}")
 
@@ -87,8 +88,8 @@ def against_columns(
     """
     causes = len(follows[1].options) > 1
 
-    def draw(one: Column, component: str, layer: str) -> Figure:
-        return _figure(residuals, one, views[component], causes, layer == "after")
+    def draw(one: Column, component: str, layer: str) -> Drawing:
+        return _drawing(residuals, one, views[component], causes, layer == "after")
 
     return [
         Plot(
@@ -108,7 +109,7 @@ def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], co
     return Plot("left", f"Residuals over {a} and {b}", partial(_over_two, residuals, a, b, views), (component,))
 
 
-def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: str) -> Figure:
+def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: str) -> Drawing:
     seen, q = views[component], commanded(residuals)
     rows = _drawn(seen)
     bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": seen.title, "side": "right"}}
@@ -123,7 +124,7 @@ def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], c
         "hovertemplate": "%{marker.color:.3g}<br>pose %{text}<extra></extra>",
     }
     titles = {"xaxis": {"title": {"text": f"{a} (m)"}}, "yaxis": {"title": {"text": f"{b} (m)"}}}
-    return figure([trace], {**titles, "margin": {"t": 10}})
+    return Drawing([trace], {**titles, "margin": {"t": 10}})
 
 
 def _drawn(seen: View) -> npt.NDArray[np.intp]:
@@ -136,7 +137,7 @@ def pose_names(residuals: Residuals, rows: npt.NDArray[np.intp]) -> npt.NDArray[
     return np.array([escaped(str(pose)) for pose in residuals.dataset.pose[rows]], dtype=object)
 
 
-def _figure(residuals: Residuals, against: Column, seen: View, causes: bool, after: bool) -> Figure:
+def _drawing(residuals: Residuals, against: Column, seen: View, causes: bool, after: bool) -> Drawing:
     rows = _drawn(seen)
     left = seen.left("after" if after else "before")
     made = (seen.before - seen.after)[rows] if causes and not after else None
@@ -159,7 +160,7 @@ def _figure(residuals: Residuals, against: Column, seen: View, causes: bool, aft
         "boxmode": "group",
         "margin": {"t": 10},
     }
-    return figure(traces, layout)
+    return Drawing(traces, layout)
 
 
 def _dots(

@@ -13,7 +13,7 @@ from gtpin.accuracy.map_figures import Analysed
 from gtpin.accuracy.workspace import Workspace
 from gtpin.errors import ModelError
 from gtpin.report.embedded import Choice, Plot
-from gtpin.report.figure import alone, figure
+from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import SCALE
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.words import typeset
@@ -34,8 +34,8 @@ def slices(found: Analysed) -> tuple[Choice, list[Plot]]:
     choice = Choice("quantity", "Coloured by", options)
 
     def plot(number: int, layer: int) -> Plot:
-        def draw(quantity: str) -> Figure:
-            return figure([_slice(found, values[quantity][0], layer)], _layout(space))
+        def draw(quantity: str) -> Drawing:
+            return Drawing([_slice(found, values[quantity][0], layer)], _layout(space))
 
         title = _place(space, layer)
         return Plot(f"slice-{number}", f"Slice of the workspace at {title}", draw, (choice,), title, 300)
@@ -77,7 +77,7 @@ def workspace_map(found: Analysed, quantity: str = "position error") -> Figure:
             "anchor": f"x{suffix}",
             "title": {"text": "" if k else f"{names[1]} (m)"},
         }
-    return alone(figure(traces, layout), f"{quantity.capitalize()} over the workspace")
+    return alone(Drawing(traces, layout).figure(), f"{quantity.capitalize()} over the workspace")
 
 
 def _label(name: str, unit: str) -> str:

@@ -140,7 +140,7 @@ def test_the_figure_draws_what_was_measured_and_names_the_quantities(tmp_path: P
     (test,) = circular_tests(residuals, False)
     assert [plot.caption.split(",")[0] for plot in test.plots] == ["As measured", "Left by geometry alone"]
     for plot in test.plots:
-        assert plot.figures()
+        assert plot.drawings()
 
 
 def test_where_nothing_lies_on_circles_there_is_no_plot_and_the_figure_says_so(tmp_path: Path) -> None:

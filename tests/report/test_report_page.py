@@ -19,7 +19,7 @@ from gtpin.report import page
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.embedded import Choice, Plot, Shared, key_of
-from gtpin.report.figure import figure
+from gtpin.report.figure import Drawing
 from gtpin.report.page import render
 from gtpin.report.palette import DARK, DATA, FIT, LIGHT
 from gtpin.report.reasons import reason_words
@@ -151,7 +151,7 @@ def resolved(value, shared: Shared):
 
 
 def test_numbers_that_are_none_are_gaps_and_no_text_ends_a_script():
-    made = figure([{"y": np.array([1.0, np.nan, np.inf])}], {"title": {"text": "</script><!--"}})
+    made = Drawing([{"y": np.array([1.0, np.nan, np.inf])}], {"title": {"text": "</script><!--"}})
     shared = Shared()
     embedded = shared.embed(Plot("a", "a", lambda: made))
     written = str(embedded.json) + str(shared.json)
@@ -166,7 +166,7 @@ def test_a_page_has_a_figure_for_each_combination_of_choices_and_every_array_onc
 
     def draw(layer: str, side: str):
         own = {"a": 1.0, "b": 2.0}[layer] * common ** {"x": 1, "y": 2}[side]
-        return figure([{"x": common, "y": own, "name": "line", "line": {"color": DATA}}])
+        return Drawing([{"x": common, "y": own, "name": "line", "line": {"color": DATA}}])
 
     shared = Shared()
     embedded = shared.embed(Plot("p", "p", draw, (layer, side)))
@@ -182,7 +182,7 @@ def test_the_legend_says_for_which_choice_alone_a_trace_is_drawn():
 
     def draw(layer: str):
         both = {"y": [1.0], "mode": "markers", "name": "both", "marker": {"color": DATA}}
-        return figure(
+        return Drawing(
             [both, {"y": [2.0], "mode": "lines", "name": "one", "line": {"color": FIT}}][: 1 + (layer == "a")]
         )
 
@@ -206,3 +206,14 @@ def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
 def test_a_table_of_corrections_is_offered_for_a_sure_cause_alone(findings):
     assert "A controller can correct rack_periodic at cart2" in text(of(findings["explained"]))
     assert "A controller can correct" not in text(of(findings["ambiguous"]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_drawing_of_a_page_is_a_figure_that_plotly_accepts(findings, kind, monkeypatch):
+    plots, embed = [], Shared.embed
+    monkeypatch.setattr(Shared, "embed", lambda shared, plot: (plots.append(plot), embed(shared, plot))[1])
+    of(findings[kind])
+    drawings = [drawing for plot in plots for drawing in plot.drawings().values()]
+    assert len(drawings) > 20
+    for drawing in drawings:
+        assert len(drawing.figure().data) == len(drawing.traces)  # plotly raises ValueError for what it does not know

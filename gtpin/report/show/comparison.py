@@ -15,7 +15,7 @@ from gtpin.model.measured_robot import robot_of
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.comparison_page import comparison_page
-from gtpin.report.comparison_plots import angles_figure, errors_figure
+from gtpin.report.comparison_plots import angles_drawing, errors_drawing
 from gtpin.report.comparison_text import comparison_text
 from gtpin.report.figure import alone
 
@@ -57,9 +57,9 @@ def save(comparison: Comparison, folder: Path, *, force: bool) -> None:
 
 def errors(comparison: Comparison) -> Figure:
     """Position errors of each model."""
-    return alone(errors_figure(comparison), "Position errors on held-out poses, 95 % intervals")
+    return alone(errors_drawing(comparison).figure(), "Position errors on held-out poses, 95 % intervals")
 
 
 def angles(comparison: Comparison, angle: str) -> Figure:
     """Errors of an Euler angle."""
-    return alone(angles_figure(comparison, angle), f"Errors of the Euler angle {angle} on held-out poses")
+    return alone(angles_drawing(comparison, angle).figure(), f"Errors of the Euler angle {angle} on held-out poses")

@@ -12,7 +12,7 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
 from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
-from gtpin.report.curve_plots import curve_figure, drawn_curves
+from gtpin.report.curve_plots import curve_drawing, drawn_curves
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.effect_curves import curves
 from gtpin.report.figure import alone
@@ -106,7 +106,7 @@ def effect_curve(d: Diagnosis, number: int, quantity: str | None) -> Figure:
     if not chosen:
         known = ", ".join(dict.fromkeys(curve.name for curve in found))
         raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {quantity!r}", hint=f"it has {known}")
-    made = curve_figure(chosen[0])
+    made = curve_drawing(chosen[0]).figure()
     made.update_layout(yaxis_title=made.layout.title.text)
     return alone(made, f"{cause.effect} at {cause.site}, 95 % interval")
 

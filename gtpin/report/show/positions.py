@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.errors import GtpinError
 from gtpin.report.embedded import escaped
-from gtpin.report.figure import alone, figure
+from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import DATA, LIGHT, SCALE
 
 if TYPE_CHECKING:
@@ -58,4 +58,4 @@ def position_map(
         "xaxis": {"title": {"text": f"{view[0]} (m)"}},
         "yaxis": {"title": {"text": f"{view[1]} (m)"}, "scaleanchor": "x"},
     }
-    return alone(figure([trace], layout), title)
+    return alone(Drawing([trace], layout).figure(), title)

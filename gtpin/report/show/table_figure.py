@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gtpin.report.embedded import escaped
-from gtpin.report.figure import alone, figure
+from gtpin.report.figure import Drawing, alone
 from gtpin.report.page import Table
 from gtpin.report.palette import INK, LIGHT, LINE
 from gtpin.report.words import typeset
@@ -30,6 +30,6 @@ def table_figure(table: Table, title: str) -> Figure:
     widths = [
         max(LEAST, *(len(text) for text in (name, *column))) for name, column in zip(table.head, columns, strict=True)
     ]
-    made = figure([{"type": "table", "header": head | look, "cells": cells | look, "columnwidth": widths}])
+    made = Drawing([{"type": "table", "header": head | look, "cells": cells | look, "columnwidth": widths}]).figure()
     made.update_layout(height=min(MOST, 120 + ROW * (len(table.rows) + 2)))
     return alone(made, title)
