@@ -61,7 +61,7 @@ class RackPeriodic(Effect):
     )
     of_travel = True
     core = (0, 1)
-    most_values = 6
+    most_values = 24
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

@@ -57,7 +57,7 @@ def test_what_a_model_leaves_is_what_least_squares_leaves():
     hypotheses.groups.add("waves", design.columns(Basis(np.full(3, 2e-5), command=(0, waves))))
     left, taken = left_over(hypotheses, fixed(hypotheses.groups, ("waves",), (2.0,)))
     # Ridge regression as ordinary least squares with a row for each prior, and its hat matrix.
-    J = np.hstack([design.B, 2.0 * hypotheses.groups.columns["waves"]])
+    J = np.hstack([design.B, 2.0 * hypotheses.groups.columns("waves")])
     rows = np.vstack([J, np.eye(J.shape[1])])
     x = np.linalg.lstsq(rows, np.concatenate([design.y, np.zeros(J.shape[1])]), rcond=None)[0]
     assert_allclose(left.ravel(), design.y - J @ x, atol=1e-7)

@@ -82,12 +82,10 @@ def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_mo
     design = problem(effect, setting, seed=1)
     groups: Groups[object] = Groups(Marginal(design.B), design.y)
     model = beside_linearity(design, groups) if with_model else NOTHING
-    columns = groups.columns["smooth"] if with_model else np.zeros((len(design.y), 0))
-    scanned = Scan(design, groups.marginal, effect, SITE)
-    found = scanned.best(model, columns)
+    found = Scan(design, groups, effect, SITE).best(model)
 
     def by_itself(setting: float) -> tuple[float, float]:
-        if setting not in groups.columns:
+        if setting not in groups:
             groups.add(setting, design.columns(effect.basis(design.situation, SITE, setting)), effect.core)
         return gain(groups, model, setting)
 
@@ -110,16 +108,12 @@ def test_what_is_kept_between_scans_changes_nothing(monkeypatch):
     design = problem(effect, 0.13, seed=2)
     groups: Groups[object] = Groups(Marginal(design.B), design.y)
     model = beside_linearity(design, groups)
-    first = Scan(design, groups.marginal, effect, SITE)
-    alone = first.best(NOTHING, np.zeros((len(design.y), 0)))
-    beside = first.best(model, groups.columns["smooth"])
+    first = Scan(design, groups, effect, SITE)
+    alone, beside = first.best(NOTHING), first.best(model)
     monkeypatch.setattr(scan, "KEPT", 0)
-    second = Scan(design, groups.marginal, effect, SITE)
-    for found, model_, columns in (
-        (alone, NOTHING, np.zeros((len(design.y), 0))),
-        (beside, model, groups.columns["smooth"]),
-    ):
-        again = second.best(model_, columns)
+    second = Scan(design, groups, effect, SITE)
+    for found, model_ in ((alone, NOTHING), (beside, model)):
+        again = second.best(model_)
         assert_allclose(
             (again.value, again.sigma, again.gain, again.scale),
             (found.value, found.sigma, found.gain, found.scale),
@@ -136,7 +130,7 @@ def test_sigmas_of_periods_cover_the_true_ones():
     for seed in range(draws):
         true = float(rng.uniform(min(periods[20:-20]), max(periods[20:-20])))
         design = problem(effect, true, seed)
-        found = Scan(design, Marginal(design.B), effect, SITE).best(NOTHING, np.zeros((len(design.y), 0)))
+        found = Scan(design, Groups(Marginal(design.B), design.y), effect, SITE).best(NOTHING)
         z.append((found.value - true) / found.sigma)
     inside = int((np.abs(z) < 1.96).sum())
     assert inside >= binom.ppf(1e-4, draws, 0.95), z
@@ -152,7 +146,7 @@ def test_noise_gains_nothing_by_a_scan():
         rng = np.random.default_rng(seed)
         y = design.B @ rng.standard_normal(design.B.shape[1]) + rng.standard_normal(len(design.y))
         drawn = replace(design, y=y)
-        gains.append(Scan(drawn, Marginal(design.B), effect, SITE).best(NOTHING, np.zeros((len(y), 0))).gain)
+        gains.append(Scan(drawn, Groups(Marginal(design.B), y), effect, SITE).best(NOTHING).gain)
     # The mean of exp(gain) over noise is 1 at most for a Bayes factor; the best of some scales may double it some times.
     assert max(gains) < np.log(20.0 / 1e-3)
     assert np.median(gains) < 1.0

@@ -25,10 +25,29 @@ T = TypeVar("T", bound=Term)
 
 
 class Gain(NamedTuple):
-    """Gain in log evidence by one more explanation, and that explanation with its nonlinear parameter estimated."""
+    """Gain by one more explanation.
+
+    Parameters
+    ----------
+    value
+        In log evidence.
+    term
+        The explanation, with its nonlinear parameter estimated.
+    further
+        Of a periodic error that can have several lines, others that are worth adding at once.
+    more
+        Gain by these lines, in addition: less what they must be worth.
+    """
 
     value: float
     term: Term
+    further: tuple[tuple[float, float], ...] = ()
+    more: float = 0.0
+
+    @property
+    def whole(self) -> float:
+        """Gain with all lines."""
+        return self.value + self.more
 
 
 class HypothesisSet:
@@ -74,7 +93,8 @@ class HypothesisSet:
         self.smooth = tuple(found)
         self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
         self._scans: dict[Hypothesis, Scan] = {}
-        self._lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
+        self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
+        """Models with all lines of a periodic error, by the model without it and its first line."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
 
     @property
@@ -96,12 +116,15 @@ class HypothesisSet:
         return found
 
     def _add(self, hypothesis: Hypothesis) -> None:
-        basis = hypothesis.basis(self.design.situation)
-        core = hypothesis.effect.core
-        if hypothesis.further:
-            width = len(basis) // len(hypothesis.values)
-            core = tuple(i + k * width for k in range(len(hypothesis.values)) for i in core)
-        self.groups.add(hypothesis, self.design.columns(basis), core)
+        if not hypothesis.further:
+            basis = hypothesis.basis(self.design.situation)
+            self.groups.add(hypothesis, self.design.columns(basis), hypothesis.effect.core)
+            return
+        lines = [Hypothesis(hypothesis.effect, hypothesis.site, value) for value in hypothesis.values]
+        for line in lines:
+            if line not in self.groups:
+                self._add(line)
+        self.groups.join(hypothesis, lines)
 
     def cost(self, term: Term) -> float:
         """Log prior odds against an explanation, given nothing else: the gain in log evidence that it must bring."""
@@ -138,7 +161,7 @@ class HypothesisSet:
         """Gain in worth by adding each explanation to a model, to first order."""
         before = sum(self.costs(model.terms).values())
         return {
-            term: Gain(gain.value - sum(self.costs((*model.terms, gain.term)).values()) + before, gain.term)
+            term: gain._replace(value=gain.value - sum(self.costs((*model.terms, gain.term)).values()) + before)
             for term, gain in self.gains(model, terms).items()
         }
 
@@ -154,88 +177,41 @@ class HypothesisSet:
         scanned = set(self.scanned)
         plain = all_gains(self.groups, model, (t for t in new if t not in scanned))
         known |= {term: Gain(value, term) for term, (value, _) in plain.items()}
-        known |= {t: self._scanned(t, model) for t in new if isinstance(t, Hypothesis) and t in scanned}
+        known |= {t: self.scanned_gain(t, model) for t in new if isinstance(t, Hypothesis) and t in scanned}
         return {term: known[term] for term in wanted}
 
     def without_value(self, term: Term) -> Term:
         """A hypothesis of ``named``, whatever the value of its nonlinear parameter; other terms as they are."""
         return term.template if isinstance(term, Hypothesis) else term
 
-    def _scanned(self, hypothesis: Hypothesis, model: Model, others: Sequence[float] = ()) -> Gain:
+    def scan(self, hypothesis: Hypothesis) -> Scan:
+        """The scan of a hypothesis of ``scanned``, prepared once."""
         if hypothesis not in self._scans:
-            self._scans[hypothesis] = Scan(
-                self.design, self.groups.marginal, hypothesis.effect, hypothesis.site, self.priors
-            )
-        best = self._scans[hypothesis].best(model, self.columns(model), others)
-        return Gain(best.gain, Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma))
+            self._scans[hypothesis] = Scan(self.design, self.groups, hypothesis.effect, hypothesis.site, self.priors)
+        return self._scans[hypothesis]
 
-    def further_line(
-        self, model: Model, terms: Collection[Hypothesis] | None = None
-    ) -> tuple[float, Hypothesis, Hypothesis] | None:
-        """Of a model's periodic errors the one that gains most by one more line, with that line and without it.
+    def scanned_gain(self, hypothesis: Hypothesis, model: Model, others: Sequence[float] = ()) -> Gain:
+        """Gain by the best value of a hypothesis of ``scanned``; ``others`` are values of it that the model has."""
+        best = self.scan(hypothesis).best(model, others)
+        term = Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma)
+        room = hypothesis.effect.most_values - 1 - len(others)
+        if self.design.situation.robot.rods or room < 1:
+            return Gain(best.gain, term)
+        worth = [line for line in best.others if line[2] > self.priors.line][:room]
+        more = sum(gain - self.priors.line for _, _, gain in worth)
+        return Gain(best.gain, term, tuple((value, sigma) for value, sigma, _ in worth), more)
 
-        The gain is in worth, to first order; None where no line gains. ``terms``: only these of its periodic errors.
-        """
-        if self.design.situation.robot.rods:
-            return None
-        best: tuple[float, Hypothesis, Hypothesis] | None = None
-        for term in causes(model) if terms is None else terms:
-            if not 0 < len(term.values) < term.effect.most_values or term.template not in self.scanned:
-                continue
-            line = self._scanned(term.template, model, term.values)
-            gain = line.value - self.priors.line
-            if gain > (best[0] if best else 0.0) and isinstance(line.term, Hypothesis):
-                best = (gain, term.with_lines((*term.lines, *line.term.lines)), term)
-        return best
-
-    def widened(self, model: Model, wider: Hypothesis, old: Hypothesis) -> Model:
-        """A model with more lines in the place of one of its periodic errors, all of them estimated again."""
-        found = self._with_lines(self._replaced(model, old, wider), wider)
-        return tuned(self.groups, found.terms, found.scale)
-
-    def with_its_lines(self, rest: Model, term: Hypothesis) -> Model:
-        """A model with one more hypothesis and every further line of it that is worth it."""
-        key = rest.terms, rest.scale, term
-        if key not in self._lined:
-            model = self.extended(rest, term)
-            own = next(t for t in causes(model) if t.place == term.place)
-            while (line := self.further_line(model, (own,))) is not None:
-                wider = self.widened(model, *line[1:])
-                if self.worth(wider) <= self.worth(model) + 1e-9:
-                    break
-                model, own = wider, next(t for t in causes(wider) if t.place == term.place)
-            self._lined[key] = model
-        return self._lined[key]
-
-    def _with_lines(self, model: Model, term: Hypothesis) -> Model:
-        """The model with each line of a hypothesis estimated again given the others, or left out where it is not worth it."""
-        for old in term.lines:
-            less = term.with_lines([line for line in term.lines if line != old])
-            without_it = self._replaced(model, term, less)
-            line = self._scanned(term.template, without_it, less.values).term
-            assert isinstance(line, Hypothesis)
-            again = less.with_lines((*less.lines, *line.lines))
-            for candidate, trial in ((again, self._replaced(model, term, again)), (less, without_it)):
-                if len(candidate.values) > 1 and self.worth(trial) > self.worth(model) + 1e-6:
-                    model, term = trial, candidate
-        return model
-
-    def _replaced(self, model: Model, old: Hypothesis, new: Hypothesis) -> Model:
+    def replaced(self, model: Model, old: Hypothesis, new: Hypothesis) -> Model:
         """The model with one hypothesis in the place of another, at the same scales."""
-        if new not in self.groups.columns:
+        if new not in self.groups:
             self._add(new)
         return fixed(self.groups, tuple(new if term == old else term for term in model.terms), model.scale)
 
     def extended(self, model: Model, term: Term) -> Model:
         """A model with one more explanation, all scales estimated again."""
-        if isinstance(term, Hypothesis) and term not in self.groups.columns:
+        if isinstance(term, Hypothesis) and term not in self.groups:
             self._add(term)
         return tuned(self.groups, (*model.terms, term), (*model.scale, 1.0))
-
-    def columns(self, model: Model) -> Floats:
-        """(N c, m) whitened displacements of a model's explanations for coefficients of typical size."""
-        none = np.zeros((len(self.design.y), 0))
-        return np.hstack([none, *(self.groups.columns[term] for term in model.terms)])
 
     def modulates(self, smooth: SmoothTerm, model: Model | Collection[Hypothesis]) -> bool:
         """Whether a smooth term is only a modulation of one of some hypotheses."""

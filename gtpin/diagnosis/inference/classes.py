@@ -8,6 +8,7 @@ import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
+from gtpin.diagnosis.hypotheses.lines import with_its_lines
 from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.diagnosis.linear.evidence import without
 from gtpin.diagnosis.priors import CLASS_SHARE, Priors
@@ -22,10 +23,11 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     gains = hypotheses.gains(rest, hypotheses.named)
     mine = cause.template
     priors = hypotheses.priors
-    if cause.further:  # all its lines together, against what others gain
-        lines = model.log_evidence - rest.log_evidence - priors.line * len(cause.further)
-        gains[mine] = Gain(max(gains[mine].value, lines), cause)
-    gains |= _with_lines(hypotheses, rest, gains, cause)
+    lined = _with_lines(hypotheses, rest, gains, cause)
+    if cause.further or lined:  # all its lines together, or its own scale estimated as those of others' lines are
+        gained = model.log_evidence - rest.log_evidence - priors.line * len(cause.further)
+        gains[mine] = Gain(max(gains[mine].value, gained), cause)
+    gains |= lined
     own = max(gains[mine].value, 0.0)
     heat = temperature(own, priors)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
@@ -61,7 +63,7 @@ def _with_lines(
         if hypothesis.effect.most_values < 2 or hypothesis.site != cause.site or hypothesis == cause.template:
             continue
         if gain.value > hypotheses.cost(hypothesis) and isinstance(gain.term, Hypothesis):
-            lined = hypotheses.with_its_lines(rest, gain.term)
+            lined = with_its_lines(hypotheses, rest, gain.term)
             term = next(t for t in lined.terms if isinstance(t, Hypothesis) and t.place == hypothesis.place)
             value = lined.log_evidence - rest.log_evidence - hypotheses.priors.line * len(term.further)
             found[hypothesis] = Gain(max(value, gain.value), term)

@@ -140,9 +140,9 @@ def _gaps(
     if design.tracked:
         covariance = noise.covariance(design.command_jacobian, design.components)
         floor = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
-    columns = {c.place: hypotheses.groups.columns[c] * found.scale[c] for c in found.classes}
+    columns = {c.place: hypotheses.groups.columns(c) * found.scale[c] for c in found.classes}
     unseen = {
-        c.place: as_unseen(design, c, hypotheses.groups.columns[c], blocks) * found.scale[c] for c in found.classes
+        c.place: as_unseen(design, c, hypotheses.groups.columns(c), blocks) * found.scale[c] for c in found.classes
     }
 
     def shrunk(places: Iterable[Place]) -> Gap:

@@ -29,7 +29,7 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
         (N,) masks of the poses left out together, a partition.
     """
     design, groups = hypotheses.design, hypotheses.groups
-    columns = {cause: groups.columns[cause] * found.scale[cause] for cause in found.classes}
+    columns = {cause: groups.columns(cause) * found.scale[cause] for cause in found.classes}
     kept = list(found.classes)
     for cause in found.classes:
         others = [columns[c] for c in kept if c != cause]
@@ -51,7 +51,7 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     """
     if not found.classes:
         return found
-    columns = np.hstack([hypotheses.groups.columns[cause] * found.scale[cause] for cause in found.classes])
+    columns = np.hstack([hypotheses.groups.columns(cause) * found.scale[cause] for cause in found.classes])
     alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (columns[:, :0], columns))
     nearer = [float((b**2).sum()) < float((a**2).sum()) for a, b in _compared(hypotheses, alone, whole)]
     if any(nearer):

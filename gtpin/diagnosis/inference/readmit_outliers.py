@@ -79,6 +79,6 @@ def _predicted(hypotheses: HypothesisSet, model: Model) -> Mask:
     design = hypotheses.design
     poses = len(design.whitening)
     each = list(np.eye(poses, dtype=bool))
-    columns = np.hstack([hypotheses.groups.columns[term] * s for term, s in scales(model).items()])
+    columns = np.hstack([hypotheses.groups.columns(term) * s for term, s in scales(model).items()])
     alone, whole = (leave_out(design, some, each).errors for some in (columns[:, :0], columns))
     return np.asarray((whole**2).sum(axis=1) < hypotheses.priors.readmitted_left * (alone**2).sum(axis=1))

@@ -27,7 +27,7 @@ MATTERS = 0.03
 def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
     """(N, c) whitened residuals of geometry and a model together, and the degrees of freedom that these took."""
     design, groups = hypotheses.design, hypotheses.groups
-    scaled = [groups.columns[term] * s for term, s in scales(model).items()]
+    scaled = [groups.columns(term) * s for term, s in scales(model).items()]
     J = np.hstack([design.B, *scaled])
     prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
     normal = J.T @ J

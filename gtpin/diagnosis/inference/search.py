@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, causes, explained_by
+from gtpin.diagnosis.hypotheses.lines import further_lines, settled, widened, with_all_lines, with_its_lines
 from gtpin.diagnosis.linear.evidence import NOTHING, without
 
 BEAM = 3
@@ -72,23 +74,46 @@ def search(
 
 def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term], largest: int) -> Model:
     while True:
-        line = hypotheses.further_line(model)
+        lines = further_lines(hypotheses, model)
         gains = hypotheses.net_gains(model, _with_room(hypotheses, model, terms)) if len(model.terms) < largest else {}
-        best = max(gains.values(), key=lambda g: g.value, default=None)
-        # The gain of a line is of first order: where the one that promises more is not worth it, the other is tried.
-        steps = ["term", "line"] if line is None or (best is not None and best.value >= line[0]) else ["line", "term"]
+        best = max(gains.values(), key=lambda g: g.whole, default=None)
+        # Gains of lines are of first order: where the step that promises more is not worth it, the other is tried.
+        steps = ["term", "lines"] if lines is None or (best and best.whole >= lines[0]) else ["lines", "term"]
         for step in steps:
             larger = model
-            if step == "line" and line is not None:
-                larger = _pruned(hypotheses, hypotheses.widened(model, *line[1:]))
-            elif step == "term" and best is not None and best.value >= 0.0:
-                larger = hypotheses.extended(model, best.term)
+            if step == "lines" and lines is not None:
+                larger = _pruned(hypotheses, widened(hypotheses, model, *lines[1:]))
+            elif step == "term" and best is not None and best.whole >= 0.0:
+                larger = with_all_lines(hypotheses, model, best)
                 larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
             if hypotheses.worth(larger) > hypotheses.worth(model) + 1e-9:
                 break
         else:
-            return model
+            larger = _with_lines_instead(hypotheses, settled(hypotheses, model))
+            if not hypotheses.worth(larger) > hypotheses.worth(model) + 1e-9:
+                return model
         model = larger
+
+
+def _with_lines_instead(hypotheses: HypothesisSet, model: Model) -> Model:
+    """The model with all lines of a drive in the place of its smooth deviation, where they are worth more.
+
+    A smooth deviation gains more than any single line where a joint has many lines, and none of them is worth adding to it.
+    """
+    if hypotheses.design.situation.robot.rods:
+        return model
+    present = {cause.place for cause in causes(model)}
+    for term in model.terms:
+        for lines in hypotheses.scanned:
+            if lines.effect.most_values < 2 or lines.place in present or explained_by(term).site != lines.site:
+                continue
+            rest = without(hypotheses.groups, model, term, sweeps=1)
+            gain = hypotheses.gains(rest, (lines,))[lines]
+            if gain.value > hypotheses.cost(lines) and isinstance(gain.term, Hypothesis):
+                trial = _pruned(hypotheses, with_its_lines(hypotheses, rest, gain.term))
+                if hypotheses.worth(trial) > hypotheses.worth(model) + 1e-9:
+                    return trial
+    return model
 
 
 def _with_room(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Sequence[Term]:
@@ -99,8 +124,8 @@ def _with_room(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -
     if not model.terms or hypotheses.design.situation.robot.rods:
         return terms
     room = hypotheses.priors.most_coefficients * hypotheses.design.count - len(model.mean)
-    columns = hypotheses.groups.columns
-    return [term for term in terms if term not in columns or columns[term].shape[1] <= room]
+    groups = hypotheses.groups
+    return [term for term in terms if term not in groups or groups.width(term) <= room]
 
 
 def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:

@@ -46,7 +46,7 @@ class Conclusion:
         """``unknown`` before ``ambiguous`` before ``explained`` before ``none``: the first that applies."""
         if self.doubts:
             return "unknown"
-        if any(members[0].probability < SURE for members in self.classes.values()):
+        if len(self.sure()) < len(self.classes):
             return "ambiguous"
         return "explained" if self.classes else "none"
 
@@ -65,5 +65,9 @@ class Conclusion:
         return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
 
     def sure(self) -> list[Hypothesis]:
-        """Causes that stand alone."""
-        return [cause for cause, members in self.classes.items() if members[0].probability >= SURE]
+        """Causes that stand alone: each leads its class, and no other member is likely."""
+        return [
+            cause
+            for cause, members in self.classes.items()
+            if members[0].hypothesis.place == cause.place and members[0].probability >= SURE
+        ]

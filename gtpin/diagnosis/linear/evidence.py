@@ -53,14 +53,16 @@ class Marginal:
 class Groups(Generic[K]):
     """Groups of displacements by key, and their inner products X' (I + B B')^-1 Z, each computed once.
 
-    A group's displacements never change: a `Posterior` of some groups stays what it was, whatever is added later.
+    A group's displacements never change: a `Posterior` of some groups stays what it was, whatever is added later. A group can
+    be several others side by side, with one scale for all; its products are theirs.
     """
 
     def __init__(self, marginal: Marginal, y: Floats, priors: Priors = PRIORS) -> None:
         """Start without a group, for a whitened residual y (m,)."""
         self.marginal, self.y, self.priors = marginal, y, priors
-        self.columns: dict[K, Floats] = {}
         self.core: dict[K, tuple[int, ...]] = {}
+        self._columns: dict[K, Floats] = {}
+        self._parts: dict[K, tuple[K, ...]] = {}
         self._half: dict[K, Floats] = {}
         self._moment: dict[K, Floats] = {}
         self._block: dict[tuple[K, K], Floats] = {}
@@ -75,28 +77,66 @@ class Groups(Generic[K]):
         ValueError
             If the term is there already.
         """
-        if term in self.columns:
-            raise ValueError(f"{term} is there already")
-        self.core[term] = core
-        self.columns[term] = columns
+        self._new(term, core)
+        self._columns[term] = columns
         self._half[term] = self.marginal.half(columns)
         self._moment[term] = columns.T @ self.y - self._half[term].T @ self._half_y
 
+    def join(self, term: K, parts: Sequence[K]) -> None:
+        """Add a group of several groups side by side; its core is theirs.
+
+        Raises
+        ------
+        ValueError
+            If the term is there already.
+        """
+        ends = np.cumsum([0, *(self.width(part) for part in parts)])
+        self._new(term, tuple(int(end) + i for part, end in zip(parts, ends, strict=False) for i in self.core[part]))
+        self._parts[term] = tuple(parts)
+
+    def _new(self, term: K, core: tuple[int, ...]) -> None:
+        if term in self.core:
+            raise ValueError(f"{term} is there already")
+        self.core[term] = core
+
+    def __contains__(self, term: object) -> bool:
+        """Whether a group is there."""
+        return term in self.core
+
+    def parts(self, term: K) -> tuple[K, ...]:
+        """The groups that a group consists of; itself where it is no group of several."""
+        return self._parts.get(term, (term,))
+
+    def columns(self, term: K) -> Floats:
+        """(m, c) whitened displacements of a group."""
+        parts = self.parts(term)
+        return self._columns[term] if parts == (term,) else np.hstack([self._columns[part] for part in parts])
+
+    def half(self, term: K) -> Floats:
+        """(p, c) what the geometry absorbs of a group: :meth:`Marginal.half`."""
+        return np.hstack([self._half[part] for part in self.parts(term)])
+
+    def width(self, term: K) -> int:
+        """Number of a group's coefficients."""
+        return sum(self._columns[part].shape[1] for part in self.parts(term))
+
     def moment(self, term: K) -> Floats:
         """(c,) of a group with the residual."""
-        return self._moment[term]
+        return np.concatenate([self._moment[part] for part in self.parts(term)])
 
     def block(self, a: K, b: K) -> Floats:
         """(c_a, c_b) of two groups."""
         if (a, b) not in self._block:
-            found = self.columns[a].T @ self.columns[b] - self._half[a].T @ self._half[b]
+            if a in self._parts or b in self._parts:
+                found = np.block([[self.block(one, other) for other in self.parts(b)] for one in self.parts(a)])
+            else:
+                found = self._columns[a].T @ self._columns[b] - self._half[a].T @ self._half[b]
             self._block[a, b], self._block[b, a] = found, found.T
         return self._block[a, b]
 
     def across(self, term: K, others: Sequence[K]) -> Floats:
         """(c, sum of the others') of a group with several."""
-        width = self.columns[term].shape[1]
-        return np.hstack([np.zeros((width, 0)), *(self.block(term, other) for other in others)])
+        return np.hstack([np.zeros((self.width(term), 0)), *(self.block(term, other) for other in others)])
 
 
 @dataclass(frozen=True)
@@ -133,7 +173,7 @@ def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Post
     """The model of some groups with given scales."""
     if not terms:
         return NOTHING
-    widths = tuple(groups.columns[n].shape[1] for n in terms)
+    widths = tuple(groups.width(n) for n in terms)
     sizes = np.repeat(np.asarray(scale, dtype=float), widths)
     M = np.vstack([groups.across(n, terms) for n in terms]) * np.outer(sizes, sizes)
     u = np.concatenate([groups.moment(n) for n in terms]) * sizes
@@ -161,7 +201,7 @@ def all_gains(groups: Groups[K], model: Posterior[K], terms: Iterable[K]) -> dic
     """The same for each of several groups."""
     alike: dict[tuple[int, tuple[int, ...]], list[K]] = defaultdict(list)
     for term in terms:
-        width = groups.columns[term].shape[1]
+        width = groups.width(term)
         alike[1 << (width - 1).bit_length(), groups.core[term]].append(term)
     found: dict[K, tuple[float, float]] = {}
     for (width, core), members in alike.items():

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import Marginal, Posterior, best_scales
+from gtpin.diagnosis.linear.evidence import Groups, Posterior, best_scales
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.effect import Effect
 
@@ -27,14 +27,32 @@ REFINED, REFINEMENTS = 13, 4
 """Settings tried around the best of the scan, and how often, each time nearer."""
 
 
+ALIKE = 0.3
+"""Least gain of another maximum over that of the best value for which both are taken together. A value explains a part of what
+another one would, at distances that the poses determine: of evenly spread commands a twentieth at most."""
+
+
 @dataclass(frozen=True)
 class Found:
-    """The best value of an effect at a site, its sigma, its gain in log evidence, and its scale."""
+    """The best value of an effect at a site.
+
+    Parameters
+    ----------
+    value, sigma
+        The value, and its standard deviation.
+    gain
+        Gain in log evidence.
+    scale
+        Of the coefficients, over their typical size.
+    others
+        Other maxima of the gain, each with a sigma and its gain: no less than ``ALIKE`` times the best one's.
+    """
 
     value: float
     sigma: float
     gain: float
     scale: float
+    others: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,15 +81,16 @@ class Scan:
     actuator moves, a row for each pose, since rows of a pose then differ by a factor only.
     """
 
-    def __init__(self, design: Design, marginal: Marginal, effect: Effect, site: str, priors: Priors = PRIORS) -> None:
-        """Prepare the inner products with the geometry marginalised."""
-        self.design, self.marginal, self.priors = design, marginal, priors
+    def __init__(self, design: Design, groups: Groups[Any], effect: Effect, site: str, priors: Priors = PRIORS) -> None:
+        """Prepare the inner products with the geometry marginalised; ``groups`` has the groups of all models."""
+        self.design, self.groups, self.marginal, self.priors = design, groups, groups.marginal, priors
         self.effect, self.site = effect, site
         self.values = np.array(effect.nonlinear_values(design.situation, site))
-        self._half_y = marginal.half(design.y[:, None])
+        self._half_y = self.marginal.half(design.y[:, None])
         moved = effect.basis(design.situation, site, float(self.values[0])).command
         self._factor = None if moved is None else design.by_command[:, :, moved[0]]
         self._with_groups: dict[Hashable, Floats] = {}
+        self._seen_groups: dict[Hashable, Floats] = {}
 
     def _displacements(self, values: Sequence[float] | Floats) -> Floats:
         bases = [self.effect.basis(self.design.situation, self.site, float(value)) for value in values]
@@ -118,38 +137,46 @@ class Scan:
         grams, moments = (np.concatenate([getattr(part, name) for part in found]) for name in ("grams", "moments"))
         return kept or None, _Products(halves, grams, moments)
 
-    def _across(self, model: Posterior[Any], columns: Floats) -> Floats:
+    def _across(self, model: Posterior[Any]) -> Floats:
         """(S c, m) products of all values with a model's groups, the geometry marginalised; computed once for each group."""
-        ends = np.cumsum(model.widths)
-        places = {t: slice(end - w, end) for t, w, end in zip(model.terms, model.widths, ends, strict=True)}
-        if new := [term for term in places if term not in self._with_groups]:
-            Z = np.hstack([columns[:, places[term]] for term in new])
+        parts = self._parts(model)
+        if new := [part for part in parts if part not in self._with_groups]:
             kept, products = self._prepared
-            seen = self._seen(Z)
+            seen = np.hstack([self._seen_groups[part] for part in new])
             batches = kept or map(self._displacements, self._batches)
-            found = np.vstack([part.reshape(len(part), -1).T @ seen for part in batches])
-            found -= products.halves.T @ self.marginal.half(Z)
-            parts = np.split(found, np.cumsum([model.widths[model.terms.index(term)] for term in new])[:-1], axis=1)
-            self._with_groups |= {term: part.copy() for term, part in zip(new, parts, strict=True)}
-        used = {term: self._with_groups.pop(term) for term in model.terms}
+            found = np.vstack([some.reshape(len(some), -1).T @ seen for some in batches])
+            found -= products.halves.T @ np.hstack([self.groups.half(part) for part in new])
+            ends = np.cumsum([self.groups.width(part) for part in new])
+            self._with_groups |= {
+                part: some.copy() for part, some in zip(new, np.split(found, ends[:-1], axis=1), strict=True)
+            }
+        used = {part: self._with_groups.pop(part) for part in parts}
         self._with_groups |= used  # the latest last
         while sum(part.size for part in self._with_groups.values()) > KEPT and len(self._with_groups) > len(used):
             del self._with_groups[next(iter(self._with_groups))]
         return np.hstack(list(used.values()))
 
-    def best(self, model: Posterior[Any], columns: Floats, others: Sequence[float] = ()) -> Found:
+    def _parts(self, model: Posterior[Any]) -> tuple[Hashable, ...]:
+        """A model's groups; of a group of several each of them. What is needed of their columns is prepared."""
+        parts = tuple(part for term in model.terms for part in self.groups.parts(term))
+        self._seen_groups = {
+            part: self._seen_groups[part] if part in self._seen_groups else self._seen(self.groups.columns(part))
+            for part in parts
+        }
+        return parts
+
+    def best(self, model: Posterior[Any], others: Sequence[float] = ()) -> Found:
         """Best value given a model.
 
         Parameters
         ----------
-        model, columns
-            Groups that are in already, and their (m, k) whitened displacements for coefficients of typical size. A group's
-            displacements must be the same in every call.
+        model
+            Groups that are in already.
         others
             Values of the same cause that are in already: those that can't be told from them are left out.
         """
         products = self._prepared[1]
-        gains, scales = self._gains(products, model, self._across(model, columns) if model.terms else None)
+        gains, scales = self._gains(products, model, self._across(model) if model.terms else None)
         gains = np.where(self._resolved(self.values, others), gains, LEAST)
         top = int(np.argmax(gains))
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
@@ -158,13 +185,34 @@ class Scan:
         near = self.values[[max(top - 1, 0), min(top + 1, len(self.values) - 1)]]
         if gains[top] < trials or near[0] == near[1]:
             return Found(float(self.values[top]), float(np.ptp(near)), together, float(scales[top]))
-        seen, half = self._seen(columns), self.marginal.half(columns)
+        found = self._refined(model, others, near)
+        gain = max(together, found.gain - trials)
+        return Found(found.value, found.sigma, gain, found.scale, self._maxima(gains, top, others))
+
+    def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> Found:
+        """Best value given a model within a step of the scan about a value; its gain is that of this one trial.
+
+        Parameters
+        ----------
+        model, others
+            As in :meth:`best`.
+        """
+        ordered = np.sort(self.values)
+        at = int(np.searchsorted(ordered, value))
+        around = ordered[[max(at - 2, 0), min(at + 1, len(ordered) - 1)]]
+        found = self._refined(model, others, around)
+        return Found(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
+
+    def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> Found:
+        """The best value between two values, on finer and finer grids."""
+        parts = self._parts(model)
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
             displacements = self._displacements(finer)
             products = self._products(displacements)
-            across = displacements.reshape(len(displacements), -1).T @ seen - products.halves.T @ half
-            fine, fine_scales = self._gains(products, model, across if model.terms else None)
+            flat = displacements.reshape(len(displacements), -1)
+            across = [flat.T @ self._seen_groups[p] - products.halves.T @ self.groups.half(p) for p in parts]
+            fine, fine_scales = self._gains(products, model, np.hstack(across) if across else None)
             fine = np.where(self._resolved(finer, others), fine, LEAST)
             best = int(np.argmax(fine))
             likely = np.exp(fine - fine[best])
@@ -173,8 +221,27 @@ class Scan:
             if sigma > step:
                 break
             near = finer[[max(best - 2, 0), min(best + 2, REFINED - 1)]]
-        gain = max(together, float(fine[best]) - trials)
-        return Found(float(finer[best]), max(sigma, step / np.sqrt(12.0)), gain, float(fine_scales[best]))
+        return Found(float(finer[best]), max(sigma, step / np.sqrt(12.0)), float(fine[best]), float(fine_scales[best]))
+
+    def _maxima(self, gains: Floats, top: int, others: Sequence[float]) -> tuple[tuple[float, float, float], ...]:
+        """Other maxima of the gain over all values, the largest first; each value's neighbours belong to its maximum."""
+        if self.effect.most_values < 2:
+            return ()
+        trials = float(np.log(len(gains)))
+        least, found = max(ALIKE * float(gains[top]), trials), list(others)
+        left = np.where((gains >= least) & _peaks(gains), gains, LEAST)
+        result: list[tuple[float, float, float]] = []
+        left[top] = LEAST
+        found.append(float(self.values[top]))
+        while True:
+            left = np.where(self._resolved(self.values, found), left, LEAST)
+            at = int(np.argmax(left))
+            if left[at] < least:
+                return tuple(result)
+            near = self.values[[max(at - 1, 0), min(at + 1, len(gains) - 1)]]
+            found.append(float(self.values[at]))
+            result.append((found[-1], float(np.ptp(near)), float(left[at]) - trials))
+            left[at] = LEAST
 
     def _resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
         return self.effect.resolved(self.design.situation, self.site, values, others)
@@ -187,3 +254,9 @@ class Scan:
             by_value = across.reshape(*moments.shape, -1)
             grams = grams - by_value @ model.covariance @ by_value.transpose(0, 2, 1)
         return best_scales(grams, moments, self.effect.core, self.priors)
+
+
+def _peaks(gains: Floats) -> npt.NDArray[np.bool_]:
+    """Which gains are no less than those of both neighbours."""
+    around = np.pad(gains, 1, constant_values=-np.inf)
+    return np.asarray((gains >= around[:-2]) & (gains >= around[2:]))
