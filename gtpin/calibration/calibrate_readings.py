@@ -23,6 +23,7 @@ from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.instruments.up import up_of
 from gtpin.kinematics.kinematics import Solver
+from gtpin.model.measured_robot import measuring
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -68,11 +69,12 @@ def calibrate_readings(
     GtpinWarning
         For rejected rows, by name, and for a fit that leaves much more than noise.
     """
-    robot, up = geometry.robot, up_of(geometry.robot)
+    robot = measuring(geometry.robot, dataset)
+    geometry = replace(geometry, robot=robot)
     nominal = Model(geometry, solver=kinematics)
     dataset = with_positions(dataset, robot)
-    check_sockets(dataset, up)
-    whole = single(dataset, up)
+    check_sockets(dataset, robot)
+    whole = single(dataset, robot)
     check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
     assert whole.readings is not None
     usable = sane_rows(whole) & whole.readings.countable
@@ -83,7 +85,7 @@ def calibrate_readings(
     if not usable.any():
         raise DatasetError("the robot reaches none of these commands", file=dataset.file, hint="check q1 .. qn")
     kept, near = whole.take(usable), poses[usable]
-    readings = Readings.of(kept, up)
+    readings = Readings.of(kept, robot)
     readings = readings.at(readings.start(near))
     free = int((~np.isfinite(readings.sigma)).sum())
     if len(kept) * readings.components <= free:
@@ -112,7 +114,7 @@ def calibrate_readings(
         warn(f"set aside as gross errors: poses {', '.join(lost)}")
     found = readings_calibration(settled, fitted.minus(near), fitted, lost, lines, dataset)
     unseen = found.observability.learned < UNSEEN
-    return replace(found, remedies=remedies(settled.fit, found.observability.directions[:, unseen], up))
+    return replace(found, remedies=remedies(settled.fit, found.observability.directions[:, unseen], up_of(robot)))
 
 
 def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
