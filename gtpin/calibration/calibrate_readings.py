@@ -33,6 +33,8 @@ Mask = npt.NDArray[np.bool_]
 
 MOST = 0.5
 """Share of an instrument's rows that gross errors make at most; beyond it nobody can say which the errors are."""
+FEWEST = 1.0
+"""Degrees of freedom, the readings less what was learned of all unknowns, without which nothing can check a fit."""
 MISFIT = 10.0
 """Size of the residuals over the noise that is worth a warning."""
 STRAYED = 6.0
@@ -97,6 +99,9 @@ def calibrate_readings(
     with explained(fitted, near, reach_of(geometry)):
         settled = settled_with_sigmas(RobustFit(nominal, fitted, kept.row, kept.visits, near, progress))
     _check_used(kept, fitted, settled.used)
+    if settled.dof < FEWEST:
+        what = f"{len(kept) * readings.components} readings leave {max(settled.dof, 0.0):.2g} degrees of freedom"
+        raise DatasetError(what, file=dataset.file, hint="measure more: a fit needs more readings than it takes to fit them")
     problem, point = settled.fit.problem, settled.fit.point
     check_fitted(problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
     if settled.excess > MISFIT:

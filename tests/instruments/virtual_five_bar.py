@@ -116,9 +116,9 @@ def commands(rng: np.random.Generator, count: int, near: float = NEAR) -> Floats
     return rng.uniform(-near, near, (count, 2))
 
 
-def encoder(joint: str, **said: object) -> dict[str, object]:
-    """An ``[[instrument]]``."""
-    found = {"name": joint, "kind": "encoder", "joint": joint, "sigma": SIGMA, **said}
+def encoder(name: str, **said: object) -> dict[str, object]:
+    """An ``[[instrument]]``, at the joint of its name; None takes a key away."""
+    found = {"name": name, "kind": "encoder", "joint": name, "sigma": SIGMA, **said}
     return {key: value for key, value in found.items() if value is not None}
 
 
