@@ -101,7 +101,9 @@ def calibrate_readings(
     _check_used(kept, fitted, settled.used)
     if settled.dof < FEWEST:
         what = f"{len(kept) * readings.components} readings leave {max(settled.dof, 0.0):.2g} degrees of freedom"
-        raise DatasetError(what, file=dataset.file, hint="measure more: a fit needs more readings than it takes to fit them")
+        raise DatasetError(
+            what, file=dataset.file, hint="measure more: a fit needs more readings than it takes to fit them"
+        )
     problem, point = settled.fit.problem, settled.fit.point
     check_fitted(problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
     if settled.excess > MISFIT:
