@@ -145,6 +145,7 @@ def _displaced(
         displaced = RodEnds(ends.P, ends.C + carrier_joints, ends.L + length)
         before = kinematics.ends(q)
         poses = follow(lambda s, r: between(before, displaced, s, r), plain, kinematics.size)
+        poses = kinematics.with_joints(poses, commands, displaced.C)
     return replace(poses, T=poses.T + twist[:, :3], R=exp(twist[:, 3:]) @ poses.R)
 
 

@@ -52,9 +52,10 @@ class Basis:
             actuator, travel = self.command
             total += at.command_jacobian[:, :, actuator, None] * travel[:, None, :]
         if self.carrier_joints is not None:
-            total += at.response @ np.einsum("nki,nkim->nkm", at.along, self.carrier_joints)
+            moved = at.response @ np.einsum("nki,nkim->nkm", at.along, self.carrier_joints)
+            total += at.with_joints(moved, self.carrier_joints)
         if self.length is not None:
-            total += at.response @ self.length
+            total += at.with_joints(at.response @ self.length)
         for index, twist in self.placements:
             total += at.bodies.by_twist(index, twist)
         if self.twist is not None:
