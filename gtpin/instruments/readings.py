@@ -161,7 +161,8 @@ class Readings:
 
         def own(i: int, one: Instrument) -> Floats:
             there, u = poses[self._rows[i]], self.u[self._own[i]]
-            return np.concatenate([one.by_pose(there, u), one.by_joints(there, u)], axis=2)
+            by_pose = one.by_pose(there, u)
+            return np.concatenate([by_pose, one.by_joints(there, u)], axis=2) if there.joints else by_pose
 
         return self._each(own)
 

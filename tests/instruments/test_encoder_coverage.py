@@ -10,7 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import binom, chi2
-from virtual_five_bar import SIGMA, TOLERANCE, Measured, measured
+from virtual_five_bar import (
+    SIGMA,
+    TOLERANCE,
+    ZERO,
+    FiveBar,
+    Measured,
+    commands,
+    drawn,
+    encoder,
+    measured,
+    table,
+    written,
+)
 
 import gtpin
 
@@ -88,6 +100,30 @@ def test_all_errors_together_follow_the_covariance_that_is_told() -> None:
 def test_chi_square_per_degree_of_freedom_is_one() -> None:
     total, freedoms = sum(one.found.chi2 for one in studied()), sum(one.found.dof for one in studied())
     assert chi2.ppf(ONCE / 2, freedoms) < total < chi2.isf(ONCE / 2, freedoms), total / freedoms
+
+
+def test_encoders_beside_a_tracker_s_positions_are_fitted_with_them(tmp_path: Path) -> None:
+    """A row is a number then: three of a position, one of an angle."""
+    squares, total, freedoms, count, n, laser = 0.0, 0.0, 0.0, 0, 12, 1.5e-5
+    for number in range(n):
+        rng = np.random.default_rng([18, number])
+        deviations, q = drawn(rng), commands(rng, 50)
+        bar, zero = FiveBar.off(deviations), rng.normal(0.0, ZERO)
+        at = bar.tip(q) + rng.normal(0.0, laser, (50, 3))
+        angle = bar.elbows(q[:30])[:, 1] + zero + rng.normal(0.0, SIGMA, 30)
+        said = [{"name": "laser", "kind": "tracker", "position_sigma": laser}, encoder("elbow2")]
+        tables = {"laser": table(q, x=at[:, 0], y=at[:, 1], z=at[:, 2]), "elbow2": table(q[:30], reading=angle)}
+        found = gtpin.calibrate(gtpin.Dataset.read(written(tmp_path / str(number), said, tables)))
+        truth = np.array([deviations.get(name, 0.0) for name in found.names])
+        total, freedoms = total + found.chi2, freedoms + found.dof
+        error = found.model.geometry.deviation - truth
+        squares += float(error @ np.linalg.solve(found.covariance, error))
+        count += len(truth)
+        assert abs(found.unknown("elbow2.zero").value - zero) < 4.0 * found.unknown("elbow2.zero").sigma
+    assert chi2.ppf(ONCE / 2, freedoms) < total < chi2.isf(ONCE / 2, freedoms), total / freedoms
+    # The tool of these machines is not off, so that six of thirty deviations are no draws: the squares are at most those
+    # of all, and at least those of the others.
+    assert chi2.ppf(ONCE / 2, count - 6 * n) < squares < chi2.isf(ONCE / 2, count), squares / count
 
 
 def test_no_reading_is_set_aside_where_none_is_wrong() -> None:
