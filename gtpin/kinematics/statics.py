@@ -74,7 +74,7 @@ def static_forces(
     if len(J) != robot.n_passive:
         raise ModelError(
             f"the loops of {robot.name} are redundant",
-            hint="static forces need as many closure equations as passive coordinates",
+            hint="statics gives as many forces as there are passive coordinates",
         )
     gravity = robot.folded(np.array(pin.computeGeneralizedGravity(model, data, posture.configuration)))
     wrench = np.concatenate([np.asarray(force, float) + payload * model.gravity.linear, np.asarray(moment, float)])

@@ -226,9 +226,9 @@ class Chain:
         return gaps if self._in_planes is None else self._in_planes @ gaps
 
     def spread(self, multipliers: Floats) -> Floats:
-        """Forces (3 k, ...) along the gaps of k loops, of the closures' multipliers (m, ...): :meth:`closing` transposed.
+        """Forces (3 k, ...) along the gaps of k loops, of the closure equations' multipliers (m, ...).
 
-        A planar loop holds no force across its plane, where play takes up its gap.
+        The transpose of :meth:`closing`: a planar loop holds no force across its plane, where play takes up its gap.
         """
         return multipliers if self._in_planes is None else self._in_planes.T @ multipliers
 
