@@ -128,7 +128,7 @@ def chain_workspace(model: Model, seed: int = 0) -> ChainWorkspace:
 
 def chain_dexterity(model: Model, q: Floats, poses: Poses) -> ChainDexterity:
     """The dexterity at commands q (N, n), whose poses, base frame, are known."""
-    J = model.kinematics.command_jacobian(q, poses)
+    J = model.kinematics.command_jacobian(q, poses)[:, :6]
     gain = np.linalg.svd(J[:, :3], compute_uv=False)
     reach = float(np.sqrt(((poses.T - poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
     least = np.linalg.svd(np.concatenate([J[:, :3], reach * J[:, 3:]], axis=1), compute_uv=False)[:, -1]

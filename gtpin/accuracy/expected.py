@@ -132,7 +132,7 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
         if uncertainty.parameters.shape != (count, count):
             shape = uncertainty.parameters.shape
             raise ModelError(f"a covariance of shape {shape}", hint=f"{model.robot.name} has {count} parameters here")
-        fixed = kinematics.geometry_jacobian(q, poses) @ _root(uncertainty.parameters)
+        fixed = kinematics.geometry_jacobian(q, poses)[:, :6] @ _root(uncertainty.parameters)
     if uncertainty.closures is not None:
         rods = rod_kinematics(model)
         if np.shape(uncertainty.closures) != (len(model.robot.rods),):
@@ -142,7 +142,7 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
             )
         fresh.append(closure_response(rods, q, poses) * uncertainty.closures)
     if uncertainty.repeatability > 0.0:
-        fresh.append(kinematics.command_jacobian(q, poses) * uncertainty.repeatability)
+        fresh.append(kinematics.command_jacobian(q, poses)[:, :6] * uncertainty.repeatability)
     return Response(fixed, np.concatenate(fresh, axis=2))
 
 

@@ -85,7 +85,7 @@ def signal(model: Model, q: Floats, noise: Noise, *, orientation: bool = True, f
     kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
     components = 6 if orientation else 3
-    J = kinematics.geometry_jacobian(q, poses) * model.geometry.tolerance
+    J = kinematics.geometry_jacobian(q, poses)[:, :6] * model.geometry.tolerance
     J = in_frame(J, model.frame)
     if free_frame:
         motion = np.zeros((len(q), 6, 6))
@@ -93,5 +93,5 @@ def signal(model: Model, q: Floats, noise: Noise, *, orientation: bool = True, f
         seen = model.seen(poses).T
         motion[:, :3, 3:] = -FREE * skew(seen - seen.mean(axis=0))
         J = np.concatenate([J, motion], axis=2)
-    whitening = noise.whitening(in_frame(kinematics.command_jacobian(q, poses), model.frame), components)
+    whitening = noise.whitening(in_frame(kinematics.command_jacobian(q, poses)[:, :6], model.frame), components)
     return Signal(whitening @ J[:, :components], model.geometry.names)

@@ -23,6 +23,7 @@ from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.instruments.up import up_of
 from gtpin.kinematics.kinematics import Solver
+from gtpin.model.measured_robot import measuring
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -32,6 +33,8 @@ Mask = npt.NDArray[np.bool_]
 
 MOST = 0.5
 """Share of an instrument's rows that gross errors make at most; beyond it nobody can say which the errors are."""
+FEWEST = 1.0
+"""Degrees of freedom, the readings less what was learned of all unknowns, without which nothing can check a fit."""
 MISFIT = 10.0
 """Size of the residuals over the noise that is worth a warning."""
 STRAYED = 6.0
@@ -68,11 +71,12 @@ def calibrate_readings(
     GtpinWarning
         For rejected rows, by name, and for a fit that leaves much more than noise.
     """
-    robot, up = geometry.robot, up_of(geometry.robot)
+    robot = measuring(geometry.robot, dataset)
+    geometry = replace(geometry, robot=robot)
     nominal = Model(geometry, solver=kinematics)
     dataset = with_positions(dataset, robot)
-    check_sockets(dataset, up)
-    whole = single(dataset, up)
+    check_sockets(dataset, robot)
+    whole = single(dataset, robot)
     check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
     assert whole.readings is not None
     usable = sane_rows(whole) & whole.readings.countable
@@ -83,7 +87,7 @@ def calibrate_readings(
     if not usable.any():
         raise DatasetError("the robot reaches none of these commands", file=dataset.file, hint="check q1 .. qn")
     kept, near = whole.take(usable), poses[usable]
-    readings = Readings.of(kept, up)
+    readings = Readings.of(kept, robot)
     readings = readings.at(readings.start(near))
     free = int((~np.isfinite(readings.sigma)).sum())
     if len(kept) * readings.components <= free:
@@ -95,6 +99,11 @@ def calibrate_readings(
     with explained(fitted, near, reach_of(geometry)):
         settled = settled_with_sigmas(RobustFit(nominal, fitted, kept.row, kept.visits, near, progress))
     _check_used(kept, fitted, settled.used)
+    if settled.dof < FEWEST:
+        what = f"{len(kept) * readings.components} readings leave {max(settled.dof, 0.0):.2g} degrees of freedom"
+        raise DatasetError(
+            what, file=dataset.file, hint="measure more: a fit needs more readings than it takes to fit them"
+        )
     problem, point = settled.fit.problem, settled.fit.point
     check_fitted(problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
     if settled.excess > MISFIT:
@@ -112,7 +121,7 @@ def calibrate_readings(
         warn(f"set aside as gross errors: poses {', '.join(lost)}")
     found = readings_calibration(settled, fitted.minus(near), fitted, lost, lines, dataset)
     unseen = found.observability.learned < UNSEEN
-    return replace(found, remedies=remedies(settled.fit, found.observability.directions[:, unseen], up))
+    return replace(found, remedies=remedies(settled.fit, found.observability.directions[:, unseen], up_of(robot)))
 
 
 def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:

@@ -99,13 +99,13 @@ class ReadingsProblem:
         model, poses = point.model, point.poses[rows]
         readings = self.readings.take(rows).at(self.unknowns(point.x))
         J = model.kinematics.geometry_jacobian(readings.q, poses) * model.geometry.tolerance
-        seen = np.concatenate([readings.by_pose(poses) @ J, readings.by_unknown(poses) * self.unit], axis=2)
+        seen = np.concatenate([readings.by_motion(poses) @ J, readings.by_unknown(poses) * self.unit], axis=2)
         return self._whitened(seen, rows, weight)
 
     def columns(self, point: Point, moved: Floats, rows: slice, weight: Floats | None = None) -> Floats:
-        """(M, c, m) motions (M, 6, m) of some rows' poses, base frame, as whitened readings."""
+        """(M, c, m) motions (M, 6 + k, m) of some rows' poses, base frame, as whitened readings."""
         readings = self.readings.take(rows).at(self.unknowns(point.x))
-        return self._whitened(readings.by_pose(point.poses[rows]) @ moved, rows, weight)
+        return self._whitened(readings.by_motion(point.poses[rows]) @ moved, rows, weight)
 
     def _whitened(self, seen: Floats, rows: slice, weight: Floats | None) -> Floats:
         root = 1.0 if weight is None else np.sqrt(weight)[:, None, None]

@@ -86,7 +86,8 @@ def remedies(fitted: Fit[ReadingsProblem], directions: Floats, up: Floats) -> tu
     rows = np.unique(np.linspace(0, count - 1, min(POSES, count)).astype(np.intp))
     poses = point.poses[rows]
     geometry = point.model.geometry
-    J = point.model.kinematics.geometry_jacobian(problem.readings.q[rows], poses) * geometry.tolerance
+    # Of the platform: measured joints, whose coordinates come after it, are read already.
+    J = point.model.kinematics.geometry_jacobian(problem.readings.q[rows], poses)[:, :6] * geometry.tolerance
     p = problem.n_geometry
     information = fitted.information + np.diag(problem.prior)
     found: list[Remedy | None] = [None] * directions.shape[1]

@@ -61,6 +61,11 @@ class InstrumentTable(BaseModel):
         """Targets by id; one of the id "" where there is one alone."""
         return self.targets or {"": self.target or (0.0, 0.0, 0.0)}
 
+    @property
+    def measured_joints(self) -> tuple[str, ...]:
+        """Passive joints whose coordinates it reads, by their names in the URDF; none by default."""
+        return ()
+
 
 class TrackerTable(InstrumentTable):
     """A laser tracker, a camera, or motion capture: positions, and orientations where it reads them."""
@@ -152,6 +157,11 @@ class EncoderTable(InstrumentTable):
     kind: Literal["encoder"]
     joint: Text
     zero_sigma: NotNegative = 1e-2
+
+    @property
+    def measured_joints(self) -> tuple[str, ...]:
+        """The joint that it reads."""
+        return (self.joint,)
 
 
 class AnyTable(InstrumentTable):

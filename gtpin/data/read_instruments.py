@@ -116,9 +116,12 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentCo
         kinds=dict(kinds),
     )
     pose = np.concatenate([part.pose for part in parts])
-    return InstrumentContents(
+    contents = InstrumentContents(
         description, pose, np.concatenate([part.q for part in parts]), _covariates(toml, parts), rows
     )
+    if contents.as_tracker() is None:
+        _warn_of_stations(toml, tables)
+    return contents
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +180,14 @@ def _check_tracker(read: Table, found: dict[str, Column], rows: Rows) -> None:
         bad = np.flatnonzero(~(np.asarray(values, dtype=float) > 0.0))
         if len(bad):
             raise rows.error(int(bad[0]), name, f"{values[bad[0]]:.6g} can't be", "a sigma is above 0, m or rad")
+
+
+def _warn_of_stations(toml: Path, tables: tuple[InstrumentTable, ...]) -> None:
+    """Warn of trackers' stations in data that are not those of one tracker, where nothing uses them."""
+    names = [table.name for table in tables if isinstance(table, TrackerTable) and table.station is not None]
+    if names:
+        only = "only data of one tracker, at the TCP or a free target, use a station"
+        warn(f"{toml}: {only}: that of {', '.join(names)} is not used")
 
 
 def _check_commands(parts: list[_Part]) -> None:

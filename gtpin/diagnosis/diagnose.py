@@ -31,7 +31,7 @@ from gtpin.effects.driver_motion import Instrument
 from gtpin.effects.effect import Effect
 from gtpin.errors import warn
 from gtpin.memory import require
-from gtpin.model.measured_robot import robot_of
+from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.model.model import Model
 from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
@@ -101,7 +101,7 @@ def diagnose(
     >>> any((cause.effect, cause.site) == ("backlash", "cart1") for cause in diagnosis.causes)
     False
     """
-    nominal = robot.robot if isinstance(robot, Model) else robot or robot_of(dataset)
+    nominal = measuring(robot.robot if isinstance(robot, Model) else robot or robot_of(dataset), dataset)
     known = tuple(catalogue() if effects is None else effects)
     scope = Scope.of((*known, *driver_effects(dataset, nominal)), exclude, false_alarm, nominal, priors)
     check_hold_out(dataset, hold_out)

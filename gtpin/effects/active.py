@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -104,15 +104,18 @@ def with_effects(
     if not effects or not len(q):
         return plain
     T, R = plain.T.copy(), plain.R.copy()
+    joints = {name: x.copy() for name, x in plain.joints.items()}
     reached = np.flatnonzero(plain.reached)
     for chunk in chunks(len(reached)) or [slice(0, 0)]:
         rows = reached[chunk]
         some = {name: values[rows] for name, values in covariates.items()}
         displaced = _displaced(kinematics, q[rows], plain[rows], some, effects)
         T[rows], R[rows] = displaced.T, displaced.R
+        for name, x in joints.items():
+            x[rows] = displaced.joints[name]
     lost = ~(np.isfinite(T).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))
     T[lost], R[lost] = np.nan, np.nan
-    return Poses(T, R)
+    return Poses(T, R, joints)
 
 
 def _displaced(
@@ -142,7 +145,8 @@ def _displaced(
         displaced = RodEnds(ends.P, ends.C + carrier_joints, ends.L + length)
         before = kinematics.ends(q)
         poses = follow(lambda s, r: between(before, displaced, s, r), plain, kinematics.size)
-    return Poses(poses.T + twist[:, :3], exp(twist[:, 3:]) @ poses.R)
+        poses = kinematics.with_joints(poses, commands, displaced.C)
+    return replace(poses, T=poses.T + twist[:, :3], R=exp(twist[:, 3:]) @ poses.R)
 
 
 def _summed(found: Sequence[_Moved]) -> dict[int, Floats]:

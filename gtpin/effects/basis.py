@@ -29,7 +29,7 @@ class Basis:
         (N, k, m) changes of the rods' lengths, m.
     twist
         (N, 6, m) motion of the measured pose while the robot does not move (an error of the instrument or the target):
-        position, m, and rotation vector, rad, base frame.
+        position, m, and rotation vector, rad, base frame. Measured joints do not move then, unless there are rows for them.
     placements
         Robots without rods: pairs of an index, as in :class:`~gtpin.kinematics.bodies.Bodies`, and (N, 6, m) twists, m and
         rad, of that placement frame, in its own axes.
@@ -46,19 +46,20 @@ class Basis:
         return len(self.sigma)
 
     def displacement(self, at: Situation) -> Floats:
-        """(N, 6, m) first-order motion of the TCP for unit coefficients, base frame, m and rad."""
-        total = np.zeros((len(at), 6, len(self)))
+        """(N, 6 + k, m) first-order motion by unit coefficients: of the TCP, base frame, m and rad; of k measured joints."""
+        total = np.zeros((len(at), at.robot.motion_size, len(self)))
         if self.command is not None:
             actuator, travel = self.command
             total += at.command_jacobian[:, :, actuator, None] * travel[:, None, :]
         if self.carrier_joints is not None:
-            total += at.response @ np.einsum("nki,nkim->nkm", at.along, self.carrier_joints)
+            moved = at.response @ np.einsum("nki,nkim->nkm", at.along, self.carrier_joints)
+            total += at.with_joints(moved, self.carrier_joints)
         if self.length is not None:
-            total += at.response @ self.length
+            total += at.with_joints(at.response @ self.length)
         for index, twist in self.placements:
             total += at.bodies.by_twist(index, twist)
         if self.twist is not None:
-            total += self.twist
+            total[:, : self.twist.shape[1]] += self.twist
         return total
 
 

@@ -162,6 +162,15 @@ class Situation:
         """(N, 6, k) motion of the TCP per change of each rod's length, base frame, m/m and rad/m."""
         return np.asarray(np.linalg.inv(pose_jacobian(*self.vectors)) * self.length[:, None, :])
 
+    def with_joints(self, moved: Floats, carrier_joints: Floats | None = None) -> Floats:
+        """(N, 6 + j, m) a motion (N, 6, m) of a platform on rods, then that of the robot's j measured joints.
+
+        ``carrier_joints`` (N, k, 3, m): how the rods' joints on their carriers move, base frame, m; by default not.
+        """
+        if not self.robot.measured_joints:
+            return moved
+        return np.concatenate([moved, self._rods.joint_motion(self.q, self.poses, moved, carrier_joints)], axis=1)
+
     @cached_property
     def command_jacobian(self) -> Floats:
         """(N, 6, n) motion of the TCP per change of each command, base frame, m and rad per m or rad."""

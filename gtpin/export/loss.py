@@ -69,7 +69,7 @@ def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
     for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
         if parameter.kind == "scale" and parameter.per == "actuator":
             off[:, parameter.owner] = deviation * q[:, parameter.owner]
-    return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses), off))
+    return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off))
 
 
 def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> Floats:
@@ -94,7 +94,7 @@ def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> F
         else:
             known[name] = np.zeros(count)
     at = Situation(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
-    return np.asarray(active.basis(at).displacement(at) @ active.coefficients)
+    return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
 
 
 def _conditions(model: Model, active: ActiveEffect) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gtpin.instruments.encoder import Encoder
 from gtpin.instruments.instrument import Component, Instrument, Unknown
 from gtpin.instruments.plane import Plane
 from gtpin.instruments.range import Range
@@ -9,7 +10,7 @@ from gtpin.instruments.socket import Socket
 from gtpin.instruments.tilt import Tilt
 from gtpin.instruments.tracker import Tracker
 
-BUILT_IN: dict[str, type[Instrument]] = {kind.kind: kind for kind in (Tracker, Range, Plane, Socket, Tilt)}
+BUILT_IN: dict[str, type[Instrument]] = {kind.kind: kind for kind in (Tracker, Range, Plane, Socket, Tilt, Encoder)}
 """The kinds that gtpin knows."""
 
-__all__ = ["BUILT_IN", "Component", "Instrument", "Plane", "Range", "Socket", "Tilt", "Tracker", "Unknown"]
+__all__ = ["BUILT_IN", "Component", "Encoder", "Instrument", "Plane", "Range", "Socket", "Tilt", "Tracker", "Unknown"]

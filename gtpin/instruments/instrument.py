@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,8 +14,10 @@ from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError
+from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
+from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 
@@ -132,7 +134,9 @@ class RowError(DatasetError):
 
 
 class Instrument(ABC):
-    """What an instrument reads: z = h(X, u) + noise, with X the pose of the platform and u the instrument's own unknowns.
+    """What an instrument reads: z = h(X, u) + noise, with u the instrument's own unknowns.
+
+    X is the pose of the platform and, where the table names passive joints (``measured_joints``), their coordinates.
 
     A subclass says which columns its table has (``Table``), which unknowns it has with which priors (``unknowns``), which
     numbers a reading has (``components``), and what it would read at given poses (``predicted``). Derivatives are numerical if
@@ -145,11 +149,13 @@ class Instrument(ABC):
         What dataset.toml says of it.
     read
         Its rows.
-    up
-        (3,) unit vector against gravity, base frame.
+    robot
+        The nominal robot.
 
     Attributes
     ----------
+    up
+        (3,) unit vector against gravity, base frame.
     kind
         Its name in dataset.toml.
     Table
@@ -177,9 +183,9 @@ class Instrument(ABC):
     Table: ClassVar[type[InstrumentTable]]
     components: tuple[Component, ...]
 
-    def __init__(self, table: Any, read: Read, up: Floats) -> None:
+    def __init__(self, table: Any, read: Read, robot: Robot) -> None:
         """Take the table and the rows."""
-        self.table, self.read, self.up = table, read, up
+        self.table, self.read, self.robot, self.up = table, read, robot, up_of(robot)
         self.unknowns: tuple[Unknown, ...] = tuple(self._unknowns())
 
     @property
@@ -219,7 +225,7 @@ class Instrument(ABC):
         Parameters
         ----------
         poses
-            (M) poses of the TCP, base frame.
+            (M) poses of the TCP, base frame, with the coordinates of measured joints.
         u
             (k,) deviations of the unknowns from their declared values.
         """
@@ -234,8 +240,19 @@ class Instrument(ABC):
         for i in range(6):
             step = np.zeros(6)
             step[i] = STEP
-            sides = [self.minus(Poses(poses.T + s * step[:3], exp(s * step[3:]) @ poses.R), u) for s in (1.0, -1.0)]
+            ways = (replace(poses, T=poses.T + s * step[:3], R=exp(s * step[3:]) @ poses.R) for s in (1.0, -1.0))
+            sides = [self.minus(way, u) for way in ways]
             found[:, :, i] = -(sides[0] - sides[1]) / (2.0 * STEP)
+        return found
+
+    def by_joints(self, poses: Poses, u: Floats) -> Floats:
+        """(M, c, k) derivative of the prediction by the coordinates, rad or m, of ``poses.joints``, in their order."""
+        found = np.zeros((len(poses), len(self.components), len(poses.joints)))
+        for i, (name, x) in enumerate(poses.joints.items()):
+            if name in self.table.measured_joints:
+                ways = (replace(poses, joints={**poses.joints, name: x + s * STEP}) for s in (1.0, -1.0))
+                sides = [self.minus(way, u) for way in ways]
+                found[:, :, i] = -(sides[0] - sides[1]) / (2.0 * STEP)
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:

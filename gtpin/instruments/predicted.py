@@ -14,7 +14,6 @@ from gtpin.errors import DatasetError, ModelError
 from gtpin.instruments import BUILT_IN
 from gtpin.instruments.instrument import Instrument, Read
 from gtpin.instruments.tracker import Tracker
-from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.model.fitted_instrument import FittedInstrument
@@ -64,7 +63,7 @@ def predicted_readings(model: Model, poses: Poses, name: str, ids: Mapping[str, 
         )
     read = Read(_blank(fitted, len(poses)), dict(ids), np.full(len(poses), -1), fitted.known)
     try:
-        one: Instrument = kind(fitted.table, read, up_of(model.robot))
+        one: Instrument = kind(fitted.table, read, model.robot)
     except DatasetError as error:
         raise ModelError(error.what, column=error.column, hint=error.hint) from None
     u = np.array([fitted.unknowns.get(unknown.name, 0.0) for unknown in one.unknowns])

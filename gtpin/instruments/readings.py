@@ -19,6 +19,7 @@ from gtpin.instruments.socket import Socket
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Model
+from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -37,19 +38,19 @@ class Readings:
         Commands, m or rad.
     rows
         The rows. Where instruments read different numbers of numbers, each row stands for one of them, and c is 1.
-    up
-        (3,) unit vector against gravity, base frame.
+    robot
+        The nominal robot.
     u
         (k,) deviations of all unknowns from their declared values, about which ``minus`` and the derivatives are taken.
     """
 
     q: Floats
     rows: InstrumentRows
-    up: Floats
+    robot: Robot
     u: Floats
 
     @staticmethod
-    def of(dataset: Dataset, up: Floats, u: Floats | None = None) -> Readings:
+    def of(dataset: Dataset, robot: Robot, u: Floats | None = None) -> Readings:
         """The readings of a dataset whose rows are :func:`single`.
 
         Raises
@@ -59,7 +60,7 @@ class Readings:
         """
         rows = dataset.readings
         assert rows is not None
-        found = Readings(dataset.q, rows, up, np.zeros(0))
+        found = Readings(dataset.q, rows, robot, np.zeros(0))
         return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> Readings:
@@ -73,7 +74,7 @@ class Readings:
     @cached_property
     def instruments(self) -> tuple[Instrument, ...]:
         """The instruments, each with its own rows."""
-        return instruments_of(self.rows, self.up)
+        return instruments_of(self.rows, self.robot)
 
     @cached_property
     def components(self) -> int:
@@ -153,9 +154,17 @@ class Readings:
         """(N, c) measured less predicted at poses (N) of the TCP, base frame."""
         return self._each(lambda i, one: one.minus(poses[self._rows[i]], self.u[self._own[i]]))
 
-    def by_pose(self, poses: Poses) -> Floats:
-        """(N, c, 6) derivative of the readings by a shift, m, and a turn, rad, of the platform, base frame."""
-        return self._each(lambda i, one: one.by_pose(poses[self._rows[i]], self.u[self._own[i]]))
+    def by_motion(self, poses: Poses) -> Floats:
+        """(N, c, 6 + k) derivative of the readings by a shift, m, and a turn, rad, of the platform, base frame, and by the
+        coordinates, rad or m, of the robot's k measured joints.
+        """
+
+        def own(i: int, one: Instrument) -> Floats:
+            there, u = poses[self._rows[i]], self.u[self._own[i]]
+            by_pose = one.by_pose(there, u)
+            return np.concatenate([by_pose, one.by_joints(there, u)], axis=2) if there.joints else by_pose
+
+        return self._each(own)
 
     def by_unknown(self, poses: Poses) -> Floats:
         """(N, c, k) derivative of the readings by the unknowns."""
@@ -173,12 +182,12 @@ class Readings:
         return self.minus(poses)
 
     def scatter(self, J: Floats, model: Model, poses: Poses) -> Floats:
-        """(N, c, n) derivative of the readings by the commands, J (N, 6, n) being that of the poses, base frame."""
+        """(N, c, n) derivative of the readings by the commands, J (N, 6 + k, n) being that of the poses, base frame."""
         return self.seen(J, model, poses)
 
     def seen(self, J: Floats, _: Model, poses: Poses) -> Floats:
-        """(N, c, m) motions J (N, 6, m) of the poses, base frame, as they are read."""
-        return np.asarray(self.by_pose(poses) @ J)
+        """(N, c, m) motions J (N, 6 + k, m) of the poses, base frame, and measured joints, as they are read."""
+        return np.asarray(self.by_motion(poses) @ J)
 
     def unknown_columns(self, _: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
         """(N, c, k) derivatives by the unknowns in prior sigmas, ``VAGUE`` where there is none; and 0: all have one then."""
@@ -257,7 +266,7 @@ class Readings:
         return found
 
 
-def instruments_of(rows: InstrumentRows, up: Floats) -> tuple[Instrument, ...]:
+def instruments_of(rows: InstrumentRows, robot: Robot) -> tuple[Instrument, ...]:
     """The instruments of some rows.
 
     Raises
@@ -272,7 +281,7 @@ def instruments_of(rows: InstrumentRows, up: Floats) -> tuple[Instrument, ...]:
             hint = f"{', '.join(BUILT_IN)} are; measure with one of them"
             raise DatasetError(f"instruments of kind {table.kind} are not supported yet", column=table.name, hint=hint)
         try:
-            found.append(kind(table, Read.of(rows, i), up))
+            found.append(kind(table, Read.of(rows, i), robot))
             found[-1].check()
         except RowError as error:
             file, line = rows.place(int(rows.rows_of(i)[error.index]))
@@ -286,7 +295,7 @@ def instruments_of(rows: InstrumentRows, up: Floats) -> tuple[Instrument, ...]:
     return tuple(found)
 
 
-def single(dataset: Dataset, up: Floats) -> Dataset:
+def single(dataset: Dataset, robot: Robot) -> Dataset:
     """The dataset with as many numbers in each row: a row for each number, where instruments read different numbers of them.
 
     Rows keep their number in ``row``; those that were split share it.
@@ -294,7 +303,7 @@ def single(dataset: Dataset, up: Floats) -> Dataset:
     rows = dataset.readings
     if rows is None or (rows.component >= 0).any():
         return dataset
-    instruments = instruments_of(rows, up)
+    instruments = instruments_of(rows, robot)
     links = np.full(len(rows), np.nan)
     for i, one in enumerate(instruments):
         if isinstance(one, Socket):

@@ -28,8 +28,9 @@ class Bodies:
     Parameters
     ----------
     response
-        (N, 6, J + 1, 6) motion of the TCP (position, m, rotation vector, rad; base frame) by a twist (m, rad) of each
-        placement frame, and of the TCP on its body, in that frame's own axes, the actuators held.
+        (N, 6 + k, J + 1, 6) motion of the TCP (position, m, rotation vector, rad; base frame), then of the coordinates of the
+        robot's k measured joints (rad or m), by a twist (m, rad) of each placement frame, and of the TCP on its body, in that
+        frame's own axes, the actuators held.
     R, T
         (N, J + 1, 3, 3) and (N, J + 1, 3), m: placement frames, and the TCP, in the base frame.
     """
@@ -39,14 +40,14 @@ class Bodies:
     T: Floats
 
     def by_twist(self, index: int, twist: Floats) -> Floats:
-        """(N, 6, m) motion of the TCP by twists (N, 6, m) of one placement frame."""
+        """(N, 6 + k, m) motion of the TCP and the measured joints by twists (N, 6, m) of one placement frame."""
         return np.asarray(self.response[:, :, index] @ twist)
 
 
 def bodies(robot: Robot, q: Floats) -> Bodies:
     """Postures at commands q (N, n); NaN where the loops can't be closed."""
     count = robot.model.njoints - 1
-    response = np.full((len(q), 6, count + 1, 6), np.nan)
+    response = np.full((len(q), robot.motion_size, count + 1, 6), np.nan)
     R, T = np.full((len(q), count + 1, 3, 3), np.nan), np.full((len(q), count + 1, 3), np.nan)
     placed = _placed(robot)
     for i in _responses(robot, q, response):
@@ -56,7 +57,7 @@ def bodies(robot: Robot, q: Floats) -> Bodies:
 
 def responses(robot: Robot, q: Floats) -> Floats:
     """The response of :class:`Bodies` alone, which takes half the time."""
-    response = np.full((len(q), 6, robot.model.njoints, 6), np.nan)
+    response = np.full((len(q), robot.motion_size, robot.model.njoints, 6), np.nan)
     for _ in _responses(robot, q, response):
         pass
     return response
@@ -99,9 +100,9 @@ def _responses(robot: Robot, q: Floats, response: Floats) -> Iterator[int]:
     data, count = robot.data, robot.model.njoints - 1
     for i, by_joints in (_loops if robot.constraints else _tree)(robot, q):
         tcp = (data.oMi[robot.tcp_joint] * robot.tcp_placement).rotation
-        response[i, :, :count] = by_joints.reshape(6, count, 6)
+        response[i, :, :count] = by_joints.reshape(robot.motion_size, count, 6)
         response[i, :, count] = 0.0
-        response[i, :3, count, :3] = response[i, 3:, count, 3:] = tcp
+        response[i, :3, count, :3] = response[i, 3:6, count, 3:] = tcp
         yield i
 
 
@@ -118,7 +119,8 @@ def _loops(robot: Robot, q: Floats) -> Iterator[tuple[int, Floats]]:
         posture = _moved(start, row)
         if posture is not None:
             posture.refresh()
-            yield i, Regressors(posture).closed
+            regressors = Regressors(posture)
+            yield i, np.vstack([regressors.closed, regressors.measured])
 
 
 def _moved(start: ClosedPosture, q: Floats) -> ClosedPosture | None:

@@ -63,7 +63,7 @@ class ChainKinematics:
             NaN where the loops can't be closed.
         """
         self.robot.check_commands(q)
-        poses = Poses(np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan))
+        poses = Poses.unknown(len(q), (joint.name for joint in self.robot.measured_joints))
         if self.robot.constraints:
             self._with_loops(q, twists, poses)
         else:
@@ -75,15 +75,15 @@ class ChainKinematics:
         return bodies(self.robot, q)
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6, n) derivative of the TCP's pose by the commands; see ``RodKinematics``."""
+        """(N, 6 + k, n) derivative by the commands; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
         return _contracted(responses(self.robot, q), driven_twists(self.robot))
 
     def by_commands(self, at: Bodies) -> Floats:
-        """(N, 6, n) derivative of the TCP's pose by the commands, of postures that are known."""
+        """(N, 6 + k, n) the same, of postures that are known."""
         return _contracted(at.response, driven_twists(self.robot))
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6, p) derivative of the TCP's pose by the geometry's parameters; see ``RodKinematics``."""
+        """(N, 6 + k, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
         return _contracted(responses(self.robot, q), self._parameter_twists)
 
     @cached_property
@@ -135,6 +135,8 @@ class ChainKinematics:
             except ClosureError:
                 continue
             poses.T[i], poses.R[i] = posture.T, posture.R
+            for joint in self.robot.measured_joints:
+                poses.joints[joint.name][i] = joint.coordinate(posture.configuration)
 
     @cached_property
     def _home(self) -> ClosedPosture:
@@ -142,7 +144,7 @@ class ChainKinematics:
 
 
 def _contracted(response: Floats, twists: Floats) -> Floats:
-    """(N, 6, m) motion of the TCP by twists (J + 1, 6, m) that are the same at all postures."""
-    n, _, count, _ = response.shape
-    flat = response.reshape(n * 6, count * 6) @ twists.reshape(count * 6, -1)
-    return np.asarray(flat).reshape(n, 6, -1)
+    """(N, 6 + k, m) motion of the TCP and the k measured joints by twists (J + 1, 6, m), the same at all postures."""
+    n, width, count, _ = response.shape
+    flat = response.reshape(n * width, count * 6) @ twists.reshape(count * 6, -1)
+    return np.asarray(flat).reshape(n, width, -1)

@@ -60,7 +60,7 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
 
 
 class Regressors:
-    """Motion of the TCP, and of each loop's gap, by twists of joint placements."""
+    """Motion of the TCP, of each loop's gap, and of measured joints, by twists of joint placements."""
 
     def __init__(self, posture: ClosedPosture) -> None:
         robot = posture.robot
@@ -72,7 +72,10 @@ class Regressors:
             # A gap that play takes up (across a planar loop) turns with the first anchor, in whose frame it is.
             turning = np.cross(first[3:], _gap(posture, i), axis=0)
             gaps[3 * i : 3 * i + 3] = to_gap(posture, i, second[:3] - first[:3] - turning)
-        self.closed: Floats = self.tcp + posture.passive_response @ robot.closing(gaps)
+        gaps = robot.closing(gaps)
+        self.closed: Floats = self.tcp + posture.passive_response @ gaps
+        rows = [joint.passive for joint in robot.measured_joints]
+        self.measured: Floats = -posture.passive_inverse[rows] @ gaps
 
     @staticmethod
     def _regressor(posture: ClosedPosture, joint: int, placement: object) -> Floats:

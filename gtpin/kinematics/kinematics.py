@@ -19,7 +19,11 @@ Solver = Literal["arrays", "pinocchio"]
 
 
 class Kinematics(Protocol):
-    """What both kinds can do. All poses and derivatives are in the base frame."""
+    """What both kinds can do. All poses and derivatives are in the base frame.
+
+    Derivatives have six rows, of the TCP's position (m) and rotation vector (rad), then one for the coordinate (rad or m)
+    of each of the k measured joints of the robot: by default there are none. Poses have these coordinates under ``joints``.
+    """
 
     @property
     def geometry(self) -> Geometry:
@@ -33,10 +37,10 @@ class Kinematics(Protocol):
         """Poses at commands q (N, n); NaN where the loops can't be closed."""
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6, n) derivative of the TCP's position (m) and rotation vector (rad) by the commands."""
+        """(N, 6 + k, n) derivative by the commands."""
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6, p) derivative of the TCP's position (m) and rotation vector (rad) by the parameters."""
+        """(N, 6 + k, p) derivative by the parameters."""
 
 
 def kinematics(geometry: Geometry, solver: Solver = "arrays") -> Kinematics:

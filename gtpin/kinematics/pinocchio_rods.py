@@ -39,11 +39,14 @@ class PinocchioRods:
     ------
     ModelError
         If the geometry has something that no URDF carries: directions or scales of single rods, measured tracks, a reduced arm.
+        If joints of the robot are measured.
     """
 
     geometry: Geometry
 
     def __post_init__(self) -> None:
+        if self.geometry.robot.measured_joints:
+            raise ModelError("measured joints of rods need the solver in arrays", hint='use kinematics="arrays"')
         by_rod = any(p.kind in ("direction", "scale") and p.per == "rod" for p in self.geometry.parameters)
         if by_rod or self.geometry.reduced or any(track is not None for track in self.geometry.tracks):
             raise ModelError(

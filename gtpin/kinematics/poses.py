@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,14 @@ class Poses(Shown):
     The function that returns the poses states this frame: the base frame or the instrument's frame. All numbers of a pose
     that could not be computed are NaN.
 
+    Parameters
+    ----------
+    T, R
+        Positions and rotations.
+    joints
+        By name, (N,) coordinates, rad or m, of the robot's measured joints at these poses: see
+        :meth:`~gtpin.robot.robot.Robot.measuring`.
+
     Examples
     --------
     >>> import gtpin
@@ -40,12 +49,24 @@ class Poses(Shown):
 
     T: Floats
     R: Floats
+    joints: Mapping[str, Floats] = field(default_factory=dict)
+
+    @staticmethod
+    def unknown(count: int, joints: Iterable[str] = ()) -> Poses:
+        """``count`` poses that are to be computed, NaN, with coordinates of some joints."""
+        coordinates = {name: np.full(count, np.nan) for name in joints}
+        return Poses(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan), coordinates)
 
     def __len__(self) -> int:
         return len(self.T)
 
     def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> Poses:
-        return Poses(self.T[rows], self.R[rows])
+        return Poses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()})
+
+    def followed_by(self, others: Poses) -> Poses:
+        """These poses, then others after them."""
+        joints = {name: np.concatenate([x, others.joints[name]]) for name, x in self.joints.items()}
+        return Poses(np.vstack([self.T, others.T]), np.concatenate([self.R, others.R]), joints)
 
     @property
     def reached(self) -> npt.NDArray[np.bool_]:
@@ -64,7 +85,7 @@ class Poses(Shown):
 
         A position p becomes R p + T.
         """
-        return Poses(self.T @ R.T + T, R @ self.R)
+        return replace(self, T=self.T @ R.T + T, R=R @ self.R)
 
     def minus(self, other: Poses) -> Floats:
         """(N, 6) these poses less other poses: position, m, and rotation vector, rad, both in the frame of the poses.

@@ -14,6 +14,7 @@ from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jac
 from gtpin.kinematics.first_guess import FirstGuess
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
+from gtpin.kinematics.rod_joints import RodJoint, direction, motion
 from gtpin.kinematics.seats import ArmJoint, CarrierJoint, FixedJoint, MeasuredJoint, TrackJoint, Turned
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Kind, rotation_axes
@@ -123,7 +124,31 @@ class RodKinematics:
             else:
                 part = self._from_home(q[rows])
             T[rows], R[rows] = part.T, part.R
-        return Poses(T, R)
+        return self.with_joints(Poses(T, R), q)
+
+    def with_joints(self, poses: Poses, q: Floats, moved: Floats | None = None) -> Poses:
+        """The poses (N) with the coordinates of the robot's measured joints at commands q (N, n).
+
+        ``moved`` (N, k, 3): the rods' joints on their carriers, base frame, m, where they are not those of the commands.
+        """
+        if not self._measured:
+            return poses
+        C = self.ends(q).C if moved is None else moved
+        some = poses.reached
+        joints = {one.joint.name: np.full(len(q), np.nan) for one in self._measured}
+        for one in self._measured:
+            joints[one.joint.name][some] = one.coordinate(direction(one, poses[some], self.P, C[some]))
+        return Poses(poses.T, poses.R, joints)
+
+    def joint_motion(self, q: Floats, poses: Poses, moved: Floats, carrier_joints: Floats | None) -> Floats:
+        """(N, j, m) motion of the measured joints by a motion (N, 6, m) of the platform and, (N, k, 3, m), of the rods' joints
+        on their carriers, base frame.
+        """
+        found = np.zeros((len(q), len(self._measured), moved.shape[2]))
+        for row, one in enumerate(self._measured):
+            dC = np.zeros((len(q), 3, 1)) if carrier_joints is None else carrier_joints[:, one.rod]
+            found[:, row] = motion(one, poses, self.P, self.ends(q).C, moved, dC, np.zeros((3, 1)))
+        return found
 
     def _from_neighbours(self, q: Floats, near: Poses) -> Poses:
         before, after = self._ends_that_close(near, q), self.ends(q)
@@ -159,18 +184,24 @@ class RodKinematics:
         q = robot.home_q[None, :]
         before, after = nominal.ends(q), self.ends(q)
         start = Poses(posture.T[None, :].copy(), posture.R[None, :, :].copy())
-        return follow(lambda s, rows: between(before, after, s, rows), start, self.size)
+        return self.with_joints(follow(lambda s, rows: between(before, after, s, rows), start, self.size), q)
 
     def pose_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, k, 6) derivative of the closures (|d|^2 - L^2) / 2 by the TCP's pose, base frame."""
         return pose_jacobian(*rod_vectors(poses, self.ends(q)))
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6, n) derivative of the TCP's pose by the commands: position and rotation vector, base frame."""
+        """(N, 6 + j, n) derivative by the commands; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
         jacobian = np.empty((len(q), 6, q.shape[1]))
         for rows in chunks(len(q)):
             jacobian[rows] = self._by_commands(q[rows], poses[rows])
-        return jacobian
+        if not self._measured:
+            return jacobian
+        travel, dC = self._travel(q), np.zeros((len(q), self._k, 3, q.shape[1]))
+        for i, seat in enumerate(self.seats):
+            if self._driver[i] >= 0 and not self._extends[i]:
+                dC[:, i, :, self._driver[i]] = self.scale[i] * seat.by_travel(travel[:, i])
+        return np.concatenate([jacobian, self.joint_motion(q, poses, jacobian, dC)], axis=1)
 
     def _by_commands(self, q: Floats, poses: Poses) -> Floats:
         ends = self.ends(q)
@@ -183,9 +214,9 @@ class RodKinematics:
         return np.asarray(-np.linalg.solve(pose_jacobian(d, RP), gradient), dtype=np.float64)
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6, p) derivative of the TCP's pose by the geometry's parameters: position and rotation vector, base frame."""
+        """(N, 6 + j, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
         if not self.geometry.parameters:
-            return np.zeros((len(q), 6, 0))
+            return np.zeros((len(q), 6 + len(self._measured), 0))
         ends = self.ends(q)
         d, RP = rod_vectors(poses, ends)
         slots = self._slots
@@ -198,7 +229,30 @@ class RodKinematics:
         jacobian *= gradient[:, None, first]
         for slot in np.flatnonzero(np.diff(columns, prepend=-1) == 0):
             jacobian[:, :, columns[slot]] += response[:, :, rods[slot]] * gradient[:, slot, None]
-        return np.asarray(jacobian)
+        moved: Floats = np.asarray(jacobian)
+        if not self._measured:
+            return moved
+        return np.concatenate([moved, self._joints_by_geometry(q, poses, ends, moved)], axis=1)
+
+    def _joints_by_geometry(self, q: Floats, poses: Poses, ends: RodEnds, moved: Floats) -> Floats:
+        """(N, j, p) derivative of the measured joints by the parameters, of which ``moved`` (N, 6, p) moves the platform."""
+        found = np.empty((len(q), len(self._measured), moved.shape[2]))
+        for row, one in enumerate(self._measured):
+            i, dC, dP = one.rod, np.zeros((len(q), 3, moved.shape[2])), np.zeros((3, moved.shape[2]))
+            seat, travel = self.seats[i], self._travel(q)[:, i]
+            for column in (column for column, rod in self._slots if rod == i):
+                parameter = self.geometry.parameters[column]
+                c = parameter.component
+                if parameter.kind == "platform_joint":
+                    dP[c, column] = 1.0
+                elif parameter.kind == "carrier_joint":
+                    dC[:, :, column] = seat.by_joint(travel, c)
+                elif parameter.kind == "direction":
+                    dC[:, :, column] = seat.by_turn(travel, c)
+                elif parameter.kind == "scale" and not self._extends[i]:
+                    dC[:, :, column] = seat.by_travel(travel) * q[:, self._driver[i], None]
+            found[:, row] = motion(one, poses, self.P, ends.C, moved, dC, dP)
+        return found
 
     def closures(self, q: Floats, poses: Poses) -> Floats:
         """(N, k) the closures (|d|^2 - L^2) / 2 at any poses, base frame, m^2: zero at the robot's own."""
@@ -252,6 +306,10 @@ class RodKinematics:
     @property
     def _k(self) -> int:
         return len(self._rods)
+
+    @cached_property
+    def _measured(self) -> tuple[RodJoint, ...]:
+        return tuple(RodJoint.of(self.geometry.robot, joint) for joint in self.geometry.robot.measured_joints)
 
     @cached_property
     def _driver(self) -> npt.NDArray[np.int_]:

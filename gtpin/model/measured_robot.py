@@ -7,6 +7,7 @@ from pathlib import Path
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, RobotError
 from gtpin.robot.library import load_robot
+from gtpin.robot.measured_joints import readable
 from gtpin.robot.robot import Robot
 
 PLACES = ("platform", "frame")
@@ -37,6 +38,27 @@ def robot_of(dataset: Dataset) -> Robot:
         robot = Robot(robot.description, dataset.tcp)
     _check_drivers(dataset, robot, file)
     return robot
+
+
+def measuring(robot: Robot, dataset: Dataset) -> Robot:
+    """The robot with the passive joints measured that the dataset's instruments read.
+
+    Raises
+    ------
+    DatasetError
+        For a joint that can't be read; the message says which can.
+    """
+    tables = () if dataset.readings is None else dataset.readings.tables
+    try:
+        return robot.measuring(joint for table in tables for joint in table.measured_joints)
+    except RobotError as error:
+        number = next(i for i, table in enumerate(tables) if not _all_readable(robot, table.measured_joints))
+        toml = None if dataset.path is None else dataset.path / "dataset.toml"
+        raise DatasetError(error.what, file=toml, column=f"instrument.{number}.joint", hint=error.hint) from None
+
+
+def _all_readable(robot: Robot, joints: tuple[str, ...]) -> bool:
+    return set(joints) <= set(readable(robot))
 
 
 def _check_drivers(dataset: Dataset, robot: Robot, file: Path | None) -> None:

@@ -178,12 +178,13 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     file = folder / "model.json"
     content = read_model_file(file)
     robot = Robot(Description.read(folder / content.nominal_urdf), content.tcp)
+    instruments = tuple(_instrument(i, one, file) for i, one in enumerate(content.instruments))
     try:
+        robot = robot.measuring(joint for one in instruments for joint in one.table.measured_joints)
         geometry = _geometry(robot, content)
         frame, covariance = _frame(content), _covariance(geometry, content)
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
-    instruments = tuple(_instrument(i, one, file) for i, one in enumerate(content.instruments))
     return Model(geometry, frame, _effects(content, geometry, file, own), covariance, instruments=instruments)
 
 

@@ -91,8 +91,9 @@ def _lengths(at: Situation, basis: Basis) -> list[Motion]:
 def _twist(at: Situation, basis: Basis) -> list[Motion]:
     if basis.twist is None:
         return []
+    size = at.robot.motion_size
     return [
-        Motion(name, "m" if k < 3 else "rad", basis.twist[:, k], np.broadcast_to(np.eye(6)[k], (len(at), 6)))
+        Motion(name, "m" if k < 3 else "rad", basis.twist[:, k], np.broadcast_to(np.eye(size)[k], (len(at), size)))
         for k, name in enumerate(FREEDOMS)
     ]
 

@@ -48,7 +48,7 @@ class Motion:
     columns
         (N, m) its displacement for a value of 1 of each of the effect's m coefficients.
     tcp
-        (N, 6) displacement of the TCP by one unit of it, base frame, m and rad.
+        (N, 6 + k) displacement of the TCP by one unit of it, base frame, m and rad, and of k measured joints.
     rod
         Index of the rod whose length it is; None for other quantities.
     straightened

@@ -17,7 +17,6 @@ from gtpin.data import Dataset
 from gtpin.data.names import command_names
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.instruments.readings import Readings, single
-from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 
@@ -102,7 +101,7 @@ class Residuals:
 
     @cached_property
     def by_command(self) -> Floats:
-        """(N, 6, n) motion of the TCP, base frame, by the commands."""
+        """(N, 6 + k, n) motion of the TCP, base frame, and of k measured joints by the commands."""
         return self.model.kinematics.command_jacobian(self.dataset.q, self.poses)
 
     @property
@@ -148,7 +147,7 @@ class Residuals:
         return Situation(kinematics, q, kinematics.forward(q), dict(covariates), fixed, temperature)
 
     def along(self, residual: Floats, motion: Floats) -> Floats:
-        """(N,) how far a motion (N, 6), for one unit of it, base frame, has to go to explain residuals (N, c) best."""
+        """(N,) how far a motion (N, 6 + k), for one unit of it, base frame, has to go to explain residuals (N, c) best."""
         if self.readings is None:
             u = in_frame(motion[:, :, None], self.model.frame)[:, : self.components, 0] / self.sigma
         else:
@@ -223,11 +222,11 @@ class Residuals:
 
 def _of_readings(dataset: Dataset, baseline: ReadingsCalibration, model: Model | None, lines: list[int]) -> Residuals:
     """Residuals of readings of several instruments."""
-    up = up_of(baseline.model.robot)
-    whole = single(dataset, up)
+    robot = baseline.model.robot
+    whole = single(dataset, robot)
     rows = np.flatnonzero(~np.isin(whole.row, lines))
     kept = whole.take(rows[evenly(len(rows), MOST)])
-    readings = Readings.of(kept, up, baseline.u)
+    readings = Readings.of(kept, robot, baseline.u)
     before = readings.minus(baseline.model.predict(kept.q))
     after = before
     if model is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,14 @@ import pinocchio as pin
 
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import Description
+from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
 from gtpin.robot.rods import Rod, rods
 
 Floats = npt.NDArray[np.float64]
 Placements = tuple[tuple[Floats, Floats], ...]
 """Rotation and translation of every joint's placement, then of the TCP's on its body."""
+State = tuple[Placements, tuple[str, ...]]
+"""What the URDF does not know: placements, and the names of the measured joints."""
 
 
 class Robot(Chain):
@@ -30,6 +34,8 @@ class Robot(Chain):
     ----------
     rods : tuple of Rod
         In the order of the URDF's ``<rod>`` elements; empty for a robot without rods.
+    measured_joints : tuple of MeasuredJoint
+        Passive joints whose coordinates are computed beside each pose; none by default: see :meth:`measuring`.
 
     Raises
     ------
@@ -47,6 +53,7 @@ class Robot(Chain):
     def __init__(self, description: Description, tcp: str | None = None) -> None:
         super().__init__(description, tcp)
         self.rods: tuple[Rod, ...] = rods(self)
+        self.measured_joints: tuple[MeasuredJoint, ...] = ()
 
     @staticmethod
     def from_urdf(path: str | Path, tcp: str | None = None) -> Robot:
@@ -57,6 +64,31 @@ class Robot(Chain):
     def rod_sites(self) -> tuple[str, ...]:
         """Names of the rods' sites."""
         return tuple(rod.site for rod in self.rods)
+
+    @property
+    def motion_size(self) -> int:
+        """Numbers of a motion: six of the TCP, then one of each measured joint."""
+        return 6 + len(self.measured_joints)
+
+    def measuring(self, joints: Iterable[str]) -> Robot:
+        """A copy some of whose passive joints are measured; a joint named twice is measured once.
+
+        Parameters
+        ----------
+        joints
+            Their names in the URDF.
+
+        Raises
+        ------
+        RobotError
+            For a joint that is driven, fixed, follows another, has several coordinates, or does not exist.
+        """
+        names = tuple(dict.fromkeys(joints))
+        if names == tuple(joint.name for joint in self.measured_joints):
+            return self
+        other = copy.copy(self)
+        other.measured_joints = tuple(measured_joint(self, name) for name in names)
+        return other
 
     def with_placements(self, twists: Floats, platform: Floats | None = None) -> Robot:
         """A copy with joints moved: each placement times the exponential of its twist (njoints, 6), m and rad.
@@ -73,16 +105,18 @@ class Robot(Chain):
         other.prepare_constraints()
         return other
 
-    def __reduce__(self) -> tuple[type[Robot], tuple[Description, str], Placements]:
+    def __reduce__(self) -> tuple[type[Robot], tuple[Description, str], State]:
         moved = (*self.model.jointPlacements, self.tcp_placement)
         placements = tuple((M.rotation.copy(), M.translation.copy()) for M in moved)
-        return Robot, (self.description, self.tcp_frame), placements
+        return Robot, (self.description, self.tcp_frame), (placements, tuple(j.name for j in self.measured_joints))
 
-    def __setstate__(self, placements: Placements) -> None:
+    def __setstate__(self, state: State) -> None:
         # The URDF knows nothing of joints that were moved.
+        placements, joints = state
         for joint_id, (R, T) in enumerate(placements[:-1]):
             self.model.jointPlacements[joint_id] = pin.SE3(R, T)
         self.tcp_placement = pin.SE3(*placements[-1])
+        self.measured_joints = tuple(measured_joint(self, name) for name in joints)
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n_actuators} actuators, {len(self.constraints)} loops)"

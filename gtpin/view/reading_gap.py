@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,9 @@ from gtpin.data import Dataset, check_commands
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.instrument import Instrument
 from gtpin.instruments.readings import Readings, instruments_of, single
-from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fitted_instrument import FittedInstrument
+from gtpin.model.measured_robot import measuring
 from gtpin.model.model import Model
 from gtpin.report.words import quantity
 from gtpin.view.gap import Gap, gap_of, whose
@@ -97,7 +97,8 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[Fit
     """
     if dataset.readings is None:
         return gap_of(model, dataset), model.instruments
-    robot = model.robot
+    robot = measuring(model.robot, dataset)
+    model = replace(model, geometry=replace(model.geometry, robot=robot))
     check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
     poses = model.predict(dataset.q, dataset.covariates)
     if not poses.reached.any():
@@ -112,9 +113,8 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[Fit
 
 def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:
     """The dataset's instruments with the values of their unknowns that fit a model best."""
-    up = up_of(model.robot)
-    whole = single(dataset, up)
-    readings, poses = Readings.of(whole, up), model.predict(whole.q, whole.covariates)
+    whole = single(dataset, model.robot)
+    readings, poses = Readings.of(whole, model.robot), model.predict(whole.q, whole.covariates)
     return with_unknowns(readings.at(readings.start(poses)), poses).fitted
 
 
@@ -125,7 +125,7 @@ def _gap(model: Model, dataset: Dataset, poses: Poses, fitted: Sequence[FittedIn
     count = len(dataset)
     T, error, value, whitened = poses.T.copy(), np.zeros((count, 3)), np.zeros(count), np.zeros(count)
     names, units = np.empty(count, dtype=object), np.empty(count, dtype=object)
-    for i, one in enumerate(instruments_of(rows, up_of(model.robot))):
+    for i, one in enumerate(instruments_of(rows, model.robot)):
         mine = rows.rows_of(i)
         if not len(mine):
             continue

@@ -15,7 +15,7 @@ import pytest
 from monte_carlo import ONCE, Study
 from scipy.stats import binom, chi2
 from virtual_gantry import Gantry, draw
-from virtual_instruments import LASER, LEVEL, SEAT, TOUCH, WIRE, Seen, bed, camera, cup, laser, level, read, wire
+from virtual_instruments import LASER, LEVEL, SEAT, TOUCH, WIRE, Seen, bed, camera, cup, laser, level, read, spare, wire
 
 import gtpin
 from gtpin.calibration.readings_fit import RobustFit
@@ -33,6 +33,7 @@ KINDS: dict[str, Reads] = {
     "tracker": lambda machine, rng: [laser(machine, rng, 80)],
     "camera": lambda machine, rng: [camera(machine, rng, 80)],
     "range and tilt": lambda machine, rng: [wire(machine, rng, 120, offset=1e-3), level(machine, rng, 60)],
+    "encoder": lambda machine, rng: [spare(machine, rng, 60, j) for j in ("link1_yaw", "link2b_pitch", "link3a_yaw")],
 }
 
 

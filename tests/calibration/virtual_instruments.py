@@ -5,6 +5,7 @@ What each one reads is written down here a second time; nothing of gtpin's equat
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +14,13 @@ from typing import Any
 import numpy as np
 import tomli_w
 from scipy.spatial.transform import Rotation
-from virtual_gantry import Gantry, commands
+from virtual_gantry import CART, ROBOT, RODS, Gantry, commands
 
 import gtpin
 
 Floats = np.ndarray
 
-WIRE, TOUCH, SEAT, LEVEL, LASER = 2e-5, 1e-5, 2e-5, 5e-5, 1.5e-5
+WIRE, TOUCH, SEAT, LEVEL, LASER, SPARE = 2e-5, 1e-5, 2e-5, 5e-5, 1.5e-5, 2e-5
 """Usual sigmas, m and rad."""
 CENTRE = Gantry.nominal().poses(np.zeros((1, 3)))[0][0]
 """Where the TCP is at zero commands, m."""
@@ -182,6 +183,22 @@ def level(machine: Gantry, rng: np.random.Generator, count: int, *, sigma: float
     said = {"name": "level", "kind": "tilt", "sigma": sigma, "mount_sigma": mount}
     truth = {f"level.mount.r{x}": float(v) for x, v in zip("xyz", turn, strict=True)}
     return Seen(said, q, {"tilt_x": seen[:, 0], "tilt_y": seen[:, 1]}, truth, "l")
+
+
+def spare(machine: Gantry, rng: np.random.Generator, count: int, joint: str, *, zero: float = 1e-2) -> Seen:
+    """An encoder at a joint by which a rod hangs on the platform: the rod is along z, turned about y, then about x."""
+    rod, turns = joint.removeprefix("link").split("_")
+    i, rpy = RODS.index(rod), re.search(f'name="link{rod}_pitch".*?rpy="(.*?)"', ROBOT.description.xml, re.DOTALL)
+    q = commands(rng, count)
+    T, R = machine.poses(q)
+    C = machine.C[i] + (machine.s[i] * q[:, CART[i]])[:, None] * machine.v[i]
+    along = np.einsum("nji,nj->ni", R, C - T) - machine.P[i]
+    along = Rotation.from_euler("xyz", [float(v) for v in rpy[1].split()]).inv().apply(along)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    angle = np.arcsin(along[:, 0]) if turns == "yaw" else np.arctan2(-along[:, 1], along[:, 2])
+    off = rng.normal(0.0, zero)
+    said = {"name": joint, "kind": "encoder", "joint": joint, "sigma": SPARE, "zero_sigma": zero}
+    return Seen(said, q, {"reading": angle + off + rng.normal(0.0, SPARE, count)}, {f"{joint}.zero": off}, joint)
 
 
 def laser(machine: Gantry, rng: np.random.Generator, count: int, *, sigma: float = LASER) -> Seen:

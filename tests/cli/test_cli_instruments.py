@@ -4,6 +4,8 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from gtpin.data import Dataset
@@ -57,3 +59,64 @@ def test_what_can_t_be_measured_is_one_line_and_no_files(run, tmp_path, options,
     assert what in ran.err
     assert ran.err.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+FIVE_BAR = """<robot name="five_bar"><link name="base"/>
+<link name="left"/><joint name="drive1" type="revolute"><parent link="base"/><child link="left"/>
+<origin xyz="-0.1 0 0" rpy="0 0 2.2"/><axis xyz="0 0 1"/><limit lower="-0.6" upper="0.6" effort="1" velocity="1"/></joint>
+<link name="left_far"/><joint name="elbow1" type="revolute"><parent link="left"/><child link="left_far"/>
+<origin xyz="0.2 0 0" rpy="0 0 -1.44"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+<link name="right"/><joint name="drive2" type="revolute"><parent link="base"/><child link="right"/>
+<origin xyz="0.1 0 0" rpy="0 0 0.94"/><axis xyz="0 0 1"/><limit lower="-0.6" upper="0.6" effort="1" velocity="1"/></joint>
+<link name="right_far"/><joint name="elbow2" type="revolute"><parent link="right"/><child link="right_far"/>
+<origin xyz="0.2 0 0" rpy="0 0 1.44"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+<loop_joint name="pin"><link1 link="left_far" xyz="0.3 0 0"/><link2 link="right_far" xyz="0.3 0 0"/></loop_joint>
+<gtpin><actuator joint="drive1"/><actuator joint="drive2"/><platform link="left_far"/></gtpin></robot>"""
+
+
+@pytest.fixture
+def five_bar(run, tmp_path):
+    """A folder with a dataset of a virtual five-bar, read by the encoder that the plant has, and its true readings."""
+    (tmp_path / "five_bar.urdf").write_text(FIVE_BAR)
+    options = ("--robot", tmp_path / "five_bar.urdf", "--instrument", "encoder", "--poses", "60")
+    assert run("simulate", "-o", tmp_path / "set", *options).code == 0
+    return tmp_path
+
+
+@pytest.mark.filterwarnings("ignore:the links of five_bar have no masses")
+def test_an_encoder_s_data_go_the_whole_way(run, five_bar):
+    cal = five_bar / "cal"
+    assert run("calibrate", five_bar / "set", "-o", cal).code == 0
+    told = json.loads((cal / "calibration.json").read_text())
+    assert told["by_instrument"]["encoder"]["unit"] == "rad"
+    assert told["by_instrument"]["encoder"]["rms_after"] < told["by_instrument"]["encoder"]["rms_before"] / 5.0
+    truth = json.loads((five_bar / "set.truth.json").read_text())
+    zero = next(p for p in told["parameters"] if p["name"] == "encoder.zero")
+    assert abs(zero["value"] - truth["instruments"]["encoder.zero"]) < 4.0 * zero["sigma"]
+    assert told["unobservable"][0]["words"]
+    assert run("diagnose", five_bar / "set", "-o", five_bar / "out").code == 0
+    assert json.loads((five_bar / "out" / "diagnosis.json").read_text())["verdict"] == "none"
+    rows = Dataset.read(five_bar / "set")
+    table = pd.DataFrame({"pose": rows.pose, "q1": rows.q[:, 0], "q2": rows.q[:, 1]}).drop_duplicates("pose")
+    table.to_csv(five_bar / "again.csv", index=False)
+    for model in (cal, five_bar / "out"):
+        ran = run(
+            "predict", model, five_bar / "again.csv", "-o", five_bar / "p.csv", "--instrument", "encoder", "--force"
+        )
+        assert ran.code == 0, ran.err
+        found = pd.read_csv(five_bar / "p.csv", dtype={"pose": str}).set_index("pose")["reading"]
+        off = rows.readings.columns["reading"] - found[rows.pose.astype(str)].to_numpy()
+        assert np.sqrt((off**2).mean()) < 3e-5  # the encoder's noise is 2e-5 rad
+
+
+@pytest.mark.parametrize(("joint", "what"), [("drive2", "driven by q2"), ("hand", "no joint 'hand'")])
+@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
+def test_an_encoder_at_a_joint_that_can_t_be_read_is_one_line_and_no_files(run, five_bar, command, joint, what):
+    toml = five_bar / "set" / "dataset.toml"
+    toml.write_text(toml.read_text().replace('"elbow1"', f'"{joint}"'))
+    ran = run(command, five_bar / "set", "-o", five_bar / "out")
+    assert ran.code == 2
+    assert what in ran.err
+    assert "elbow1, elbow2" in ran.err
+    assert ran.err.count("\n") == 1
+    assert not (five_bar / "out").exists()

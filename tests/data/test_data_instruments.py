@@ -12,10 +12,11 @@ import pytest
 import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small_instruments import ALL, HEAD, RANGE, TABLES, TILT
+from small_instruments import ALL, HEAD, RANGE, TABLES, TILT, TRACKER
 
 import gtpin
 from gtpin.data import Dataset
+from gtpin.errors import GtpinWarning
 from gtpin.kinematics.rotations import exp, to_quaternions
 
 number = st.floats(-1e6, 1e6)
@@ -243,3 +244,12 @@ def assert_near(one, two):
         assert one == pytest.approx(two, rel=1e-9, abs=0.0)
     else:
         assert one == two
+
+
+def test_a_station_in_a_mixture_is_not_used_and_said_so(write):
+    stands = TRACKER + "station = [2.0, 0.0, 1.0]\n"
+    tables = {name: TABLES[name] for name in ("laser", "level")}
+    with pytest.warns(GtpinWarning, match="that of laser is not used"):
+        mixed = Dataset.read(write("".join((HEAD, stands, TILT)), **tables))
+    assert mixed.readings is not None
+    assert Dataset.read(write(HEAD + stands, laser=TABLES["laser"])).instrument.station == (2.0, 0.0, 1.0)

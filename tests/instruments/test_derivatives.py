@@ -2,27 +2,46 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
+import gtpin
 from gtpin.data.instrument_tables import TABLES
-from gtpin.instruments import BUILT_IN, Instrument, Tracker
+from gtpin.instruments import BUILT_IN, Encoder, Instrument, Tracker
 from gtpin.instruments.instrument import Read
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
+from gtpin.robot.description import Description
 
 Floats = npt.NDArray[np.float64]
 
 COUNT = 12
-UP = np.array([0.0, 0.6, 0.8])
 STEP = 1e-6
 
 
+def _robot() -> gtpin.Robot:
+    """A crank that moves a slider along x, in a tilted field of gravity: one passive joint turns, one slides."""
+    joints = "".join(
+        f'<link name="{child}"/><joint name="{child}_joint" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{x} 0 0"/><axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for child, parent, kind, x, axis in (
+            ("crank", "base", "revolute", 0.0, "0 0 1"),
+            ("coupler", "crank", "continuous", 0.1, "0 0 1"),
+            ("slider", "base", "prismatic", 0.4, "1 0 0"),
+        )
+    )
+    loop = '<loop_joint name="pin"><link1 link="coupler" xyz="0.3 0 0"/><link2 link="slider" xyz="0 0 0"/></loop_joint>'
+    own = '<gtpin><actuator joint="crank_joint"/><platform link="coupler"/><gravity xyz="0 -5.886 -7.848"/></gtpin>'
+    return gtpin.Robot(Description.parse(f'<robot name="slider"><link name="base"/>{joints}{loop}{own}</robot>'))
+
+
 def _poses(rng: np.random.Generator) -> Poses:
-    return Poses(rng.normal(0.0, 0.5, (COUNT, 3)), exp(rng.normal(0.0, 0.7, (COUNT, 3))))
+    T, R = rng.normal(0.0, 0.5, (COUNT, 3)), exp(rng.normal(0.0, 0.7, (COUNT, 3)))
+    return Poses(T, R, {joint: rng.normal(0.0, 0.5, COUNT) for joint in ("slider_joint", "coupler_joint")})
 
 
 def _ids(*names: str) -> npt.NDArray[np.object_]:
@@ -71,6 +90,16 @@ def _tables(rng: np.random.Generator) -> dict[str, tuple[dict[str, Any], dict[st
             {"tilt_x": rng.normal(0.0, 0.1, COUNT), "tilt_y": rng.normal(0.0, 0.1, COUNT)},
             {},
         ),
+        "encoder, turning": (
+            {"kind": "encoder", "joint": "coupler_joint"},
+            {"reading": rng.normal(0.0, 0.5, COUNT) + 2.0 * np.pi * rng.integers(-1, 2, COUNT)},
+            {},
+        ),
+        "encoder, sliding": (
+            {"kind": "encoder", "joint": "slider_joint"},
+            {"reading": rng.normal(0.0, 0.1, COUNT)},
+            {},
+        ),
         "tracker, targets": ({"kind": "tracker", "frame": "free"} | targets, position, of_target),
         "tracker, all free": ({"kind": "tracker", "frame": "free", "target": "free"}, turned, {}),
         "tracker, orientations": ({"kind": "tracker", "target_sigma": 1e-3}, turned, {}),
@@ -83,7 +112,7 @@ def instrument(name: str) -> tuple[Instrument, Poses, Floats]:
     table = TABLES[said["kind"]].model_validate(said | {"name": "one"})
     known = {column: tuple(dict.fromkeys(map(str, values))) for column, values in ids.items()}
     read = Read(numbers, ids, np.full(COUNT, -1), known)
-    one = BUILT_IN[said["kind"]](table, read, UP)
+    one = BUILT_IN[said["kind"]](table, read, _robot())
     u = rng.normal(0.0, 0.05, len(one.unknowns))
     return one, _poses(rng), u
 
@@ -107,9 +136,23 @@ def test_derivatives_by_the_pose_are_those_of_the_prediction(name: str) -> None:
     for i in range(6):
         step = np.zeros(6)
         step[i] = STEP
-        both = [one.minus(Poses(poses.T + s * step[:3], exp(s * step[3:]) @ poses.R), u) for s in (-1.0, 1.0)]
+        ways = (replace(poses, T=poses.T + s * step[:3], R=exp(s * step[3:]) @ poses.R) for s in (-1.0, 1.0))
+        both = [one.minus(way, u) for way in ways]
         expected[:, :, i] = (both[0] - both[1]) / (2.0 * STEP)
     assert np.abs(one.by_pose(poses, u) - expected).max() < 2e-8
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_by_measured_joints_are_those_of_the_prediction(name: str) -> None:
+    one, poses, u = instrument(name)
+    if isinstance(one, Tracker) and one.turned:
+        poses = _near(one, poses, u)
+    expected = np.empty((COUNT, len(one.components), len(poses.joints)))
+    for i, (joint, x) in enumerate(poses.joints.items()):
+        both = [one.minus(replace(poses, joints={**poses.joints, joint: x + s * STEP}), u) for s in (-1.0, 1.0)]
+        expected[:, :, i] = (both[0] - both[1]) / (2.0 * STEP)
+    assert np.abs(one.by_joints(poses, u) - expected).max() < 2e-8
+    assert expected.any() == isinstance(one, Encoder)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -135,4 +178,4 @@ def _near(one: Tracker, poses: Poses, u: Floats) -> Poses:
     both = one.orientations(still, u)
     mount = one.orientations(still, np.concatenate([u[:-6], np.zeros(6)])) if free else both
     frame = both @ np.swapaxes(mount, 1, 2)
-    return Poses(poses.T, np.swapaxes(frame, 1, 2) @ read @ np.swapaxes(mount, 1, 2))
+    return replace(poses, R=np.swapaxes(frame, 1, 2) @ read @ np.swapaxes(mount, 1, 2))

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
+from virtual_five_bar import FiveBar, commands, drawn, table, written
 
 import gtpin
 from gtpin.instruments import Instrument, Plane
@@ -117,3 +118,44 @@ def test_it_diagnoses(case):
 def test_the_names_that_it_needs_are_gtpin_s():
     assert {"Component", "Instrument", "InstrumentTable", "Unknown"} <= set(dir(gtpin))
     assert gtpin.Instrument is Instrument
+
+
+class GearedTable(gtpin.InstrumentTable):
+    """Keys and columns of :class:`Geared`."""
+
+    numbers: ClassVar = ("reading",)
+    kind: Literal["geared"]
+    first: str
+    second: str
+
+    @property
+    def measured_joints(self):
+        """The passive joints that it reads."""
+        return self.first, self.second
+
+
+class Geared(gtpin.Instrument):
+    """A differential: the sine of the sum of two passive joints' coordinates."""
+
+    kind, Table = "geared", GearedTable
+    components = (gtpin.Component("reading", "rad"),)
+
+    def measured(self):
+        """(M, 1) what was read."""
+        return self.read.numbers["reading"][:, None]
+
+    def predicted(self, poses, u):
+        """(M, 1) what would be read."""
+        return np.sin(sum(poses.joints[joint] for joint in self.table.measured_joints))[:, None]
+
+
+def test_an_instrument_of_one_s_own_reads_passive_joints(tmp_path):
+    rng = np.random.default_rng(8)
+    bar, q = FiveBar.off(drawn(rng)), commands(rng, 80, 0.4)
+    read = np.sin(bar.elbows(q).sum(axis=1)) + rng.normal(0.0, 2e-5, 80)
+    said = {"name": "sum", "kind": "geared", "first": "elbow1", "second": "elbow2", "sigma": 2e-5}
+    path = written(tmp_path / "set", [said], {"sum": table(q, reading=read)})
+    found = gtpin.calibrate(gtpin.Dataset.read(path, instruments=[Geared]))
+    # Chi-square of some 75 freedoms lies within 0.5 of 1 but for one draw in a thousand (sd sqrt(2 / 75) = 0.16).
+    assert abs(found.chi2_per_dof - 1.0) < 0.5
+    assert found.by_instrument[0].after < found.by_instrument[0].before / 5.0

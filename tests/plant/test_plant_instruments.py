@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 from test_plant_loops import spatial_loop
 
 import gtpin
-from gtpin.calibration.calibrate_readings import single, up_of
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
-from gtpin.instruments.readings import Readings
+from gtpin.instruments.readings import Readings, single
+from gtpin.instruments.up import up_of
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.plant.case import drawn_recipe
@@ -209,8 +209,8 @@ def test_what_is_hidden_has_the_names_and_the_priors_that_a_reader_of_the_datase
 ) -> None:
     case = build_measured(recipe([], robot, free=True), ALL)
     case.write_dataset(tmp_path / "it")
-    up = up_of(gtpin.load_robot(robot))
-    unknowns = {one.name: one for one in Readings.of(single(Dataset.read(tmp_path / "it"), up), up).unknowns}
+    nominal = gtpin.load_robot(robot)
+    unknowns = {one.name: one for one in Readings.of(single(Dataset.read(tmp_path / "it"), nominal), nominal).unknowns}
     assert set(unknowns) == set(case.hidden)
     for one in (one for gauge in case.gauges for one in gauge.hidden):
         assert unknowns[one.name].sigma == one.prior

@@ -9,7 +9,6 @@ import numpy as np
 import gtpin
 from gtpin.data import Dataset
 from gtpin.instruments.readings import Readings, single
-from gtpin.instruments.up import up_of
 from gtpin.report.residuals import Residuals
 
 NOMINAL = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
@@ -64,7 +63,7 @@ def _table(file: Path, names: str, q: np.ndarray, read: np.ndarray, mark: str = 
 def mixed(folder: Path) -> Residuals:
     """What the nominal model leaves of them."""
     write(folder)
-    dataset = single(Dataset.read(folder), up_of(NOMINAL.robot))
-    readings = Readings.of(dataset, up_of(NOMINAL.robot))
+    dataset = single(Dataset.read(folder), NOMINAL.robot)
+    readings = Readings.of(dataset, NOMINAL.robot)
     left = readings.minus(NOMINAL.kinematics.forward(dataset.q))
     return Residuals(dataset, len(dataset), NOMINAL, NOMINAL, left, left, np.full_like(left, 2e-5), readings)

@@ -10,7 +10,6 @@ import numpy as np
 import gtpin
 from gtpin.data import Dataset
 from gtpin.instruments.readings import Readings
-from gtpin.instruments.up import up_of
 from gtpin.report.residuals import Residuals
 
 NOMINAL = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
@@ -73,6 +72,6 @@ def read_ranges(
     lines += [",".join(f"{v:.17g}" for v in row) for row in rows]
     (folder / "bar.csv").write_text("\n".join(lines) + "\n")
     dataset = Dataset.read(folder)
-    readings = Readings.of(dataset, up_of(NOMINAL.robot))
+    readings = Readings.of(dataset, NOMINAL.robot)
     left = readings.minus(NOMINAL.kinematics.forward(dataset.q))
     return Residuals(dataset, len(dataset), NOMINAL, NOMINAL, left, left, np.full_like(left, 1e-6), readings)

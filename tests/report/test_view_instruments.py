@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from mixed_readings import NOMINAL, S1, S2, STATION, TARGET, commands, write
 
+import gtpin
 import gtpin.cli
 from gtpin.data import Dataset
 from gtpin.data.instrument_tables import PlaneTable, RangeTable, SocketTable, TiltTable, TrackerTable
@@ -30,7 +31,7 @@ from gtpin.view.still import still
 if TYPE_CHECKING:
     from gtpin.view.scene import Scene
 
-UP = np.array([0.0, 0.0, 1.0])
+ROBOT, UP = gtpin.load_robot("gantry_tau"), np.array([0.0, 0.0, 1.0])
 
 
 def fitted(table: object, seed: int = 1, **ids: tuple[str, ...]) -> tuple[FittedInstrument, Instrument, np.ndarray]:
@@ -39,7 +40,7 @@ def fitted(table: object, seed: int = 1, **ids: tuple[str, ...]) -> tuple[Fitted
     numbers = {name: np.ones(1) for name in table.numbers}  # type: ignore[attr-defined]
     columns = {name: np.array([known[0]], dtype=object) for name, known in ids.items()}
     read = Read(numbers, columns, np.array([-1]), ids)
-    one = kinds[table.kind](table, read, UP)  # type: ignore[attr-defined]
+    one = kinds[table.kind](table, read, ROBOT)  # type: ignore[attr-defined]
     u = np.random.default_rng(seed).normal(0.0, 0.03, len(one.unknowns))
     values = {unknown.name: float(v) for unknown, v in zip(one.unknowns, u, strict=True)}
     return FittedInstrument(table, (), ids, values), one, u  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data.instrument_rows import InstrumentRows
-from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, RangeTable, TiltTable, TrackerTable
+from gtpin.data.instrument_tables import EncoderTable, InstrumentTable, PlaneTable, RangeTable, TiltTable, TrackerTable
 from gtpin.data.names import ORIENTATION
 
 Floats = npt.NDArray[np.float64]
@@ -25,6 +25,8 @@ LENGTHS: dict[type[InstrumentTable], tuple[str, ...]] = {
     PlaneTable: ("height",),
 }
 """Columns of lengths."""
+ANY_ZERO = 1e3
+"""Prior sigma of an encoder's zero, rad or m, with which it may be anywhere."""
 PLACES = ("stations", "planes", "sockets")
 """Keys of dataset.toml that have points of the base frame."""
 TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
@@ -59,8 +61,11 @@ class Otherwise:
     key: str = ""
 
 
-def ways(rows: InstrumentRows, index: int) -> Iterator[Otherwise]:
-    """Other ways to read an instrument's table: in each unit its columns, places and target, and together."""
+def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Otherwise]:
+    """Other ways to read an instrument's table: in each unit its columns, places and target, and together.
+
+    ``unit_of_reading`` is that of its first component: ``m`` or ``rad``.
+    """
     table = rows.tables[index]
     mine = rows.rows_of(index)
     present = [
@@ -87,6 +92,8 @@ def ways(rows: InstrumentRows, index: int) -> Iterator[Otherwise]:
         yield Otherwise(looks, hint, _scaled_columns(["height"], -1.0), "height")
     if isinstance(table, TiltTable):
         yield from _tilts()
+    if isinstance(table, EncoderTable):
+        yield from _readings(unit_of_reading)
     if isinstance(table, TrackerTable) and "qw" in rows.columns:
         hint = "give qw qx qy qz, the real part first"
         yield Otherwise("quaternions look like xyzw", hint, _real_part_first, " ".join(ORIENTATION))
@@ -109,6 +116,25 @@ def _tilts() -> Iterator[Otherwise]:
             return table, {name: s * numbers[of] for name, of, s in zip(both, columns, signs, strict=True)}
 
         yield Otherwise(looks, hint, change, " ".join(both))
+
+
+def _readings(unit: str) -> Iterator[Otherwise]:
+    """Of an encoder."""
+    units = (("degrees", np.pi / 180.0),) if unit == "rad" else UNITS
+    for sign, and_sign in ((1.0, ""), (-1.0, " of the other sign")):
+        for name, factor in units:
+            hint = f"multiply by {sign * factor:.6g}"
+            yield Otherwise(
+                f"readings look like {name}{and_sign}", hint, _scaled_columns(["reading"], sign * factor), "reading"
+            )
+    hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
+    yield Otherwise("readings have the other sign", hint, _scaled_columns(["reading"], -1.0), "reading")
+    hint = "subtract the offset from the readings, or declare a larger zero_sigma"
+    yield Otherwise("the zero is farther off than zero_sigma says", hint, _any_zero, None, "zero_sigma")
+
+
+def _any_zero(table: InstrumentTable, _: Numbers) -> tuple[InstrumentTable, Numbers]:
+    return table.model_copy(update={"zero_sigma": ANY_ZERO}), {}
 
 
 def _real_part_first(table: InstrumentTable, numbers: Numbers) -> tuple[InstrumentTable, Numbers]:

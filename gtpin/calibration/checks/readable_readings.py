@@ -113,7 +113,9 @@ def check_readable(readings: Readings, poses: Poses, reach: float) -> None:
         now = Misfit.of(readings, poses, i)
         if not now.suspicious(reach):
             continue
-        best, other = _best([(_read(readings, poses, i, other), other) for other in ways(readings.rows, i)])
+        best, other = _best(
+            [(_read(readings, poses, i, other), other) for other in ways(readings.rows, i, one.components[0].unit)]
+        )
         file = readings.rows.files[i]
         if best is not None and other is not None and not best.exceeds(reach) and best.size < now.size / BETTER:
             by = f"{now} off, read so {best}" if now.size > now.strain else "possible only far from what is declared"

@@ -13,11 +13,12 @@ from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
 from gtpin.instruments.socket import Socket
 from gtpin.kinematics.poses import Poses
+from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 
 
-def check_sockets(dataset: Dataset, up: Floats) -> None:
+def check_sockets(dataset: Dataset, robot: Robot) -> None:
     """Refuse sockets that are visited once each, and warn of some that are.
 
     Raises
@@ -27,7 +28,7 @@ def check_sockets(dataset: Dataset, up: Floats) -> None:
     """
     rows = dataset.readings
     assert rows is not None
-    for i, one in enumerate(instruments_of(rows, up)):
+    for i, one in enumerate(instruments_of(rows, robot)):
         if not isinstance(one, Socket):
             continue
         counts = np.bincount(one.socket, minlength=len(one.names))

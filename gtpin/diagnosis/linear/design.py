@@ -91,7 +91,7 @@ class Design:
         return _whitened(self.whitening, self.seen(basis.displacement(self.situation) * basis.sigma))
 
     def seen(self, J: Floats) -> Floats:
-        """(N, c, m) motions J (N, 6, m) of the poses, base frame, as they are measured."""
+        """(N, c, m) motions J (N, 6 + k, m) of the poses, base frame, and of k measured joints, as they are measured."""
         return self.measured.seen(J, self.model, self.situation.poses)
 
     @cached_property

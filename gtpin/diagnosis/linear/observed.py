@@ -15,7 +15,6 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.instruments.readings import Readings
-from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
@@ -104,7 +103,7 @@ class Observed:
 
 def _of_readings(dataset: Dataset, baseline: ReadingsCalibration) -> Observed:
     """The rows of a dataset of several instruments with the noise and the unknowns that a calibration found."""
-    readings = Readings.of(dataset, up_of(baseline.model.robot), baseline.u)
+    readings = Readings.of(dataset, baseline.model.robot, baseline.u)
     noise = replace(baseline.noise, group=readings.group, row_sigma=readings.row_sigma)
     return Observed(
         measured=readings,

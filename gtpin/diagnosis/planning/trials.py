@@ -130,7 +130,7 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
     situation = Situation(
         before.kinematics,
         np.vstack([measured.q, q]),
-        Poses(np.vstack([before.poses.T, poses.T]), np.concatenate([before.poses.R, poses.R])),
+        before.poses.followed_by(poses),
         {name: np.concatenate([drawn.known[name], drawn.new[name]]) for name in drawn.new},
         drawn.references,
         observed.temperature,

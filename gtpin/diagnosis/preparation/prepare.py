@@ -18,7 +18,6 @@ from gtpin.diagnosis.preparation.filled_in import without_filled_in
 from gtpin.diagnosis.preparation.frozen import without_frozen
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.instruments.readings import single
-from gtpin.instruments.up import up_of
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -74,4 +73,4 @@ def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | No
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )
     baseline = calibrate(usable, nominal, progress=progress)
-    return Prepared(recorded, single(usable, up_of(nominal)).in_order(), baseline)
+    return Prepared(recorded, single(usable, nominal).in_order(), baseline)

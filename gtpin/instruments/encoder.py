@@ -1,0 +1,73 @@
+"""Encoders: the coordinate of a joint that nothing drives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data.instrument_tables import EncoderTable
+from gtpin.errors import DatasetError, RobotError
+from gtpin.instruments.instrument import Component, Instrument, Unknown
+from gtpin.kinematics.poses import Poses
+from gtpin.robot.measured_joints import measured_joint
+
+Floats = npt.NDArray[np.float64]
+
+
+class Encoder(Instrument):
+    """The coordinate x of a passive joint, as in the URDF, plus the encoder's zero: z = x + zero, rad or m.
+
+    Readings of a joint that turns may differ by full turns. Unknown: the zero (prior ``zero_sigma``).
+    """
+
+    kind, Table = "encoder", EncoderTable
+    table: EncoderTable
+
+    def _unknowns(self) -> Sequence[Unknown]:
+        if self.table.target is not None or self.table.targets:
+            raise DatasetError("an encoder has no target", column="target", hint="leave target and targets out")
+        try:
+            self.turns = measured_joint(self.robot, self.table.joint).turns
+        except RobotError as error:
+            raise DatasetError(error.what, column="joint", hint=error.hint) from None
+        unit = "rad" if self.turns else "m"
+        self.components = (Component("reading", unit, usual=5e-5 if self.turns else 2e-5),)
+        if self.table.zero_sigma == 0.0:
+            return ()
+        return [Unknown(f"{self.table.name}.zero", unit, 0.0, self.table.zero_sigma)]
+
+    def measured(self) -> Floats:
+        """(M, 1) readings, rad or m."""
+        return self.read.numbers["reading"][:, None]
+
+    def predicted(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1) readings, rad or m."""
+        return np.asarray(poses.joints[self.table.joint][:, None] + u.sum())
+
+    def minus(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1) measured less predicted; of a joint that turns, within a half turn of zero."""
+        left = super().minus(poses, u)
+        return np.asarray(left - 2.0 * np.pi * np.round(left / (2.0 * np.pi))) if self.turns else left
+
+    def by_pose(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1, 6): the platform's pose does not matter beside the joint's coordinate."""
+        return np.zeros((len(poses), 1, 6))
+
+    def by_joints(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1, k): 1 by its own joint."""
+        found = np.zeros((len(poses), 1, len(poses.joints)))
+        found[:, :, list(poses.joints).index(self.table.joint)] = 1.0
+        return found
+
+    def by_unknown(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 1, 1): 1 by the zero."""
+        return np.ones((len(poses), 1, len(u)))
+
+    def start(self, nominal: Poses) -> Floats:
+        """(1,) the zero, of a joint that turns by the mean of directions: the readings may wrap about it."""
+        left = (self.measured() - self.predicted(nominal, np.zeros(1)))[:, 0]
+        if not len(self.unknowns) or not self.turns or not len(left):
+            return np.zeros(len(self.unknowns))
+        return np.array([np.arctan2(np.sin(left).mean(), np.cos(left).mean())])
