@@ -46,7 +46,8 @@ def static_forces(
 ) -> StaticForces:
     """Static forces by Pinocchio: gravity of all bodies, a force and moment on the tool, and a payload.
 
-    The passive coordinates' balance J' lambda = g - J_tcp' w gives the loops' forces, the driven ones' the actuators'.
+    The passive coordinates' balance J' lambda = g - J_tcp' w gives the loops' forces, the driven ones' the actuators'. A planar
+    loop holds no force across its plane.
 
     Parameters
     ----------
@@ -70,17 +71,18 @@ def static_forces(
     robot = posture.robot
     model, data = robot.model, robot.data
     J = posture.constraint_jacobian
-    if 3 * len(robot.constraints) != robot.n_passive:
+    if len(J) != robot.n_passive:
         raise ModelError(
-            f"the loops of {robot.name} are redundant", hint="static forces need as many as there are freedoms"
+            f"the loops of {robot.name} are redundant",
+            hint="statics gives as many forces as there are passive coordinates",
         )
     gravity = robot.folded(np.array(pin.computeGeneralizedGravity(model, data, posture.configuration)))
     wrench = np.concatenate([np.asarray(force, float) + payload * model.gravity.linear, np.asarray(moment, float)])
     load = gravity - posture.tcp_jacobian.T @ wrench
     multipliers = posture.passive_inverse.T @ load[robot.passive]
-    driven = robot.driven
+    driven, on_gaps = robot.driven, robot.spread(multipliers)
     posture.refresh()
-    world = [_from_gap(posture, i, multipliers[3 * i : 3 * i + 3]) for i in range(len(robot.constraints))]
+    world = [_from_gap(posture, i, on_gaps[3 * i : 3 * i + 3]) for i in range(len(robot.constraints))]
     loops = -np.array(world).reshape(-1, 3)
     return StaticForces(loops, _axial(posture, loops), load[driven] - J[:, driven].T @ multipliers)
 

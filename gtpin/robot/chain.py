@@ -225,6 +225,13 @@ class Chain:
         """
         return gaps if self._in_planes is None else self._in_planes @ gaps
 
+    def spread(self, multipliers: Floats) -> Floats:
+        """Forces (3 k, ...) along the gaps of k loops, of the closure equations' multipliers (m, ...).
+
+        The transpose of :meth:`closing`: a planar loop holds no force across its plane, where play takes up its gap.
+        """
+        return multipliers if self._in_planes is None else self._in_planes.T @ multipliers
+
     def check_commands(self, q: Floats) -> None:
         """Refuse commands of another shape than (N, n).
 

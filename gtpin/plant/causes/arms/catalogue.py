@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtpin.plant.causes import instrument
-from gtpin.plant.causes.arms import bearings, drives, heat, loads, unlisted
+from gtpin.plant.causes.arms import bearings, drives, heat, loads, pins, unlisted
 from gtpin.plant.causes.cause import Kind
 
 ARM_CATALOGUE = (
@@ -52,5 +52,6 @@ ARM_UNLISTED = (
     Kind("slipping_disc", "joints", unlisted.slipping_disc),
     Kind("whip", "links", unlisted.whip, ("speed",)),
     Kind("nest_tilt", "platform", unlisted.nest_tilt),
+    Kind("worn_pin", "pins", pins.worn_pin, ("payload",)),
 )
 """What is in no catalogue."""
