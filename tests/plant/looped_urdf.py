@@ -49,8 +49,9 @@ def spatial() -> str:
         + _hinge("coupler_joint", "cross", "coupler", "0 0 0", "0 0 0", "0 1 0")
         + _hinge("rocker_joint", "base", "rocker", "0.6 0 0", "0.3 0 1.9", "0 0 1")
         + '<loop_joint name="ball" type="spherical"><link1 link="coupler" xyz="0.5 0 0"/>'
-        '<link2 link="rocker" xyz="0.45 0 0"/></loop_joint>'
-        '<gtpin><actuator joint="crank_joint"/><platform link="rocker"/></gtpin></robot>'
+        '<link2 link="rocker" xyz="0.45 0 0"/></loop_joint><link name="tool0"/><joint name="flange" type="fixed">'
+        '<parent link="rocker"/><child link="tool0"/><origin xyz="0.5 0.1 0"/></joint>'
+        '<gtpin><actuator joint="crank_joint"/><platform link="tool0"/></gtpin></robot>'
     )
 
 
@@ -95,5 +96,5 @@ def a_plant(name: str, poses: int = 50, seed: int = 0) -> Plant:
     """A machine drawn from the tolerances on its way through a day."""
     rng = np.random.default_rng(seed)
     machine = LoopedMachine.draw(nominal(name)[1], rng)
-    conditions = Conditions(sessions=3, push=20.0, payloads=(0.0, 1.0, 2.0), warming=1.5)
+    conditions = Conditions(sessions=3, push=5.0, payloads=(0.0, 0.5, 1.0), warming=1.5)
     return Plant(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))

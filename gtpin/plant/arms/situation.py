@@ -108,9 +108,9 @@ class ArmSituation:
         return force[:, j], moment[:, j] - np.cross(self.bodies.p[:, j], force[:, j])
 
     @property
-    def on_base(self) -> Floats:
-        """(N, 3) moment on the base, base frame, N m: about the first joint."""
-        return self.borne(0)[1]
+    def leaning(self) -> Floats:
+        """(N, 3) moment on the base about the first joint, base frame, in parts of what is usual."""
+        return np.asarray(self.borne(0)[1] / self.machine.usual_load(0))
 
     def axis(self, cart: int) -> Floats:
         """(N, 3) unit vector of a commanded joint's axis, base frame."""

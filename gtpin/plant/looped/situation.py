@@ -51,9 +51,10 @@ class LoopedSituation(ArmSituation):
         return force[:, joint], moment[:, joint] - np.cross(self.bodies.p[:, joint], force[:, joint])
 
     @property
-    def on_base(self) -> Floats:
-        """(N, 3) moment of all joints that stand on the base about its origin, N m."""
-        return np.asarray(self._loads[1][:, self._standing].sum(axis=1))
+    def leaning(self) -> Floats:
+        """(N, 3) moment on the base about its origin, base frame, in parts of what all drives usually hold."""
+        usual = sum(self.machine.usual_load(cart) for cart in range(self.machine.n_carts))
+        return np.asarray(self._loads[1][:, self._standing].sum(axis=1) / usual)
 
     @property
     def _standing(self) -> list[int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gtpin.plant.causes import instrument
 from gtpin.plant.causes.arms import bearings, drives, heat, loads, pins, unlisted
 from gtpin.plant.causes.cause import Kind
@@ -55,3 +57,15 @@ ARM_UNLISTED = (
     Kind("worn_pin", "pins", pins.worn_pin, ("payload",)),
 )
 """What is in no catalogue."""
+
+
+def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
+    """The same kinds on robots with loops: what goes by a load needs a push on the tool.
+
+    Gravity does not load the drives of a level loop, nor the bearings of an upright one across its plane.
+    """
+    return tuple(replace(kind, needs=(*kind.needs, "force")) if "payload" in kind.needs else kind for kind in kinds)
+
+
+LOOPED_CATALOGUE, LOOPED_UNLISTED = pushed(ARM_CATALOGUE), pushed(ARM_UNLISTED)
+"""The same on robots with loops that are no rods."""

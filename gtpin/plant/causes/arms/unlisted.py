@@ -50,7 +50,7 @@ def loose_foot(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: ArmSituation) -> ArmDeviation:
         about = np.array([np.cos(angle), np.sin(angle), 0.0])
-        leaning = now.on_base / now.machine.usual_load(0) @ about
+        leaning = now.leaning @ about
         lifted = np.maximum(play(leaning, lag) - edge, 0.0) ** 1.5
         if isinstance(now, LoopedSituation):
             return now.tilted(np.multiply.outer(2e-4 * lifted, about))
@@ -123,8 +123,11 @@ def whip(site: Site, rng: np.random.Generator) -> Cause:
         speed, acceleration = now.visits.speed[:, link], now.visits.acceleration[:, link]
         arm = np.linalg.norm(now.poses.T - now.bodies.p[:, now.machine.robot.counted[link]], axis=1)
         size = (np.tanh(speed / 0.1) + 2.0 * acceleration) * arm * (1.0 + 0.4 * loose(now.places[:, link]))
-        deviation = now.unbent()
-        deviation.tip[:, link, 3:] = 1e-4 * size[:, None] * lean
+        deviation, turn = now.unbent(), 1e-4 * size[:, None] * lean
+        deviation.tip[:, link, 3:] = turn
+        if isinstance(now, LoopedSituation):  # a turn alone is all but taken up by the joint that follows there
+            end = now.machine.robot.next_frame(now.machine.robot.counted[link]).p
+            deviation.tip[:, link, :3] = np.cross(turn, 0.5 * end)
         return deviation
 
     return cause
