@@ -52,8 +52,8 @@ class LoopedSituation(ArmSituation):
 
     @property
     def leaning(self) -> Floats:
-        """(N, 3) moment on the base about its origin, base frame, in parts of what all drives usually hold."""
-        usual = sum(self.machine.usual_load(cart) for cart in range(self.machine.n_carts))
+        """(N, 3) moment on the base about its origin, base frame, in parts of what the joints that stand on it usually hold."""
+        usual = sum(self.machine.robot.usual_moment(j) for j in self._standing)
         return np.asarray(self._loads[1][:, self._standing].sum(axis=1) / usual)
 
     @property
