@@ -162,6 +162,31 @@ def test_rods_forces_follow_the_geometry(robot: gtpin.Robot) -> None:
         np.testing.assert_allclose(forces[i], one, rtol=0, atol=1e-7 * np.abs(one).max())
 
 
+def test_a_planar_loop_s_drive_holds_the_gradient_of_the_potential_energy_and_no_force_crosses_its_plane(
+    four_bar: gtpin.Robot,
+) -> None:
+    upright = heavy(four_bar.description.xml)
+    for q in (0.3, 1.1, 2.0):
+        posture = gtpin.home(upright).moved_to([q])
+        forces = gtpin.static_forces(posture, FORCE, payload=PAYLOAD)
+        against = gradient(posture, PAYLOAD) - posture.jacobian[:3].T @ FORCE
+        np.testing.assert_allclose(forces.actuators, against, rtol=0, atol=1e-7 * np.abs(against).max())
+        assert np.abs(forces.loops[:, :2]).max() > 1.0
+        np.testing.assert_allclose(forces.loops[:, 2], 0.0, atol=1e-12)
+
+
 def test_redundant_loops_have_no_static_forces(four_bar: gtpin.Robot) -> None:
+    """A second pin beside the first holds what the first holds already."""
+    pin = four_bar.description.xml.partition("<loop_joint")[2].partition("</loop_joint>")[0]
+    second = f"<loop_joint{pin}</loop_joint>".replace('"pin"', '"beside"').replace(' 0"/>', ' 0.01"/>')
+    robot = gtpin.Robot(Description.parse(four_bar.description.xml.replace("<gtpin>", f"{second}<gtpin>")))
     with pytest.raises(ModelError, match="redundant"):
-        gtpin.static_forces(gtpin.home(four_bar))
+        gtpin.static_forces(gtpin.home(robot))
+
+
+def heavy(xml: str) -> gtpin.Robot:
+    """The four-bar with masses, in a plane in which gravity acts."""
+    inertia = '<inertial><origin xyz="0.1 0.02 0"/><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    for name in ("crank", "coupler", "rocker"):
+        xml = xml.replace(f'<link name="{name}"/>', f'<link name="{name}">{inertia}</inertial></link>')
+    return gtpin.Robot(Description.parse(xml.replace("<gtpin>", '<gtpin><gravity xyz="0 -9.81 0"/>')))
