@@ -1,4 +1,4 @@
-"""All kinds of error of open chains: those of the contract's tables, and those that are in no catalogue."""
+"""All kinds of error of robots without rods: those of the contract's tables, and those that are in no catalogue."""
 
 from __future__ import annotations
 
