@@ -17,7 +17,7 @@ from gtpin.data import Commands
 from gtpin.plant import draw_case, make_case
 from gtpin.plant.build import build, known_robot
 from gtpin.plant.case import drawn_recipe
-from gtpin.plant.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED
+from gtpin.plant.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED, LOOPED_UNLISTED
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.causes.kinds import kind, listed, unlisted
 from gtpin.plant.conditions import Conditions
@@ -154,7 +154,7 @@ def test_a_check_draws_machines_with_loops_with_their_own_effects_and_makes_them
     drawn = list(drafts(400, 1, str(FIVE_BAR)))
     arm = known_robot(str(FIVE_BAR))
     assert {draft.effects[0] for draft in drawn if draft.kind == "one"} == {k.name for k in ARM_CATALOGUE}
-    assert {draft.effects[0] for draft in drawn if draft.kind == "unlisted"} == {k.name for k in ARM_UNLISTED}
+    assert {draft.effects[0] for draft in drawn if draft.kind == "unlisted"} == {k.name for k in LOOPED_UNLISTED}
     for wanted in ("one", "rough", "three", "known_and_unlisted"):
         case = made(next(draft for draft in drawn if draft.kind == wanted))
         for effect in truth_of(case, wanted).effects:

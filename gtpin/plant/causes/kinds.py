@@ -81,7 +81,7 @@ def kind(name: str, robot: Robot | Arm) -> Kind:
     for one in known:
         if one.name == name:
             return one
-    others = {k.name for k in (*CATALOGUE, *UNLISTED, *ARM_CATALOGUE, *ARM_UNLISTED)}
+    others = {k.name for k in (*CATALOGUE, *UNLISTED, *LOOPED_CATALOGUE, *LOOPED_UNLISTED)}
     if name in others:
         raise GtpinError(f"{name} can't be on {robot.name}", hint="choose what the robot's parts can have")
     raise GtpinError(f"no effect is called {name!r}", hint=f"known here: {', '.join(k.name for k in known)}")

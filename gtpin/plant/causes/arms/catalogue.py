@@ -54,7 +54,6 @@ ARM_UNLISTED = (
     Kind("slipping_disc", "joints", unlisted.slipping_disc),
     Kind("whip", "links", unlisted.whip, ("speed",)),
     Kind("nest_tilt", "platform", unlisted.nest_tilt),
-    Kind("worn_pin", "pins", pins.worn_pin, ("payload",)),
 )
 """What is in no catalogue."""
 
@@ -67,5 +66,6 @@ def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
     return tuple(replace(kind, needs=(*kind.needs, "force")) if "payload" in kind.needs else kind for kind in kinds)
 
 
-LOOPED_CATALOGUE, LOOPED_UNLISTED = pushed(ARM_CATALOGUE), pushed(ARM_UNLISTED)
+LOOPED_CATALOGUE = pushed(ARM_CATALOGUE)
+LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", pins.worn_pin, ("payload",))))
 """The same on robots with loops that are no rods."""
