@@ -64,11 +64,11 @@ def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Ba
         return Basis(sigma, placements=tuple((link.tip, twist) for link, twist in carried))
     # A link of a loop may carry more than one joint, or a loop's anchor. All of it moves with the tip: as good as if the
     # link's own placement frame moved.
-    own = ((index_of(link.joint_id), _to_joint(at, link) @ twist) for link, twist in carried)
+    own = ((index_of(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
     return Basis(sigma, placements=tuple(own))
 
 
-def _to_joint(at: Situation, link: MovingLink) -> Floats:
+def tip_to_joint(at: Situation, link: MovingLink) -> Floats:
     """(N, 6, 6) of a twist of the frame that ``Bodies`` has at a link's tip: the same in the link's own placement frame."""
     R, T = _tip_from_joint(at, link)
     moved = np.zeros((len(R), 6, 6))
@@ -138,7 +138,7 @@ def _carried(at: Situation, link: MovingLink) -> Floats:
     centre = T + R @ _tip_on_link(at, link).actInv(np.array(inertia.lever))
     weight = float(inertia.mass) * at.robot.model.gravity.linear @ at.bodies.R[:, own]
     loads = at.joint_loads[:, own] - np.concatenate([weight, np.cross(centre, weight)], axis=1)
-    return np.asarray(np.einsum("nij,ni->nj", _to_joint(at, link), loads))
+    return np.asarray(np.einsum("nij,ni->nj", tip_to_joint(at, link), loads))
 
 
 def bending(length: Floats, loads: Floats) -> Floats:
