@@ -59,8 +59,37 @@ def of_joint(at: Situation, site: str, ways: Floats, columns: Floats, sigma: Flo
 def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Basis:
     """Basis of motions (N, 6, m), m and rad, of the tips of a site's links relative to their roots, in the axes of each tip."""
     found = zip(links_at(at.robot, site), twists, strict=True)
-    carried = {link.tip: _target(at, link).actionInverse @ twist for link, twist in found}
-    return Basis(sigma, placements=tuple(carried.items()))
+    carried = [(link, _target(at, link).actionInverse @ twist) for link, twist in found]
+    if not at.robot.constraints:
+        return Basis(sigma, placements=tuple((link.tip, twist) for link, twist in carried))
+    # A link of a loop may carry more than one joint, or a loop's anchor. All of it moves with the tip: as good as if the
+    # link's own placement frame moved.
+    own = ((index_of(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
+    return Basis(sigma, placements=tuple(own))
+
+
+def tip_to_joint(at: Situation, link: MovingLink) -> Floats:
+    """(N, 6, 6) of a twist of the frame that ``Bodies`` has at a link's tip: the same in the link's own placement frame."""
+    R, T = _tip_from_joint(at, link)
+    moved = np.zeros((len(R), 6, 6))
+    moved[:, :3, :3] = moved[:, 3:, 3:] = R
+    moved[:, :3, 3:] = np.cross(T[:, :, None], R, axis=1)
+    return moved
+
+
+def _tip_from_joint(at: Situation, link: MovingLink) -> tuple[Floats, Floats]:
+    """(N, 3, 3) and (N, 3), m: the frame that ``Bodies`` has at a link's tip, in the link's own placement frame."""
+    own, bodies = index_of(link.joint_id), at.bodies
+    back = np.swapaxes(bodies.R[:, own], 1, 2)
+    return back @ bodies.R[:, link.tip], np.einsum("nij,nj->ni", back, bodies.T[:, link.tip] - bodies.T[:, own])
+
+
+def _tip_on_link(at: Situation, link: MovingLink) -> pin.SE3:
+    """The same frame on the link itself."""
+    assert isinstance(at.kinematics, ChainKinematics)
+    robot = at.kinematics.robot
+    last = link.tip == robot.model.njoints - 1
+    return robot.tcp_placement if last else robot.model.jointPlacements[link.tip + 1]
 
 
 def _target(at: Situation, link: MovingLink) -> pin.SE3:
@@ -90,14 +119,26 @@ weight distributed along the length l: (w l^4 / 8) / (w l l^3 / 3)."""
 def tip_loads(at: Situation, link: MovingLink) -> Floats:
     """(N, 6) force, N, and moment, N m, on a link's tip, in the tip's axes.
 
-    They are the load of everything beyond the tip, and ``OWN_WEIGHT`` times the weight of the link itself.
+    They are the load of everything beyond the tip, and ``OWN_WEIGHT`` times the weight of the link itself. In a robot with
+    loops, everything that the link carries counts, other joints and loops' anchors as well.
     """
     model = at.robot.model
     weight = OWN_WEIGHT * float(model.inertias[link.joint_id].mass) * model.gravity.linear
     target = _target(at, link)
-    loads = at.joint_loads[:, link.tip] @ target.dualAction.T
+    carried = _carried(at, link) if at.robot.constraints else at.joint_loads[:, link.tip]
+    loads = carried @ target.dualAction.T
     loads[:, :3] += weight @ at.bodies.R[:, link.tip] @ target.rotation.T
     return np.asarray(loads)
+
+
+def _carried(at: Situation, link: MovingLink) -> Floats:
+    """(N, 6) what a link carries beside itself, about and in the axes of the frame that ``Bodies`` has at its tip."""
+    own, inertia = index_of(link.joint_id), at.robot.model.inertias[link.joint_id]
+    R, T = _tip_from_joint(at, link)
+    centre = T + R @ _tip_on_link(at, link).actInv(np.array(inertia.lever))
+    weight = float(inertia.mass) * at.robot.model.gravity.linear @ at.bodies.R[:, own]
+    loads = at.joint_loads[:, own] - np.concatenate([weight, np.cross(centre, weight)], axis=1)
+    return np.asarray(np.einsum("nij,ni->nj", tip_to_joint(at, link), loads))
 
 
 def bending(length: Floats, loads: Floats) -> Floats:

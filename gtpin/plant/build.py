@@ -24,6 +24,8 @@ from gtpin.plant.background import weak_others
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.causes.kinds import kind
 from gtpin.plant.energy import Past, PastGeometry
+from gtpin.plant.looped.machine import LoopedMachine
+from gtpin.plant.looped.robot import LoopedArm
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.recipe import Recipe, Wanted
@@ -96,7 +98,9 @@ def assemble(recipe: Recipe) -> Built:
         raise GtpinError(
             "a free target on six rods", hint="leave free_target out: the plant's rods carry theirs at the TCP"
         )
-    machine = _drawn_arm(robot, noise, streams[0]) if isinstance(robot, Arm) else Machine.draw(robot, streams[0])
+    machine = drawn_machine(robot, streams[0])
+    if isinstance(machine, ArmMachine):
+        machine = _as_measured(machine, noise, streams[0])
     visits = plan(machine, recipe.poses, recipe.held_out, conditions, streams[1])
     plant = Plant(machine, visits, np.array(noise.station))
     rows = streams[4].permutation(np.flatnonzero(~visits.held))
@@ -185,7 +189,9 @@ def ids(numbers: Rows) -> Ids:
 def known_robot(robot: str) -> Robot | Arm:
     """A robot, loaded once: nothing here changes it."""
     found = load_robot(robot)
-    return found if found.rods else Arm.of(found)
+    if found.rods:
+        return found
+    return LoopedArm.of(found) if found.description.loops else Arm.of(found)
 
 
 def capacity(robot: Robot | Arm) -> float:
@@ -193,6 +199,18 @@ def capacity(robot: Robot | Arm) -> float:
     return robot.capacity if isinstance(robot, Arm) else 20.0
 
 
-def _drawn_arm(robot: Arm, noise: Noise, rng: np.random.Generator) -> ArmMachine:
-    machine = replace(ArmMachine.draw(robot, rng), free=(noise.free, noise.free_target))
+def drawn_machine(robot: Robot | Arm, rng: np.random.Generator) -> Machine | ArmMachine:
+    """A machine of a robot, off nominal by its tolerances."""
+    if isinstance(robot, LoopedArm):
+        return LoopedMachine.draw(robot, rng)
+    return ArmMachine.draw(robot, rng) if isinstance(robot, Arm) else Machine.draw(robot, rng)
+
+
+def nominal_arm(robot: Arm) -> ArmMachine:
+    """The machine that the URDF of an arm or of a robot with loops describes."""
+    return LoopedMachine.nominal(robot) if isinstance(robot, LoopedArm) else ArmMachine.nominal(robot)
+
+
+def _as_measured(machine: ArmMachine, noise: Noise, rng: np.random.Generator) -> ArmMachine:
+    machine = replace(machine, free=(noise.free, noise.free_target))
     return replace(machine, target=noise.target(rng)) if noise.free_target else machine

@@ -69,7 +69,8 @@ def make_case(
     background
         Whether weak other effects are on.
     robot
-        Name of a shipped robot, or the path of a URDF: an open chain, or six rods, each of which an actuator moves.
+        Name of a shipped robot, or the path of a URDF: an open chain, loops that are no rods, or six rods, each of which an
+        actuator moves.
 
     Raises
     ------

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import RobotError
-from gtpin.plant.arms.tree import Placed, moved, placed
+from gtpin.plant.arms.tree import STRAIGHT, Bending, Placed, moved, placed
 from gtpin.plant.arms.urdf import Frame, Joint, read_urdf, turn
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
@@ -18,11 +20,15 @@ Floats = npt.NDArray[np.float64]
 
 STRIDES = 24
 """In which commands go from home to where they are wanted."""
-STEPS = 8
+STEPS = 12
+HOMING = 160
+"""Steps of Newton's method from each of them."""
 CLOSED = 1e-12
 """Gap, m, at which a loop counts as closed."""
 STARTS = 40
 """Postures that are tried at home."""
+NEARLY = 1e-8
+"""Gap, m, from which one more of Newton's steps closes a loop to rounding."""
 NUDGE = 1e-6
 
 
@@ -44,8 +50,8 @@ class Loops:
         The TCP frame.
     home_q
         (n,) commands at home.
-    home
-        The pose there that the URDF tells, or None.
+    home, home_of
+        The pose there that the URDF tells, or None, and the frame whose pose it is.
     """
 
     joints: tuple[Joint, ...]
@@ -56,6 +62,7 @@ class Loops:
     tcp: Frame
     home_q: Floats
     home: Poses | None
+    home_of: Frame
 
     @staticmethod
     def of(robot: Robot, twists: dict[str, Floats]) -> Loops:
@@ -74,85 +81,117 @@ class Loops:
                 ends.append(Frame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ np.array(anchor.xyz)))
             pairs.append((ends[0], ends[1]))
         tcp, told = urdf.links[robot.tcp_frame], robot.description.home
+        named = (told and told.link) or robot.description.tcp or robot.description.platform or robot.tcp_frame
         home = None if told is None else Poses(np.array(told.tcp_xyz)[None], exp(told.tcp_rotvec)[None])
-        closing = {j for pair in pairs for end in pair for j in _on_the_way(joints, end.joint)}
-        passive = tuple(sorted(closing - set(driven)))
+        passive = tuple(sorted(_closing(joints, pairs) - set(driven)))
         # Bearings' play takes up what a planar loop's gap has across its plane, where the package finds planes.
         planes = getattr(robot, "planes", (None,) * len(pairs))
         across = np.array([np.eye(3) if n is None else np.eye(3) - np.outer(n, n) for n in planes])
-        return Loops(joints, driven, passive, tuple(pairs), across, tcp, robot.home_q, home)
+        return Loops(joints, driven, passive, tuple(pairs), across, tcp, robot.home_q, home, urdf.links[named])
+
+    @cached_property
+    def closing(self) -> tuple[int, ...]:
+        """Indices of the joints of the loops."""
+        return tuple(sorted(_closing(self.joints, self.pairs)))
 
     def forward(self, q: Floats) -> Poses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close."""
-        x, open_at = self._led(q)
-        poses = placed(self.joints, np.nan_to_num(x)).at(self.tcp)
-        poses.T[open_at], poses.R[open_at] = np.nan, np.nan
-        return poses
+        return placed(self.joints, self.led(q)).at(self.tcp)
 
     def coordinate(self, joint: str, q: Floats) -> Floats:
         """(N,) coordinate of a joint at commands q (N, n), rad or m; NaN where the loops don't close."""
-        x, open_at = self._led(q)
-        return np.where(open_at, np.nan, x[:, [one.name for one in self.joints].index(joint)])
+        return self.led(q)[:, [one.name for one in self.joints].index(joint)]
 
-    def _led(self, q: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
-        """(N, J) coordinates at commands q (N, n), on the assembly mode of home, and (N,) where the loops don't close."""
-        x = np.zeros((len(q), len(self.joints)))
-        home = self._home()
-        open_at = np.full(len(q), home is None)
-        if home is not None:
-            x[:] = home
-            for s in np.arange(1, STRIDES + 1) / STRIDES:
-                x[:, self.driven] = self.home_q + s * (q - self.home_q)
-                x, closed = self._closed(x)
-                open_at |= ~closed
-        return x, open_at
+    def led(self, q: Floats) -> Floats:
+        """(N, J) coordinates at commands q (N, n), on the assembly mode of home; NaN where the loops don't close."""
+        home = self._home
+        if home is None:
+            return np.full((len(q), len(self.joints)), np.nan)
+        x = np.tile(home, (len(q), 1))
+        for s in np.arange(1, STRIDES + 1) / STRIDES:
+            x = self.closed(x, self.home_q + s * (q - self.home_q))
+        return x
 
     def command_jacobian(self, q: Floats) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
         steps = NUDGE * np.eye(q.shape[1])
         return np.stack([self.forward(q + s).minus(self.forward(q - s)) / (2.0 * NUDGE) for s in steps], axis=2)
 
+    @cached_property
     def _home(self) -> Floats | None:
         """(J,) coordinates at home: the first closed ones found, next to the pose that the URDF tells."""
         rng, best, nearest = np.random.default_rng(0), None, np.inf
         starts = rng.uniform(-np.pi, np.pi, (STARTS, len(self.joints)))
         starts[0] = 0.0
         starts[:, self.driven] = self.home_q
-        x = starts
-        for _ in range(20):
-            x, closed = self._closed(x)
-        for row in np.flatnonzero(closed):
+        x = self.closed(starts, starts[:, self.driven], steps=HOMING)
+        for row in np.flatnonzero(np.isfinite(x[:, 0])):
             if self.home is None:
                 return np.asarray(x[row])
-            off = np.abs(placed(self.joints, x[[row]]).at(self.tcp).minus(self.home)).sum()
+            off = np.abs(placed(self.joints, x[[row]]).at(self.home_of).minus(self.home)).sum()
             if off < nearest - 1e-6:
                 best, nearest = np.asarray(x[row]), off
         return best
 
-    def _closed(self, x: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
-        """Coordinates (N, J) with the passive joints moved to close the loops, and (N,) whether they do."""
+    def closed(self, x: Floats, driven: Floats, bending: Bending = STRAIGHT, steps: int = STEPS) -> Floats:
+        """(N, J) coordinates that close the loops, from near ones x (N, J), at driven ones (N, n); NaN where none are found."""
         x = x.copy()
-        for _ in range(STEPS):
-            bodies = placed(self.joints, x)
-            gaps, slopes = self._gaps(bodies), self._slopes(bodies)
-            step = np.clip(-(np.linalg.pinv(slopes) @ gaps[..., None])[..., 0], -0.5, 0.5)
-            x[:, self.passive] += step
-        return x, np.asarray(np.abs(self._gaps(placed(self.joints, x))).max(axis=1) < CLOSED)
+        x[:, self.driven] = driven
+        rows = np.flatnonzero(np.isfinite(x).all(axis=1))
+        done = np.zeros(len(x), dtype=bool)
+        for _ in range(steps):
+            some = bending.take(rows)
+            bodies = placed(self.joints, x[rows], some)
+            gaps = self._gaps(bodies, some)
+            step = -(np.linalg.pinv(self._slopes(bodies, some, self._ends(bodies, some))) @ gaps[..., None])[..., 0]
+            x[np.ix_(rows, np.array(self.passive, dtype=int))] += np.clip(step, -0.5, 0.5)
+            done[rows] = np.abs(gaps).max(axis=1) < NEARLY
+            rows = rows[~done[rows]]
+            if not rows.size:
+                break
+        rows = np.flatnonzero(done)
+        some = bending.take(rows)
+        done[rows] = np.abs(self._gaps(placed(self.joints, x[rows], some), some)).max(axis=1) < CLOSED
+        x[~done] = np.nan
+        return x
 
-    def _gaps(self, bodies: Placed) -> Floats:
+    def pulls(self, bodies: Placed, bending: Bending, loads: Floats) -> tuple[Floats, Floats]:
+        """(N, L, 3) forces on the first bodies of the pairs, base frame, N, that hold the passive joints still, and where.
+
+        By virtual work: ``loads`` (N, p) are what pushes these joints along their coordinates, N m or N, and the slopes of
+        the gaps are the levers of the forces. No force is held across the plane of a planar loop; where play leaves its two
+        points apart, the force acts in the middle, (N, L, 3), m.
+        """
+        middle = self._ends(bodies, bending).mean(axis=1)
+        levers = np.swapaxes(self._slopes(bodies, bending, np.stack([middle, middle], axis=1)), 1, 2)
+        own = -(np.linalg.pinv(levers) @ loads[..., None])[..., 0].reshape(len(loads), -1, 3)
+        frames = np.stack([bodies.at(first, bending).R for first, _ in self.pairs], axis=1)
+        return np.einsum("nlij,ljk,nlk->nli", frames, self.across, own), middle
+
+    def _gaps(self, bodies: Placed, bending: Bending) -> Floats:
         """(N, 3 L) from each second point to the first, as far as it closes, in the first one's frame, m."""
-        ends = [(bodies.at(one), bodies.at(other)) for one, other in self.pairs]
+        ends = [(bodies.at(one, bending), bodies.at(other, bending)) for one, other in self.pairs]
         gaps = [np.einsum("nji,nj->ni", one.R, one.T - other.T) for one, other in ends]
         return np.hstack([gap @ part for gap, part in zip(gaps, self.across, strict=True)])
 
-    def _slopes(self, bodies: Placed) -> Floats:
-        """(N, 3 L, p) derivative of the gaps by the passive joints where they are closed; near enough elsewhere."""
+    def _ends(self, bodies: Placed, bending: Bending) -> Floats:
+        """(N, 2, L, 3) the first and the second points, base frame, m."""
+        return np.stack(
+            [np.stack([bodies.at(end, bending).T for end in ends], axis=1) for ends in zip(*self.pairs, strict=True)],
+            axis=1,
+        )
+
+    def _slopes(self, bodies: Placed, bending: Bending, ends: Floats) -> Floats:
+        """(N, 3 L, p) derivative of the gaps by the passive joints where they are closed; near enough elsewhere.
+
+        ``ends`` (N, 2, L, 3) are the points, base frame, m.
+        """
         count = len(bodies.p)
         slopes = np.zeros((count, 3 * len(self.pairs), len(self.passive)))
         for i, pair in enumerate(self.pairs):
-            frame = bodies.at(pair[0]).R
-            for sign, point in zip((1.0, -1.0), pair, strict=True):
-                at = bodies.at(point).T
+            frame = bodies.at(pair[0], bending).R
+            for side, (sign, point) in enumerate(zip((1.0, -1.0), pair, strict=True)):
+                at = ends[:, side, i]
                 for joint in _on_the_way(self.joints, point.joint):
                     if joint in self.passive:
                         axis = bodies.seats[:, joint] @ self.joints[joint].axis
@@ -169,6 +208,10 @@ def _on_the_way(joints: tuple[Joint, ...], joint: int) -> list[int]:
         found.append(joint)
         joint = joints[joint].parent
     return found
+
+
+def _closing(joints: tuple[Joint, ...], pairs: Sequence[tuple[Frame, Frame]]) -> set[int]:
+    return {j for pair in pairs for end in pair for j in _on_the_way(joints, end.joint)}
 
 
 def _off(joint: Joint, twist: Floats | None) -> Joint:

@@ -14,6 +14,8 @@ from gtpin.errors import ConvergenceError
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.arms.situation import ArmSituation
 from gtpin.plant.causes.cause import Cause
+from gtpin.plant.looped.machine import LoopedMachine
+from gtpin.plant.looped.situation import LoopedSituation
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
@@ -49,7 +51,8 @@ class Plant:
     def ideal(self) -> Any:
         """The machine without any error but its geometry's: an ArmSituation of an arm, else a Situation."""
         if isinstance(self.machine, ArmMachine):
-            return ArmSituation.of(self.machine, self.visits)
+            kind = LoopedSituation if isinstance(self.machine, LoopedMachine) else ArmSituation
+            return kind.of(self.machine, self.visits)
         return Situation.of(self.machine, self.visits)
 
     def settled(self, active: Active, jitter: Any = None) -> tuple[Any, Any]:

@@ -14,6 +14,8 @@ from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.arms.reach import in_front
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.day import Day
+from gtpin.plant.looped.machine import LoopedMachine
+from gtpin.plant.looped.reach import well_led
 from gtpin.plant.machine import Machine
 from gtpin.plant.reach import reachable
 
@@ -126,6 +128,8 @@ def drawn(machine: Machine | ArmMachine, count: int, rng: np.random.Generator) -
     UnreachableError
         If hardly any poses can be reached.
     """
+    if isinstance(machine, LoopedMachine):
+        return well_led(machine, count, rng)
     return in_front(machine, count, rng) if isinstance(machine, ArmMachine) else reachable(machine, count, rng)
 
 
@@ -145,7 +149,7 @@ def visited(
         # By round (first visits, then second ones), by layer, then by the difference of the first two commands.
         first = np.isin(np.arange(len(pose)), np.unique(pose, return_index=True)[1])
         layer = np.round(machine.places(q)[pose].mean(axis=1) / 0.2)
-        pose = pose[np.lexsort((q[pose, 1] - q[pose, 0], layer, ~first))]
+        pose = pose[np.lexsort((q[pose, 1 % q.shape[1]] - q[pose, 0], layer, ~first))]
     q, total = q[pose], len(pose)
     session = np.arange(total) * conditions.sessions // total
     gaps = rng.gamma(2.0, conditions.interval / 2.0, total)

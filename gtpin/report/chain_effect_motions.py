@@ -6,12 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.chain_motions import joint_frame, reach
+from gtpin.effects.chain_motions import joint_frame, reach, tip_to_joint
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.report.motion import Carried, Motion
 from gtpin.report.words import travel_words
 from gtpin.robot.chain import joint_axis
+from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
 
 Floats = npt.NDArray[np.float64]
@@ -35,14 +36,19 @@ def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
     """Motions of a joint's axis, or of the tips of links, those first that move the TCP the most."""
     found = []
     for index, twists in basis.placements:
-        owner, ways = _ways(at, site, index)
+        link = None if site in at.robot.sites else _link(at, site, index)
+        owner, ways = _ways(at, site, link)
+        frame, moved = index, np.broadcast_to(np.eye(6), (len(at), 6, 6))
+        if link is not None and link.tip != index:  # a link of a loop, all of which moves
+            frame, moved = link.tip, tip_to_joint(at, link)
+        own = np.linalg.solve(moved, twists) if frame != index else twists
         for place, way in ways:
             motion, unit = ("shift", "m") if way[:3].any() else ("turn", "rad")
-            tcp = at.bodies.by_twist(index, np.broadcast_to(way[None, :, None], (len(at), 6, 1)))[:, :, 0]
-            columns = np.einsum("nim,i->nm", twists, way)
+            tcp = at.bodies.by_twist(index, (moved @ way)[:, :, None])[:, :, 0]
+            columns = np.einsum("nim,i->nm", own, way)
             found.append(
                 Motion(
-                    f"{motion} of {owner} {place}", unit, columns, tcp, carried=Carried(f"{owner} {place}", index, way)
+                    f"{motion} of {owner} {place}", unit, columns, tcp, carried=Carried(f"{owner} {place}", frame, way)
                 )
             )
     return sorted(found, key=lambda motion: -_at_tcp(motion, basis.sigma))
@@ -52,13 +58,20 @@ def _at_tcp(motion: Motion, sigma: Floats) -> float:
     return float(np.abs((motion.columns * sigma)[:, None] * motion.tcp[:, :3, None]).max(initial=0.0))
 
 
-def _ways(at: Situation, site: str, index: int) -> tuple[str, list[tuple[str, Floats]]]:
+def _link(at: Situation, site: str, index: int) -> MovingLink:
+    """The link of a site whose tip, or in a robot with loops whose own placement frame, has an index."""
+    found = links_at(at.robot, site)
+    if at.robot.constraints:
+        return next(link for link in found if link.joint_id - 1 == index)
+    return next(link for link in found if link.tip == index)
+
+
+def _ways(at: Situation, site: str, link: MovingLink | None) -> tuple[str, list[tuple[str, Floats]]]:
     """Of what a placement frame is displaced, and six directions with their names."""
-    if site in at.robot.sites:
+    if link is None:
         frame = joint_frame(at, site)
         owner, along, (a, b), it = f"the axis of {site}", frame.axis, frame.across, "itself"
     else:
-        link = next(link for link in links_at(at.robot, site) if link.tip == index)
         length = reach(at, link)
         size = float(np.linalg.norm(length))
         along = length / size if size > 0.0 else np.eye(3)[0]

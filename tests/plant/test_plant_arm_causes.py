@@ -175,7 +175,9 @@ def _at(visits: Visits, q: np.ndarray) -> ArmSituation:
     commands = np.zeros((len(q), ARM.n_actuators))
     commands[:, ARM.sites.index("elbow")] = q
     return ArmSituation(
-        PLANT.machine, replace(visits, q=commands), *(vars(PLANT.ideal)[n] for n in ("bodies", "tcp", "poses"))
+        PLANT.machine,
+        replace(visits, q=commands),
+        *(vars(PLANT.ideal)[n] for n in ("bodies", "bending", "tcp", "poses")),
     )
 
 
@@ -191,9 +193,9 @@ def test_links_grow_between_their_joints_and_the_last_to_the_tcp() -> None:
     now = PLANT.ideal
     day, time = now.visits.day, now.visits.time
     warm = day.link_at(time) - day.link[0]
-    bodies, tip = PLANT.machine.bodies(now.q, cause("thermal_links", "arm")(now))
+    bodies, bending = PLANT.machine.bodies(now.q, cause("thermal_links", "arm")(now))
     cold = now.bodies
-    ends = [*(bodies.p[:, j] for j in ARM.way[1:]), bodies.at(PLANT.machine.tcp, tip).T]
+    ends = [*(bodies.p[:, j] for j in ARM.way[1:]), bodies.at(PLANT.machine.tcp, bending).T]
     before = [*(cold.p[:, j] for j in ARM.way[1:]), now.tcp.T]
     for place, j in enumerate(ARM.way):
         if place + 1 < len(ARM.way) and ARM.joints[ARM.way[place + 1]].slides:

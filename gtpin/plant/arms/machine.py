@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.plant.arms.deviation import ArmDeviation
 from gtpin.plant.arms.robot import Arm
-from gtpin.plant.arms.tree import Bending, Placed, moved, placed
+from gtpin.plant.arms.tree import STRAIGHT, Bending, Placed, moved, placed
 from gtpin.plant.arms.urdf import Frame, Joint
 from gtpin.plant.poses import Poses
 
@@ -42,7 +43,8 @@ class ArmMachine:
     robot
         The nominal one.
     twists, tool
-        (n, 6) and (6,): each placement is the nominal one times the exponential of its twist, m and rad.
+        (k, 6) of the robot's ``placed`` joints and (6,): each placement is the nominal one times the exponential of its
+        twist, m and rad.
     masses, centres
         (J,) kg and (J, 3) m, own frames, of the bodies of all moving joints.
     target
@@ -64,24 +66,27 @@ class ArmMachine:
         """The machine that the URDF describes."""
         masses, centres = [j.mass for j in robot.joints], [j.centre for j in robot.joints]
         at_tcp = Frame(-1, np.eye(3), np.zeros(3))
-        twists = np.zeros((robot.n_actuators, 6))
+        twists = np.zeros((len(robot.placed), 6))
         return ArmMachine(robot, twists, np.zeros(6), np.array(masses), np.array(centres), at_tcp)
 
     @staticmethod
     def draw(robot: Arm, rng: np.random.Generator) -> ArmMachine:
         """A machine off nominal by normal draws from the tolerances, and by some per cent in its masses."""
-        twists = robot.tolerance * rng.standard_normal((robot.n_actuators + 1, 6))
-        nominal = ArmMachine.nominal(robot)
+        return ArmMachine.nominal(robot).drawn(rng)
+
+    def drawn(self, rng: np.random.Generator) -> Self:
+        """Another machine of the same robot: see :meth:`draw`."""
+        twists = self.robot.tolerance * rng.standard_normal((len(self.robot.placed) + 1, 6))
         return replace(
-            nominal,
+            self,
             twists=twists[:-1],
             tool=twists[-1],
-            masses=nominal.masses * (1.0 + MASS_SPREAD * rng.standard_normal(len(nominal.masses))),
-            centres=nominal.centres + CENTRE_SPREAD * rng.standard_normal(nominal.centres.shape),
+            masses=self.masses * (1.0 + MASS_SPREAD * rng.standard_normal(len(self.masses))),
+            centres=self.centres + CENTRE_SPREAD * rng.standard_normal(self.centres.shape),
         )
 
-    def with_twists(self, twists: Floats, tool: Floats) -> ArmMachine:
-        """The same with other twists (n, 6) of its joints and (6,) of its tool."""
+    def with_twists(self, twists: Floats, tool: Floats) -> Self:
+        """The same with other twists (k, 6) of its joints and (6,) of its tool."""
         return replace(self, twists=twists, tool=tool)
 
     @property
@@ -102,7 +107,8 @@ class ArmMachine:
     def _usual(self) -> Floats:
         robot = self.robot
         first = robot.usual_moment(robot.way[0]) if robot.way else 1.0
-        return np.array([robot.usual_moment(j) if j in robot.way else first for j in robot.counted])
+        usual = [robot.usual_moment(j) if c in robot.acting else first for c, j in enumerate(robot.counted)]
+        return np.array(usual)
 
     def flexibility(self, cart: int) -> float:
         """1/EI of a link made for its load, 1/(N m^2): it turns by 0.1 mrad under half of what its joint usually holds."""
@@ -111,7 +117,7 @@ class ArmMachine:
     @cached_property
     def common_flexibility(self) -> float:
         """1/EI of links of one section: that of the stiffest."""
-        return min(self.flexibility(cart) for cart in self.robot.acting)
+        return min(self.flexibility(cart) for cart in self.robot.linked)
 
     # -------------------------------------------------------------------------------------------------- motion
 
@@ -119,7 +125,7 @@ class ArmMachine:
     def joints(self) -> tuple[Joint, ...]:
         """The joints where they really are."""
         found = list(self.robot.joints)
-        for twist, j in zip(self.twists, self.robot.counted, strict=True):
+        for twist, j in zip(self.twists, self.robot.placed, strict=True):
             R, p = moved(found[j].R, found[j].p, twist)
             found[j] = replace(found[j], R=R, p=p)
         return tuple(found)
@@ -145,12 +151,14 @@ class ArmMachine:
                 x[:, j] = factor * x[:, leader] + offset
         return x
 
-    def bodies(self, q: Floats, deviation: ArmDeviation | None = None) -> tuple[Placed, Floats | None]:
-        """The bodies at commands q (N, n), and their ends' deviation, as in :class:`~gtpin.plant.arms.tree.Bending`."""
+    def bodies(
+        self, q: Floats, deviation: ArmDeviation | None = None, near: Placed | None = None
+    ) -> tuple[Placed, Bending]:
+        """The bodies at commands q (N, n), and how they are bent; ``near`` is where they about are, which saves work."""
         if deviation is None:
-            return placed(self.joints, self.coordinates(q)), None
+            return placed(self.joints, self.coordinates(q)), STRAIGHT
         bending = Bending(self._on_all(deviation.axis), self._on_all(deviation.tip))
-        return placed(self.joints, self.coordinates(q + deviation.travel), bending), bending.tip
+        return placed(self.joints, self.coordinates(q + deviation.travel), bending), bending
 
     def _on_all(self, counted: Floats) -> Floats | None:
         if not counted.any():
@@ -159,9 +167,9 @@ class ArmMachine:
         whole[:, list(self.robot.counted)] = counted
         return whole
 
-    def forward(self, q: Floats) -> Poses:
-        """Poses of the target at commands q (N, n), base frame, without any effect."""
-        return self.bodies(q)[0].at(self.seen)
+    def forward(self, q: Floats, near: Placed | None = None) -> Poses:
+        """Poses of the target at commands q (N, n), base frame, without any effect; ``near`` as in :meth:`bodies`."""
+        return self.bodies(q, near=near)[0].at(self.seen)
 
     def unbent(self, visits: int) -> ArmDeviation:
         """A deviation of zero at a number of visits."""
@@ -193,8 +201,8 @@ class ArmMachine:
 
     def command_jacobian(self, q: Floats) -> Floats:
         """(N, 6, n) derivative of the target's pose by the commands: position and rotation vector, base frame."""
-        steps = NUDGE * np.eye(self.n_carts)
-        pairs = [(self.forward(q + step), self.forward(q - step)) for step in steps]
+        steps, near = NUDGE * np.eye(self.n_carts), self.bodies(q)[0]
+        pairs = [(self.forward(q + step, near), self.forward(q - step, near)) for step in steps]
         return np.stack([one.minus(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
 
     def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
@@ -202,13 +210,13 @@ class ArmMachine:
 
         All placements and the tool; where they are free, the instrument's frame and the target.
         """
-        columns = []
-        for i in range(self.n_carts + 1):
+        columns, near, count = [], self.bodies(q)[0], len(self.twists) + 1
+        for i in range(count):
             for c in range(6):
-                step = np.zeros((self.n_carts + 1, 6))
+                step = np.zeros((count, 6))
                 step[i, c] = NUDGE
                 pair = [
-                    replace(self, twists=self.twists + s * step[:-1], tool=self.tool + s * step[-1]).forward(q)
+                    replace(self, twists=self.twists + s * step[:-1], tool=self.tool + s * step[-1]).forward(q, near)
                     for s in (1.0, -1.0)
                 ]
                 columns.append(pair[0].minus(pair[1]) / (2.0 * NUDGE) * self.robot.tolerance[c])

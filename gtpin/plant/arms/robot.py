@@ -58,19 +58,15 @@ class Arm:
             If it has loops.
         """
         if robot.description.loops:
-            raise RobotError(
-                f"{robot.name} has loops that are no rods", hint="the plant makes open chains and six rods"
-            )
+            raise RobotError(f"{robot.name} has loops", hint="an open chain has none")
         urdf: Urdf = read_urdf(robot.description.xml)
-        told = robot.tolerance
-        tolerance = [told.get("placement_position", TOLERANCE)] * 3 + [told.get("placement_rotation", TOLERANCE)] * 3
         return Arm(
             robot.name,
             urdf.joints,
             tuple(urdf.index(actuator.joint) for actuator in robot.actuators),
             urdf.links[robot.tcp_frame],
             np.array(robot.description.gravity),
-            np.array(tolerance),
+            tolerance_of(robot),
         )
 
     @property
@@ -87,6 +83,16 @@ class Arm:
     def link_sites(self) -> tuple[str, ...]:
         """Names of the links that they move."""
         return tuple(self.joints[j].link for j in self.counted)
+
+    @property
+    def placed(self) -> tuple[int, ...]:
+        """Indices of the joints whose placements a calibration identifies."""
+        return self.counted
+
+    @property
+    def linked(self) -> tuple[int, ...]:
+        """Which of the commands move the TCP by a link that reaches from their joint to the next one, or to the TCP."""
+        return self.acting
 
     @cached_property
     def lower(self) -> Floats:
@@ -117,12 +123,16 @@ class Arm:
         """Which of the commands move the TCP."""
         return tuple(c for c, j in enumerate(self.counted) if j in self.way)
 
+    def onward(self, joint: int) -> tuple[int, ...]:
+        """Indices of a joint on the way and of those beyond it."""
+        return self.way[self.way.index(joint) :]
+
     def next_frame(self, joint: int) -> Frame:
         """Where the body of a joint on the way ends: at the next joint, the last at the TCP. Frame on that body."""
-        place = self.way.index(joint)
-        if place + 1 == len(self.way):
+        line = self.onward(joint)
+        if len(line) == 1:
             return self.tcp
-        following = self.joints[self.way[place + 1]]
+        following = self.joints[line[1]]
         return Frame(joint, following.R, following.p)
 
     def length(self, joint: int) -> float:
@@ -131,7 +141,7 @@ class Arm:
 
     def reach_from(self, joint: int) -> float:
         """Length of the stretched chain from a joint on the way to the TCP, m."""
-        return sum(self.length(j) for j in self.way[self.way.index(joint) :])
+        return sum(self.length(j) for j in self.onward(joint))
 
     @cached_property
     def capacity(self) -> float:
@@ -143,9 +153,15 @@ class Arm:
         """What a joint on the way usually holds, N m (N where it slides): 0.4 of what it holds with all stretched out."""
         g, moment, way = float(np.linalg.norm(self.gravity)) or 9.81, 0.0, 0.0
         if self.joints[joint].slides:
-            behind = sum(self.joints[j].mass for j in self.way[self.way.index(joint) :])
+            behind = sum(self.joints[j].mass for j in self.onward(joint))
             return 0.4 * g * (behind + self.capacity)
-        for j in self.way[self.way.index(joint) :]:
+        for j in self.onward(joint):
             moment += self.joints[j].mass * (way + 0.5 * self.length(j))
             way += self.length(j)
         return 0.4 * g * (moment + self.capacity * way)
+
+
+def tolerance_of(robot: Robot) -> Floats:
+    """(6,) 1 sigma of the placement of each joint and of the tool, m and rad."""
+    told = robot.tolerance
+    return np.array([told.get("placement_position", TOLERANCE)] * 3 + [told.get("placement_rotation", TOLERANCE)] * 3)

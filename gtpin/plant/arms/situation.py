@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.plant.arms.deviation import ArmDeviation
 from gtpin.plant.arms.machine import ArmMachine
-from gtpin.plant.arms.tree import Placed
+from gtpin.plant.arms.tree import Bending, Placed
 from gtpin.plant.poses import Poses
 from gtpin.plant.visits import Visits
 
@@ -27,6 +28,8 @@ class ArmSituation:
         What was moved, and how.
     bodies
         Where its bodies are.
+    bending
+        How they are bent.
     tcp, poses
         The TCP's poses, and those of the target, base frame.
     """
@@ -34,21 +37,24 @@ class ArmSituation:
     machine: ArmMachine
     visits: Visits
     bodies: Placed
+    bending: Bending
     tcp: Poses
     poses: Poses
 
-    @staticmethod
-    def of(machine: ArmMachine, visits: Visits, deviation: ArmDeviation | None = None) -> ArmSituation:
-        """The postures with some deviation."""
-        bodies, tip = machine.bodies(visits.q, deviation)
-        tcp = bodies.at(machine.tcp, tip)
+    @classmethod
+    def of(
+        cls, machine: ArmMachine, visits: Visits, deviation: ArmDeviation | None = None, near: Placed | None = None
+    ) -> Self:
+        """The postures with some deviation; ``near`` is where the bodies about are, which saves work."""
+        bodies, bending = machine.bodies(visits.q, deviation, near)
+        tcp = bodies.at(machine.tcp, bending)
         target = machine.target
         seen = Poses(tcp.T + tcp.R @ target.p, tcp.R @ target.R)
-        return ArmSituation(machine, visits, bodies, tcp, seen)
+        return cls(machine, visits, bodies, bending, tcp, seen)
 
-    def settled_by(self, deviation: ArmDeviation) -> ArmSituation:
+    def settled_by(self, deviation: ArmDeviation) -> Self:
         """The postures with another deviation."""
-        return ArmSituation.of(self.machine, self.visits, deviation)
+        return self.of(self.machine, self.visits, deviation, self.bodies)
 
     def __len__(self) -> int:
         return len(self.visits)
@@ -70,6 +76,10 @@ class ArmSituation:
     @cached_property
     def _loads(self) -> tuple[Floats, Floats]:
         """(N, J, 3) forces on all that each joint carries, N, and their moments about the base's origin, N m; base frame."""
+        return self._carried(*self._own())
+
+    def _own(self) -> tuple[Floats, Floats]:
+        """(N, J, 3) the same of what acts on each body itself: its weight, and on the last one the payload and the tool."""
         machine, robot, visits = self.machine, self.machine.robot, self.visits
         force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
         for j in range(len(machine.joints)):
@@ -80,8 +90,12 @@ class ArmSituation:
         if robot.tcp.joint >= 0:
             force[:, robot.tcp.joint] += on_tool
             moment[:, robot.tcp.joint] += np.cross(self.tcp.T, on_tool)
-        for j in reversed(range(len(machine.joints))):
-            parent = machine.joints[j].parent
+        return force, moment
+
+    def _carried(self, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
+        """What acts on each body itself, with all that acts on those beyond it."""
+        for j in reversed(range(len(self.machine.joints))):
+            parent = self.machine.joints[j].parent
             if parent >= 0:
                 force[:, parent] += force[:, j]
                 moment[:, parent] += moment[:, j]
@@ -92,6 +106,11 @@ class ArmSituation:
         j = self.machine.robot.counted[cart]
         force, moment = self._loads
         return force[:, j], moment[:, j] - np.cross(self.bodies.p[:, j], force[:, j])
+
+    @property
+    def leaning(self) -> Floats:
+        """(N, 3) moment on the base about the first joint, base frame, in parts of what is usual."""
+        return np.asarray(self.borne(0)[1] / self.machine.usual_load(0))
 
     def axis(self, cart: int) -> Floats:
         """(N, 3) unit vector of a commanded joint's axis, base frame."""

@@ -33,12 +33,32 @@ class Bending:
     axis
         (N, J, 6) shift, m, and rotation vector, rad, of each joint's axis, in the joint's frame as it stands on its parent.
     tip
-        (N, J, 6) the same of all that sits on each joint's body: shift of the places, and turn about them, in the body's
-        frame.
+        (N, J, 6) the same of all that sits on each joint's body: shift, and turn about the body's end, in the body's frame.
+    ends
+        (J, 3) the bodies' ends, own frames, m; None where each body carries one thing, at its end.
     """
 
     axis: Floats | None = None
     tip: Floats | None = None
+    ends: Floats | None = None
+
+    def take(self, rows: npt.NDArray[np.int_]) -> Bending:
+        """The same at some of the poses."""
+        axis, tip = (None if field is None else field[rows] for field in (self.axis, self.tip))
+        return Bending(axis, tip, self.ends)
+
+    def on(self, p: Floats, R: Floats, joint: int) -> tuple[Floats, Floats]:
+        """Place (3,) and rotation (3, 3) on a body, or (N, ...) of each where the body is bent."""
+        if self.tip is None or joint < 0:
+            return p, R
+        shift, turn = self.tip[:, joint, :3], exp(self.tip[:, joint, 3:])
+        if self.ends is not None:
+            shift = shift + (turn - np.eye(3)) @ (p - self.ends[joint])
+        return p + shift, turn @ R
+
+
+STRAIGHT = Bending()
+"""Nothing is off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,37 +71,33 @@ class Placed:
         (N, J, 3, 3) rotations and (N, J, 3) places, m, of their joints' frames, which move with them.
     seats
         (N, J, 3, 3) rotations of the joints' frames as they stand on their parents, before the joints' own motions.
+    x
+        (N, J) the joints' coordinates, rad or m.
     """
 
     R: Floats
     p: Floats
     seats: Floats
+    x: Floats
 
-    def at(self, frame: Frame, tip: Floats | None = None) -> Poses:
-        """Poses of a frame on a body; ``tip`` as in :class:`Bending`."""
+    def at(self, frame: Frame, bending: Bending = STRAIGHT) -> Poses:
+        """Poses of a frame on a body."""
         count = len(self.R)
         if frame.joint < 0:
             return Poses(np.tile(frame.p, (count, 1)), np.tile(frame.R, (count, 1, 1)))
         R, p = self.R[:, frame.joint], self.p[:, frame.joint]
-        local_p, local_R = _on_tip(frame.p, frame.R, frame.joint, tip)
+        local_p, local_R = bending.on(frame.p, frame.R, frame.joint)
         return Poses(p + np.einsum("nij,...j->ni" if local_p.ndim == 1 else "nij,nj->ni", R, local_p), R @ local_R)
 
 
-def _on_tip(p: Floats, R: Floats, joint: int, tip: Floats | None) -> tuple[Floats, Floats]:
-    if tip is None or joint < 0:
-        return p, R
-    return p + tip[:, joint, :3], exp(tip[:, joint, 3:]) @ R
-
-
-def placed(joints: tuple[Joint, ...], x: Floats, bending: Bending | None = None) -> Placed:
+def placed(joints: tuple[Joint, ...], x: Floats, bending: Bending = STRAIGHT) -> Placed:
     """Where the bodies of a tree are at joint coordinates x (N, J), m and rad."""
-    bending = bending or Bending()
     count, number = x.shape
     R, p, seats = np.empty((count, number, 3, 3)), np.empty((count, number, 3)), np.empty((count, number, 3, 3))
     base_R, base_p = np.eye(3)[None], np.zeros((1, 3))
     for j, joint in enumerate(joints):
         on_R, on_p = (base_R, base_p) if joint.parent < 0 else (R[:, joint.parent], p[:, joint.parent])
-        at, turn = _on_tip(joint.p, joint.R, joint.parent, bending.tip)
+        at, turn = bending.on(joint.p, joint.R, joint.parent)
         here_R, here_p = on_R @ turn, on_p + (on_R @ np.broadcast_to(at, (count, 3))[..., None])[..., 0]
         if bending.axis is not None:
             here_p = here_p + (here_R @ bending.axis[:, j, :3, None])[..., 0]
@@ -90,4 +106,4 @@ def placed(joints: tuple[Joint, ...], x: Floats, bending: Bending | None = None)
         motion = x[:, j, None] * joint.axis
         R[:, j] = here_R if joint.slides else here_R @ exp(motion)
         p[:, j] = here_p + (here_R @ motion[..., None])[..., 0] if joint.slides else here_p
-    return Placed(R, p, seats)
+    return Placed(R, p, seats, x)

@@ -10,20 +10,24 @@ import numpy as np
 
 from gtpin.errors import GtpinError
 from gtpin.plant.arms.robot import Arm
+from gtpin.plant.looped.robot import LoopedArm
 from gtpin.robot.robot import Robot
 
 Cause = Callable[[Any], Any]
 """One machine's own error at its typical size: the deviation of that machine in a situation of its."""
-Where = Literal["carts", "guides", "turning", "joints", "coupled", "links", "arm", "frame", "platform"]
+Where = Literal["carts", "guides", "turning", "joints", "coupled", "links", "arm", "pins", "frame", "platform"]
 
 
 @dataclass(frozen=True)
 class Site:
-    """A place in the machine: its name, the cart or joint where it is one, and the rods or links that belong to it."""
+    """A place in the machine: its name, the cart or commanded joint where it is one, the rods or links that belong to it,
+    and the joint that follows where it is one.
+    """
 
     name: str
     cart: int
     rods: tuple[int, ...]
+    pin: int = -1
 
     @staticmethod
     def of(robot: Robot | Arm, name: str) -> Site:
@@ -33,6 +37,8 @@ class Site:
                 return Site(name, robot.sites.index(name), ())
             if name in robot.link_sites:
                 return Site(name, -1, (robot.link_sites.index(name),))
+            if isinstance(robot, LoopedArm) and name in robot.pin_sites:
+                return Site(name, -1, (), robot.pins[robot.pin_sites.index(name)])
             return Site(name, -1, tuple(range(robot.n_actuators)))
         if name in robot.sites:
             cart = robot.sites.index(name)
@@ -53,7 +59,8 @@ class Kind:
     where
         At which sites it occurs: ``carts`` are all that drives move, ``guides`` those of them that slide along a track,
         ``turning`` the same where any of them carries more than one joint; ``joints`` are those of an arm, ``coupled`` the
-        same where there are several; ``arm`` means all links at once, or one of them.
+        same where there are several; ``arm`` means all links at once, or one of them; ``pins`` are joints that follow because
+        loops close.
     draw
         Draws one machine's own case of it, at its typical size.
     needs
@@ -90,13 +97,15 @@ class Kind:
 
     def _on_arm(self, robot: Arm) -> tuple[str, ...]:
         """Only what moves the TCP."""
+        if self.where == "pins":
+            return robot.pin_sites if isinstance(robot, LoopedArm) else ()
         if self.where in ("joints", "coupled"):
             return (
                 tuple(robot.sites[c] for c in robot.acting) if self.where == "joints" or len(robot.acting) > 1 else ()
             )
         if self.where in ("links", "arm"):
-            links = tuple(robot.link_sites[c] for c in robot.acting)
-            return links if self.where == "links" else ("arm", *links)
+            links = tuple(robot.link_sites[c] for c in robot.linked)
+            return links if self.where == "links" else ("arm", *links) if links else ()
         return (self.where,)
 
     def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from gtpin.errors import GtpinError
 from gtpin.plant.arms.robot import Arm
 from gtpin.plant.causes import drives, guides, heat, instrument, joints, stiffness, unlisted_loads, unlisted_structure
-from gtpin.plant.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED
+from gtpin.plant.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED, LOOPED_CATALOGUE, LOOPED_UNLISTED
 from gtpin.plant.causes.cause import Kind
+from gtpin.plant.looped.robot import LoopedArm
 from gtpin.robot.robot import Robot
 
 CATALOGUE = (
@@ -52,14 +53,20 @@ def possible(kinds: tuple[Kind, ...], robot: Robot | Arm) -> tuple[Kind, ...]:
     return tuple(kind for kind in kinds if kind.sites(robot))
 
 
+def _known(robot: Robot | Arm) -> tuple[tuple[Kind, ...], tuple[Kind, ...]]:
+    if isinstance(robot, LoopedArm):
+        return LOOPED_CATALOGUE, LOOPED_UNLISTED
+    return (ARM_CATALOGUE, ARM_UNLISTED) if isinstance(robot, Arm) else (CATALOGUE, UNLISTED)
+
+
 def listed(robot: Robot | Arm) -> tuple[Kind, ...]:
     """What can occur on a robot and is in the contract's tables."""
-    return possible(ARM_CATALOGUE if isinstance(robot, Arm) else CATALOGUE, robot)
+    return possible(_known(robot)[0], robot)
 
 
 def unlisted(robot: Robot | Arm) -> tuple[Kind, ...]:
     """What can occur on a robot and is in no catalogue."""
-    return possible(ARM_UNLISTED if isinstance(robot, Arm) else UNLISTED, robot)
+    return possible(_known(robot)[1], robot)
 
 
 def kind(name: str, robot: Robot | Arm) -> Kind:
@@ -70,11 +77,11 @@ def kind(name: str, robot: Robot | Arm) -> Kind:
     GtpinError
         If there is none.
     """
-    known = (*ARM_CATALOGUE, *ARM_UNLISTED) if isinstance(robot, Arm) else (*CATALOGUE, *UNLISTED)
+    known = [one for kinds in _known(robot) for one in kinds]
     for one in known:
         if one.name == name:
             return one
-    others = {k.name for k in (*CATALOGUE, *UNLISTED, *ARM_CATALOGUE, *ARM_UNLISTED)}
+    others = {k.name for k in (*CATALOGUE, *UNLISTED, *LOOPED_CATALOGUE, *LOOPED_UNLISTED)}
     if name in others:
         raise GtpinError(f"{name} can't be on {robot.name}", hint="choose what the robot's parts can have")
     raise GtpinError(f"no effect is called {name!r}", hint=f"known here: {', '.join(k.name for k in known)}")

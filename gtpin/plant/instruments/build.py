@@ -15,7 +15,7 @@ from gtpin.errors import GtpinError
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.arms.robot import Arm
 from gtpin.plant.background import weak_others
-from gtpin.plant.build import ids, known_robot, strong
+from gtpin.plant.build import drawn_machine, ids, known_robot, nominal_arm, strong
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.instruments.case import InstrumentCase
 from gtpin.plant.instruments.choice import BAR, TOUCHED, checked, errors, held_readings, noises, reading, reads, stream
@@ -84,8 +84,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
         )
     streams = [np.random.default_rng(part) for part in np.random.SeedSequence([seed, 5]).spawn(5)]
     robot = known_robot(recipe.robot)
-    machine = ArmMachine.draw(robot, streams[0]) if isinstance(robot, Arm) else Machine.draw(robot, streams[0])
-    machine = replace(machine, free=(False, False)) if isinstance(machine, ArmMachine) else machine
+    machine = drawn_machine(robot, streams[0])
     out = _outing(machine, kinds, recipe, streams[1])
     n_read = recipe.poses if reads(kinds) else 0
     asked = [q for _, q in out.touching] + ([out.bar[1]] if out.bar else [])
@@ -145,7 +144,7 @@ def _outing(machine: Machine | ArmMachine, kinds: Sequence[str], recipe: Recipe,
         touching.append((gauge, begun(gauge, moved, pool, (robot.lower, robot.upper), own)))
     bar = None
     if BAR in kinds:
-        nominal: Moved = AnArm(ArmMachine.nominal(robot)) if isinstance(robot, Arm) else OnRods(Geometry.nominal(robot))
+        nominal: Moved = AnArm(nominal_arm(robot)) if isinstance(robot, Arm) else OnRods(Geometry.nominal(robot))
         q, speed = circles(nominal, layout, pool, (robot.lower, robot.upper), recipe.poses)
         gauge = Range.bar(layout, np.arange(len(q)), recipe.noise.declared, stream(recipe.seed, BAR))
         bar = gauge, q, speed
@@ -224,7 +223,8 @@ def _past(plant: Plant, gauges: Sequence[Gauge], repeatability: Floats) -> PastR
 def _geometry(machine: Machine | ArmMachine) -> dict[str, float]:
     if isinstance(machine, Machine):
         return dict(zip(machine.geometry.names, machine.geometry.deviation.tolist(), strict=True))
-    places = [*(f"placement[{site}]" for site in machine.robot.sites), "platform"]
+    robot = machine.robot
+    places = [*(f"placement[{robot.joints[j].name}]" for j in robot.placed), "platform"]
     axes = ("x", "y", "z", "rx", "ry", "rz")
     values = np.vstack([machine.twists, machine.tool])
     return {

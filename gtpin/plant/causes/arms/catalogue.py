@@ -1,9 +1,11 @@
-"""All kinds of error of open chains: those of the contract's tables, and those that are in no catalogue."""
+"""All kinds of error of robots without rods: those of the contract's tables, and those that are in no catalogue."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gtpin.plant.causes import instrument
-from gtpin.plant.causes.arms import bearings, drives, heat, loads, unlisted
+from gtpin.plant.causes.arms import bearings, drives, heat, loads, pins, unlisted
 from gtpin.plant.causes.cause import Kind
 
 ARM_CATALOGUE = (
@@ -54,3 +56,16 @@ ARM_UNLISTED = (
     Kind("nest_tilt", "platform", unlisted.nest_tilt),
 )
 """What is in no catalogue."""
+
+
+def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
+    """The same kinds on robots with loops: what goes by a load needs a push on the tool.
+
+    Gravity does not load the drives of a level loop, nor the bearings of an upright one across its plane.
+    """
+    return tuple(replace(kind, needs=(*kind.needs, "force")) if "payload" in kind.needs else kind for kind in kinds)
+
+
+LOOPED_CATALOGUE = pushed(ARM_CATALOGUE)
+LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", pins.worn_pin, ("payload",))))
+"""The same on robots with loops that are no rods."""

@@ -22,7 +22,7 @@ def thermal_links(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: ArmSituation) -> ArmDeviation:
         visits, machine, deviation = now.visits, now.machine, now.unbent()
         for i, link in enumerate(site.rods):
-            if link in machine.robot.acting:
+            if link in machine.robot.linked:
                 growth = warmer[i] * (visits.day.link_at(visits.time, delays[i]) - visits.day.link[0])
                 growth = growth * (1.0 + part * local[i](visits.phase))
                 reach = machine.robot.next_frame(machine.robot.counted[link]).p

@@ -70,7 +70,7 @@ def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
         machine, deviation = now.machine, now.unbent()
         common = machine.common_flexibility
         for i, link in enumerate(site.rods):
-            if link not in machine.robot.acting:
+            if link not in machine.robot.linked:
                 continue
             flexibility = each[i] * (common if len(site.rods) > 1 else machine.flexibility(link))
             bent = _beam(now, link, flexibility * uneven[i], softer_twist, root[i], exponent)

@@ -10,6 +10,7 @@ from gtpin.plant.arms.situation import ArmSituation
 from gtpin.plant.causes.arms.drives import turned
 from gtpin.plant.causes.cause import Cause, Site
 from gtpin.plant.fields import Field, curve, play
+from gtpin.plant.looped.situation import LoopedSituation
 
 
 def creep(site: Site, rng: np.random.Generator) -> Cause:
@@ -48,10 +49,11 @@ def loose_foot(site: Site, rng: np.random.Generator) -> Cause:
     lag = rng.uniform(0.02, 0.1)
 
     def cause(now: ArmSituation) -> ArmDeviation:
-        moment = now.borne(0)[1] / now.machine.usual_load(0)
         about = np.array([np.cos(angle), np.sin(angle), 0.0])
-        leaning = moment @ about
+        leaning = now.leaning @ about
         lifted = np.maximum(play(leaning, lag) - edge, 0.0) ** 1.5
+        if isinstance(now, LoopedSituation):
+            return now.tilted(np.multiply.outer(2e-4 * lifted, about))
         deviation = now.unbent()
         seat = now.bodies.seats[:, now.machine.robot.counted[0]]
         deviation.axis[:, 0, 3:] = 2e-4 * lifted[:, None] * np.einsum("nji,j->ni", seat, about)
@@ -72,7 +74,7 @@ def sunny_side(site: Site, rng: np.random.Generator) -> Cause:
         warm = warm + 1.5 * np.sin(3.0 * work / max(float(work[-1]), 1e-9))
         turn = np.multiply.outer(5e-5 * warm, way)
         deviation = now.unbent()
-        if link in machine.robot.acting:
+        if link in machine.robot.linked:
             half = 0.5 * machine.robot.next_frame(machine.robot.counted[link]).p
             deviation.tip[:, link] = np.hstack([np.cross(turn, half), turn])
         return deviation
@@ -121,8 +123,11 @@ def whip(site: Site, rng: np.random.Generator) -> Cause:
         speed, acceleration = now.visits.speed[:, link], now.visits.acceleration[:, link]
         arm = np.linalg.norm(now.poses.T - now.bodies.p[:, now.machine.robot.counted[link]], axis=1)
         size = (np.tanh(speed / 0.1) + 2.0 * acceleration) * arm * (1.0 + 0.4 * loose(now.places[:, link]))
-        deviation = now.unbent()
-        deviation.tip[:, link, 3:] = 1e-4 * size[:, None] * lean
+        deviation, turn = now.unbent(), 1e-4 * size[:, None] * lean
+        deviation.tip[:, link, 3:] = turn
+        if isinstance(now, LoopedSituation):  # a turn alone is all but taken up by the joint that follows there
+            end = now.machine.robot.next_frame(now.machine.robot.counted[link]).p
+            deviation.tip[:, link, :3] = np.cross(turn, 0.5 * end)
         return deviation
 
     return cause

@@ -1,0 +1,89 @@
+"""A robot with loops that are no rods, as its URDF says it is: which joints follow, and where its links end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gtpin.plant.arms.robot import Arm, tolerance_of
+from gtpin.plant.arms.urdf import Frame
+from gtpin.plant.loops import Loops
+from gtpin.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class LoopedArm(Arm):
+    """The nominal robot: an arm some of whose joints follow, because loops close.
+
+    Parameters
+    ----------
+    loops
+        The tree, its driven and passive joints, and the points that coincide.
+    """
+
+    loops: Loops
+
+    @staticmethod
+    def of(robot: Robot) -> LoopedArm:
+        """The robot: names and choices are the package's, numbers those of the URDF's text.
+
+        Raises
+        ------
+        RobotError
+            If joints of it mimic others.
+        """
+        loops = Loops.of(robot, {})
+        gravity = np.array(robot.description.gravity)
+        return LoopedArm(robot.name, loops.joints, loops.driven, loops.tcp, gravity, tolerance_of(robot), loops)
+
+    @cached_property
+    def closing(self) -> tuple[int, ...]:
+        """Indices of the joints that move the TCP: those on its way, and those of the loops."""
+        return tuple(sorted({*self.way, *self.loops.closing}))
+
+    @property
+    def placed(self) -> tuple[int, ...]:
+        """See :class:`~gtpin.plant.arms.robot.Arm`: followers as well."""
+        return self.closing
+
+    @cached_property
+    def acting(self) -> tuple[int, ...]:
+        """See :class:`~gtpin.plant.arms.robot.Arm`."""
+        return tuple(c for c, j in enumerate(self.counted) if j in self.closing)
+
+    @cached_property
+    def linked(self) -> tuple[int, ...]:
+        """See :class:`~gtpin.plant.arms.robot.Arm`: all but those on which a loop closes with no joint in between."""
+        return tuple(c for c in self.acting if self.counted[c] == self.tcp.joint or self._beyond(self.counted[c]))
+
+    @cached_property
+    def pins(self) -> tuple[int, ...]:
+        """Indices of the joints that follow and turn."""
+        return tuple(j for j in self.loops.passive if not self.joints[j].slides)
+
+    @property
+    def pin_sites(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(self.joints[j].name for j in self.pins)
+
+    def _beyond(self, joint: int) -> tuple[int, ...]:
+        return tuple(j for j, other in enumerate(self.joints) if other.parent == joint)
+
+    def onward(self, joint: int) -> tuple[int, ...]:
+        """See :class:`~gtpin.plant.arms.robot.Arm`; off the way: those up to the end of a loop."""
+        if joint in self.way:
+            return super().onward(joint)
+        found = [joint]
+        while beyond := self._beyond(found[-1]):
+            found.append(beyond[0])
+        return tuple(found)
+
+    def next_frame(self, joint: int) -> Frame:
+        """See :class:`~gtpin.plant.arms.robot.Arm`; the last one off the way ends where its loop closes."""
+        line = self.onward(joint)
+        if len(line) > 1 or joint == self.tcp.joint:
+            return super().next_frame(joint)
+        ends = [end for pair in self.loops.pairs for end in pair if end.joint == joint]
+        return ends[0] if ends else Frame(joint, np.eye(3), np.zeros(3))

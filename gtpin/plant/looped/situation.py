@@ -1,0 +1,84 @@
+"""What a machine with loops is in at every visit: forces pass through the points at which its loops close."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.arms.situation import ArmSituation
+from gtpin.plant.looped.deviation import LoopedDeviation
+from gtpin.plant.looped.machine import LoopedMachine
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopedSituation(ArmSituation):
+    """N closed postures, in the order of time; see :class:`~gtpin.plant.arms.situation.ArmSituation`."""
+
+    machine: LoopedMachine
+
+    @cached_property
+    def _loads(self) -> tuple[Floats, Floats]:
+        """See :class:`~gtpin.plant.arms.situation.ArmSituation`: with the forces that keep the followers still."""
+        force, moment = self._own()
+        loops = self.machine.loops
+        whole = self._carried(force.copy(), moment.copy())
+        pushes = np.column_stack([self._along(j, *whole) for j in loops.passive])
+        pulls, at = loops.pulls(self.bodies, self.bending, pushes)
+        turning = np.cross(at, pulls)
+        for i, (one, other) in enumerate(loops.pairs):
+            for end, sign in ((one, 1.0), (other, -1.0)):
+                if end.joint >= 0:
+                    force[:, end.joint] += sign * pulls[:, i]
+                    moment[:, end.joint] += sign * turning[:, i]
+        return self._carried(force, moment)
+
+    def _along(self, joint: int, force: Floats, moment: Floats) -> Floats:
+        """(N,) what pushes a joint along its coordinate, N m or N, of forces and moments about the base's origin."""
+        one = self.machine.joints[joint]
+        push = force[:, joint]
+        if not one.slides:
+            push = moment[:, joint] - np.cross(self.bodies.p[:, joint], push)
+        return np.asarray(np.einsum("ni,ni->n", push, self.bodies.seats[:, joint] @ one.axis))
+
+    def carried_by(self, joint: int) -> tuple[Floats, Floats]:
+        """(N, 3) force, N, and moment about a joint's origin, N m, base frame, of all that any joint carries."""
+        force, moment = self._loads
+        return force[:, joint], moment[:, joint] - np.cross(self.bodies.p[:, joint], force[:, joint])
+
+    @property
+    def leaning(self) -> Floats:
+        """(N, 3) moment on the base about its origin, base frame, in parts of what the joints that stand on it usually hold."""
+        usual = sum(self.machine.robot.usual_moment(j) for j in self._standing)
+        return np.asarray(self._loads[1][:, self._standing].sum(axis=1) / usual)
+
+    @property
+    def _standing(self) -> list[int]:
+        return [j for j, joint in enumerate(self.machine.joints) if joint.parent < 0]
+
+    def unbent(self) -> LoopedDeviation:
+        """No deviation, to be filled in."""
+        return self.machine.unbent(len(self))
+
+    def tilted(self, turn: Floats) -> LoopedDeviation:
+        """All that stands on the base turned about its origin by small rotation vectors (N, 3), base frame, rad."""
+        deviation, joints = self.unbent(), self.machine.joints
+        for j in self._standing:
+            deviation.seat[:, j] = np.hstack([np.cross(turn, joints[j].p), turn]) @ np.kron(np.eye(2), joints[j].R)
+        return deviation
+
+    def tip_load(self, cart: int) -> tuple[Floats, Floats]:
+        """See :class:`~gtpin.plant.arms.situation.ArmSituation`: of all that the link carries but its own weight."""
+        machine, j = self.machine, self.machine.robot.counted[cart]
+        force, moment = self._loads[0][:, j], self._loads[1][:, j]
+        weight = machine.masses[j] * machine.robot.gravity
+        centre = self.bodies.p[:, j] + self.bodies.R[:, j] @ machine.centres[j]
+        end = self.bodies.at(machine.robot.next_frame(j), self.bending).T
+        force, moment = force - weight, moment - np.cross(centre, weight)
+        moment = moment - np.cross(end, force)
+        R = self.bodies.R[:, j]
+        return np.einsum("nji,nj->ni", R, force), np.einsum("nji,nj->ni", R, moment)
