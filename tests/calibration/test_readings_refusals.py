@@ -185,7 +185,6 @@ IDS: dict[str, tuple[Seen, int | None, str, str]] = {
         "socket",
         "S0, S1",
     ),
-    "a target of a tilt sensor": (LEVEL.saying(target=[0.0, 0.0, 0.0]), None, "target", "leave target"),
     "no socket visited twice": (
         CUP.saying(distances=None).reading(socket=[f"Z{i}" for i in range(72)]),
         None,
@@ -319,7 +318,7 @@ def test_a_number_that_nothing_reads_is_set_aside(tmp_path, name, column, value)
     values = np.array(GOOD[name].columns[column])
     values[3] = abs(value) if name == "wire" else value  # a range below 0 is refused
     dataset = read(tmp_path / "set", GOOD[name].reading(**{column: values}))
-    with np.errstate(all="raise"), pytest.warns(GtpinWarning, match=r"set aside as gross errors: poses [a-z]3$"):
+    with np.errstate(all="raise"), pytest.warns(GtpinWarning, match=r"set aside.*: poses [a-z]3$"):
         found = gtpin.calibrate(dataset)
     assert_calibrated(found)
 

@@ -64,6 +64,18 @@ MISTAKES = {
     "a distance below 0": (SOCKET.replace("0.05,", "-0.05,"), "instrument.0.distances.0.2", "distances = "),
     "a distance to itself": (SOCKET.replace('"S2"', '"S1"'), "instrument.0.distances", "itself"),
     "a target in words": (TILT + 'target = "free"\n', "instrument.0.target", "[x, y, z]"),
+    "a target of a tilt sensor": (TILT + "target = [0, 0, 0]\n", "instrument.0.target", "leave it out"),
+    "targets of a tilt sensor": (TILT + "targets = {A = [0, 0, 0]}\n", "instrument.0.targets", "leave it out"),
+    "sockets that nobody says how well they are known": (
+        SOCKET.replace("socket_sigma = 1e-3\n", ""),
+        "instrument.0.socket_sigma",
+        "give both",
+    ),
+    "a socket's sigma without a socket": (
+        SOCKET.replace("sockets = {S1 = [0.1, 0.2, 0.3]}\n", ""),
+        "instrument.0.socket_sigma",
+        "neither",
+    ),
     "target and targets": (RANGE + "target = [0, 0, 0]\n", "instrument.0.targets", "one of the two"),
     "an encoder of no joint": (TILT.replace('"tilt"', '"encoder"'), "instrument.0.joint", "URDF"),
     "another frame": (TRACKER + 'frame = "world"\n', "instrument.0.frame", '"robot" or "free"'),
