@@ -155,7 +155,10 @@ def test_files_of_others_are_never_replaced(run: Run, tmp_path: Path) -> None:
         (["rrf-heightmap", "probe.txt", "--robot", "linear_delta"], "row 1"),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--origin", "9", "0", "0"], "row 4"),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--origin", "nan", "0", "0"], "origin"),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "nan", "0", "0"], "probe-offset"),
+        (
+            ["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "nan", "0", "0"],
+            "probe-offset",
+        ),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--sigma", "0"], "sigma"),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--name", "../up"], "name"),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--name", "commands"], "name"),
