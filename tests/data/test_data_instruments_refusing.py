@@ -76,6 +76,7 @@ MISTAKES = {
         "instrument.0.socket_sigma",
         "neither",
     ),
+    "two sigmas of positions": (TRACKER + "sigma = 1e-5\n", "instrument.0.sigma", "one of the two"),
     "target and targets": (RANGE + "target = [0, 0, 0]\n", "instrument.0.targets", "one of the two"),
     "an encoder of no joint": (TILT.replace('"tilt"', '"encoder"'), "instrument.0.joint", "URDF"),
     "another frame": (TRACKER + 'frame = "world"\n', "instrument.0.frame", '"robot" or "free"'),

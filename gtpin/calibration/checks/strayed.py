@@ -41,9 +41,8 @@ def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings
         warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
     elif (chance := whole_chance(x, seen)) < CHANCE:
         text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
-        warn(
-            f"{text}: check known distances, what is declared of the instruments, and commands; or give larger tolerances"
-        )
+        hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
+        warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")
     names = _far(readings.deviation, [unknown.name for unknown in readings.unknowns])
     if names:
         hint = "correct what it declares, or give larger prior sigmas"
