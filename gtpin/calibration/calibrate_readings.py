@@ -10,6 +10,8 @@ import numpy.typing as npt
 from gtpin.calibration.checks.declared_sigmas import settled_with_sigmas
 from gtpin.calibration.checks.readable_readings import check_fitted, check_readable, explained
 from gtpin.calibration.checks.readable_sockets import check_distances, check_sockets
+from gtpin.calibration.checks.rejected_rows import check_used, poses_of
+from gtpin.calibration.checks.strayed import warn_of_strayed
 from gtpin.calibration.checks.usable_rows import reach_of
 from gtpin.calibration.instrument_unknowns import with_unknowns
 from gtpin.calibration.observability import UNSEEN
@@ -18,6 +20,8 @@ from gtpin.calibration.readings_result import ReadingsCalibration, readings_cali
 from gtpin.calibration.reweighting import Progress
 from gtpin.calibration.unseen_remedies import remedies
 from gtpin.data import Dataset, check_commands
+from gtpin.data.duplicates import counted_once
+from gtpin.data.extremes import check_extremes
 from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, single
@@ -31,14 +35,10 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-MOST = 0.5
-"""Share of an instrument's rows that gross errors make at most; beyond it nobody can say which the errors are."""
 FEWEST = 1.0
 """Degrees of freedom, the readings less what was learned of all unknowns, without which nothing can check a fit."""
 MISFIT = 10.0
 """Size of the residuals over the noise that is worth a warning."""
-STRAYED = 6.0
-"""Deviation of a parameter from nominal, in tolerances, that is worth a warning."""
 
 
 def with_positions(dataset: Dataset, robot: Robot) -> Dataset:
@@ -74,15 +74,19 @@ def calibrate_readings(
     robot = measuring(geometry.robot, dataset)
     geometry = replace(geometry, robot=robot)
     nominal = Model(geometry, solver=kinematics)
-    dataset = with_positions(dataset, robot)
+    check_extremes(dataset)
+    dataset = counted_once(with_positions(dataset, robot))
     check_sockets(dataset, robot)
     whole = single(dataset, robot)
     check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
     assert whole.readings is not None
-    usable = sane_rows(whole) & whole.readings.countable
+    usable = sane_rows(whole)
+    _warn_of(whole, usable & ~whole.readings.countable, "for numbers that are too large to count with")
+    usable &= whole.readings.countable
     if not usable.any():
         raise DatasetError("no reading that can be counted with", file=dataset.file, hint="check the tables' units")
     poses = nominal.kinematics.forward(whole.q)
+    _warn_of(whole, usable & ~poses.reached, "for the robot can't reach them")
     usable &= poses.reached
     if not usable.any():
         raise DatasetError("the robot reaches none of these commands", file=dataset.file, hint="check q1 .. qn")
@@ -98,7 +102,7 @@ def calibrate_readings(
     check_readable(fitted, near, reach_of(geometry))
     with explained(fitted, near, reach_of(geometry)):
         settled = settled_with_sigmas(RobustFit(nominal, fitted, kept.row, kept.visits, near, progress))
-    _check_used(kept, fitted, settled.used)
+    check_used(kept, fitted, settled.used)
     if settled.dof < FEWEST:
         what = f"{len(kept) * readings.components} readings leave {max(settled.dof, 0.0):.2g} degrees of freedom"
         raise DatasetError(
@@ -109,29 +113,17 @@ def calibrate_readings(
     if settled.excess > MISFIT:
         excess = f"residuals are {settled.excess:.0f} times the noise"
         warn(f"{excess}: the geometry does not explain these data, or the declared sigma is too small")
-    x = settled.fit.point.x[: len(geometry.parameters)]
-    far = np.flatnonzero(np.abs(x) > STRAYED)
-    if len(far):
-        strayed = [f"{geometry.names[i]} ({x[i]:+.0f})" for i in far[np.argsort(-np.abs(x[far]))]]
-        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}")
     aside = np.ones(len(whole), dtype=bool)
     aside[np.flatnonzero(usable)[settled.used]] = False
     lines = tuple(dict.fromkeys(int(row) for row in whole.row[aside]))
-    if lost := tuple(dict.fromkeys(str(pose) for pose in whole.pose[aside])):
-        warn(f"set aside as gross errors: poses {', '.join(lost)}")
+    lost = tuple(dict.fromkeys(str(pose) for pose in whole.pose[aside]))
     found = readings_calibration(settled, fitted.minus(near), fitted, lost, lines, dataset)
+    x = settled.fit.point.x[: len(geometry.parameters)]
+    warn_of_strayed(x, geometry, found.observability, fitted.at(found.u))
     unseen = found.observability.learned < UNSEEN
     return replace(found, remedies=remedies(settled.fit, found.observability.directions[:, unseen], up_of(robot)))
 
 
-def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
-    """Refuse an instrument of which most rows were set aside."""
-    for i, one in enumerate(readings.instruments):
-        mine = readings.rows.of == i
-        share = float((~used[mine]).mean())
-        if share > MOST:
-            raise DatasetError(
-                f"{100.0 * share:.0f} % of the readings of {one.name} do not fit the others",
-                file=readings.rows.files[i],
-                hint="check its units, its rows' commands, and where it stood",
-            )
+def _warn_of(dataset: Dataset, rows: Mask, why: str) -> None:
+    if rows.any():
+        warn(f"set aside, {why}: {poses_of(dataset.pose[rows])}")

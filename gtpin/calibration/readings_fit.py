@@ -128,8 +128,12 @@ class RobustFit:
             If a fit or the iteration does not converge.
         """
         readings = self.readings
+        usual, by_row = readings.usual.copy(), np.isfinite(readings.row_sigma)
         known = np.array([sigma is not None for sigma in readings.declared])
-        noise = ReadingNoise(readings.usual, readings.group, readings.row_sigma, ~known).at_least(SMALLEST)
+        for group in np.setdiff1d(readings.group[by_row], readings.group[~by_row]):  # all of its rows declare their own
+            known[group] = True
+            usual[group] = np.sqrt((readings.row_sigma[by_row & (readings.group == group)] ** 2).mean())
+        noise = ReadingNoise(usual, readings.group, readings.row_sigma, ~known).at_least(SMALLEST)
         used = np.ones(len(self.rows), dtype=bool)
         tails = tuple(weights.Tails() for _ in self._alike(used))
         rough = noise.at_least(ROUGH)

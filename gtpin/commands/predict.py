@@ -9,6 +9,7 @@ import typer
 
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
 from gtpin.data import Commands
+from gtpin.data.checks import Rows
 from gtpin.data.files import read_table
 from gtpin.instruments.predicted import as_seen, instrument_of, predicted_readings
 from gtpin.model.model import Model
@@ -49,22 +50,25 @@ def predict(
     not_its_input(output, commands)
     with result_file(output, force=force) as new:
         found = read_model(model, tcp=tcp)
-        given = Commands.read(commands, found.robot.n_actuators)
-        table = _table(found, given, commands, instrument)
+        table = _table(found, commands, instrument)
         table.to_csv(new, index=False, lineterminator="\n")
-    tell(table.to_dict(orient="records"), f"{len(table)} poses predicted. Written: {output}", as_json)
+    what = "poses" if instrument is None else f"readings of {instrument}"
+    tell(table.to_dict(orient="records"), f"{len(table)} {what} predicted. Written: {output}", as_json)
 
 
-def _table(model: Model, given: Commands, file: Path, instrument: str | None) -> pd.DataFrame:
+def _table(model: Model, file: Path, instrument: str | None) -> pd.DataFrame:
     """The poses that the first tracker reads, or an instrument's readings, at commands."""
     import pandas as pd
 
     seen, tracker = as_seen(model)
     name = instrument or tracker
     if name is None:
+        given = Commands.read(file, model.robot.n_actuators)
         return prediction_table(given, run_prediction(seen, given))
-    table = instrument_of(model, name).table
-    columns = read_table(file, ids=table.ids).columns
-    ids = {column: columns[column] for column in table.ids if column in columns}
+    names = instrument_of(model, name).table.ids
+    given = Commands.read(file, model.robot.n_actuators, ids=names)
+    columns = read_table(given.file or file, ids=names).columns
+    rows = Rows.of(given.file, given.row, len(given))
+    ids = {column: rows.ids(columns[column], column) for column in names if column in columns}
     poses = run_prediction(model, given)
-    return pd.DataFrame({"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids)})
+    return pd.DataFrame({"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids, given)})

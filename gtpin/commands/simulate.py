@@ -100,7 +100,8 @@ def simulate(
         name, rows, seed = case.recipe.robot, len(case.dataset), case.recipe.seed
         also = f", truth: {_truth_file(output)}"
     result = {"dataset": str(output), "robot": name, "rows": rows, "seed": seed}
-    tell(result, f"{rows} measured poses of a virtual {name}. Written: {output}{also}", as_json)
+    what = "readings" if instrument else "measured poses"
+    tell(result, f"{rows} {what} of a virtual {name}. Written: {output}{also}", as_json)
 
 
 def write_simulation(simulation: Simulation, folder: Path, truth: bool) -> None:

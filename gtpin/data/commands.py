@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -73,16 +73,21 @@ class Commands:
     def __len__(self) -> int:
         return len(self.pose)
 
+    def place(self, index: int) -> tuple[Path | None, int]:
+        """File and line of a row, by its index."""
+        return self.file, int(self.row[index])
+
     @property
     def n_actuators(self) -> int:
         """Number of actuators."""
         return int(self.q.shape[1])
 
     @classmethod
-    def read(cls, file: Path | str, n_actuators: int | None = None) -> Commands:
+    def read(cls, file: Path | str, n_actuators: int | None = None, ids: Collection[str] = ()) -> Commands:
         """Read a CSV or Parquet file of commands; FILE.parquet is read if FILE.csv does not exist.
 
-        Measured columns (`x y z qw qx qy qz`) are ignored, so that a dataset's poses.csv can be used.
+        Measured columns (`x y z qw qx qy qz`) are ignored, so that a dataset's poses.csv can be used; so are
+        columns of `ids`, such as stations.
         Raises `DatasetError` for a file that can't be read or does not have `n_actuators` commands, where that is given.
         """
         file = Path(file)
@@ -94,7 +99,7 @@ class Commands:
         if n_actuators is not None and q.shape[1] != n_actuators:
             what = f"the file has {q.shape[1]} columns of commands, the robot {n_actuators} actuators"
             raise DatasetError(what, file=file, row=1, column=f"q{q.shape[1]}", hint="one for each, q1 .. qn")
-        taken = {"pose", *command_names(q.shape[1]), *POSITION, *ORIENTATION}
+        taken = {"pose", *command_names(q.shape[1]), *POSITION, *ORIENTATION, *ids}
         commands = cls(pose, q, columns.covariates(table, taken), table.row, file)
         columns.warn_of_covariates(table, taken)
         return commands

@@ -155,6 +155,10 @@ class Dataset(Shown):
         """Number of commanded actuators."""
         return int(self.q.shape[1])
 
+    def place(self, index: int) -> tuple[Path | None, int]:
+        """File and line of a row, by its index."""
+        return (self.file, int(self.row[index])) if self.readings is None else self.readings.place(index)
+
     @property
     def robot_reference(self) -> str | Path:
         """The name of a robot, or the absolute path of its file (relative paths start at `path`)."""

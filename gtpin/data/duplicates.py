@@ -13,11 +13,12 @@ COARSE = 1e-5
 
 
 def counted_once(dataset: Dataset) -> Dataset:
-    """The dataset without copies of rows: the same commands and, to the last digit, the same measurement.
+    """The dataset without copies of rows: the same instrument and commands and, to the last digit, the same measurement.
 
     A copy may have another pose id, time or temperature: an instrument never reads the same twice, and a table that is joined
     with another one repeats its rows. Where positions are rounded to 10 micrometres or more, visits can agree by chance;
-    then only a table in which every row is there equally often, twice or more, holds copies.
+    then only a table in which every row is there equally often, twice or more, holds copies. So it is where nothing is
+    read but that something was touched.
 
     Warns
     -----
@@ -27,27 +28,50 @@ def counted_once(dataset: Dataset) -> Dataset:
     copies = _copies(dataset)
     if not copies.any():
         return dataset
-    lines = ", ".join(str(line) for line in dataset.row[copies][:5]) + (", ..." if copies.sum() > 5 else "")
-    text = (
-        f"{copies.sum()} of {len(dataset)} rows repeat another one's commands and measurement to the last digit "
-        f"(rows {lines}): copies, not repeated visits; each is counted once"
-    )
-    warn(f"{dataset.file}: {text}" if dataset.file else text)
+    files = [dataset.place(int(row)) for row in np.flatnonzero(copies)]
+    for file in dict.fromkeys(file for file, _ in files):
+        found = [line for other, line in files if other == file]
+        lines = ", ".join(map(str, found[:5])) + (", ..." if len(found) > 5 else "")
+        text = (
+            f"{len(found)} of {len(dataset)} rows repeat another one's commands and measurement to the last digit "
+            f"(rows {lines}): copies, not repeated visits; each is counted once"
+        )
+        warn(f"{file}: {text}" if file else text)
     return dataset.take(~copies)
 
 
 def _copies(dataset: Dataset) -> NDArray[np.bool_]:
     """(N,) rows that are copies of an earlier one."""
+    readings = dataset.readings
+    if readings is None:
+        parts = [dataset.position] if dataset.orientation is None else [dataset.position, dataset.orientation]
+        return _repeated([dataset.q, *parts], None, coarse=_coarse(dataset.position))
+    copies = np.zeros(len(dataset), dtype=bool)
+    for index, table in enumerate(readings.tables):
+        mine = readings.rows_of(index)
+        if not len(mine):
+            continue
+        columns = {name: column[mine] for name, column in readings.columns.items()}
+        ids = np.array([column for column in columns.values() if column.dtype == object]).reshape(-1, len(mine)).T
+        numbers = np.array([c for c in columns.values() if c.dtype != object], dtype=float).reshape(-1, len(mine)).T
+        numbers = np.column_stack([dataset.q[mine], readings.component[mine], numbers])
+        read = np.array([columns[name] for name in table.numbers], dtype=float)
+        copies[mine] = _repeated([numbers], ids, coarse=not read.size or _coarse(read))
+    return copies
+
+
+def _repeated(
+    numbers: list[NDArray[np.float64]], ids: NDArray[np.object_] | None, *, coarse: bool
+) -> NDArray[np.bool_]:
+    """(N,) rows that repeat an earlier one of numbers, (N, k) each, and ids (N, m); of coarse ones where all are repeated."""
     import pandas as pd
 
-    parts = [dataset.q, dataset.position]
-    if dataset.orientation is not None:
-        parts.append(dataset.orientation)
-    table = pd.DataFrame(np.hstack(parts))
+    table = pd.concat([pd.DataFrame(part) for part in (*numbers, *([] if ids is None else [ids]))], axis=1)
+    table.columns = pd.RangeIndex(table.shape[1])
     copies = np.asarray(table.duplicated())
-    if not copies.any() or not _coarse(dataset.position):
+    if not copies.any() or not coarse:
         return copies
-    times = table.groupby(list(table.columns)).size()
+    times = table.groupby(list(table.columns), dropna=False).size()
     return copies if len(times) > 1 and times.min() == times.max() else np.zeros(len(table), dtype=bool)
 
 

@@ -39,7 +39,7 @@ def check_extremes(dataset: Dataset) -> None:
         Of a reference temperature that could be in degrees Fahrenheit.
     """
     file = None if dataset.path is None else dataset.path / "dataset.toml"
-    for key, value, (least, most), hint in _bounded(dataset):
+    for key, value, (least, most), hint in (*_bounded(dataset), *_of_readings(dataset)):
         if not least <= value <= most:
             raise DatasetError(
                 f"{value:.6g} can't be", file=file, column=key, hint=f"{hint}, from {least:g} to {most:g}"
@@ -53,10 +53,24 @@ def check_extremes(dataset: Dataset) -> None:
             raise DatasetError(what, file=dataset.file, column=name, hint=hint)
     if len(dataset) > 1 and not np.ptp(dataset.q, axis=0).any():
         hint = "calibration needs poses all over the workspace"
-        raise DatasetError("all poses have the same commands", file=dataset.file, column="q1", hint=hint)
+        raise DatasetError("all poses have the same commands", file=dataset.place(0)[0], column="q1", hint=hint)
 
 
-def _bounded(dataset: Dataset) -> Iterator[tuple[str, float, tuple[float, float], str]]:
+Bound = tuple[str, float, tuple[float, float], str]
+"""A key, its value, between what it lies, and what to write."""
+
+
+def _of_readings(dataset: Dataset) -> Iterator[Bound]:
+    """Of the instruments of schema 2."""
+    for i, table in enumerate(() if dataset.readings is None else dataset.readings.tables):
+        for name in ("sigma", "position_sigma", "orientation_sigma"):
+            sigma = getattr(table, name, None)
+            if sigma is not None:
+                looks = " (it looks like micrometres or microradians)" if sigma > SIGMA[1] else ""
+                yield f"instrument.{i}.{name}", sigma, SIGMA, f"1 sigma in m or rad{looks}"
+
+
+def _bounded(dataset: Dataset) -> Iterator[Bound]:
     instrument = dataset.instrument
     for name, unit, long in (("position_sigma", "m", "metre"), ("orientation_sigma", "rad", "radian")):
         sigma = getattr(instrument, name)

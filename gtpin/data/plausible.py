@@ -129,7 +129,8 @@ def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDAr
             index = int(np.argmax(q > TURNS * turn))
             what = f"most commands of {names[actuator]} are more than {TURNS:g} turns from zero, and look like degrees"
             hint = "write commands in rad; if the joint did turn so often, take whole turns away"
-            raise DatasetError(what, file=rows.file, row=int(rows.row[index]), column=f"q{actuator + 1}", hint=hint)
+            file, line = rows.place(index)
+            raise DatasetError(what, file=file, row=line, column=f"q{actuator + 1}", hint=hint)
 
 
 def _far_outside(
@@ -151,13 +152,14 @@ def _far_outside(
     hint = f"write commands in {right}" if looks else "correct the row, or leave it out"
     part = q[far] / factor
     if not looks and far.sum() >= _SEVERAL and ((part >= low) & (part <= high)).mean() >= _NEARLY_ALL:
-        lines = rows.row[far]
+        lines = [rows.place(int(i))[1] for i in np.flatnonzero(far)]
         looks = (
-            f", and so are {far.sum()} of {len(q)} rows, the first in line {lines.min()} and the last in line {lines.max()} of "
+            f", and so are {far.sum()} of {len(q)} rows, the first in line {min(lines)} and the last in line {max(lines)} of "
             f"the file, which look like {other}"
         )
         hint = f"write commands of these rows in {right}"
-    return DatasetError(what + looks, file=rows.file, row=int(rows.row[index]), column=f"q{actuator + 1}", hint=hint)
+    file, line = rows.place(index)
+    return DatasetError(what + looks, file=file, row=line, column=f"q{actuator + 1}", hint=hint)
 
 
 def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, free: bool) -> bool:

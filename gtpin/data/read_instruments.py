@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtpin.data import columns
 from gtpin.data.checks import Rows
@@ -16,6 +15,7 @@ from gtpin.data.description import Instrument, read_toml
 from gtpin.data.files import read_table
 from gtpin.data.ids import Ids
 from gtpin.data.instrument_files import columns_beside, file_of, warn_of_files
+from gtpin.data.instrument_parts import Part, covariates_of, filled
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
@@ -107,7 +107,7 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentCo
         files=tuple(part.file for part in parts),
         of=np.repeat(np.arange(len(parts)), counts),
         line=np.concatenate([part.line for part in parts]),
-        columns={name: np.concatenate([_filled(part, name, parts) for part in parts]) for name in names},
+        columns={name: np.concatenate([filled(part, name, parts) for part in parts]) for name in names},
         component=np.full(sum(counts), -1),
         known=tuple(
             {n: tuple(dict.fromkeys(map(str, part.readings[n]))) for n in part.table.ids if n in part.readings}
@@ -117,27 +117,14 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentCo
     )
     pose = np.concatenate([part.pose for part in parts])
     contents = InstrumentContents(
-        description, pose, np.concatenate([part.q for part in parts]), _covariates(toml, parts), rows
+        description, pose, np.concatenate([part.q for part in parts]), covariates_of(toml, parts), rows
     )
     if contents.as_tracker() is None:
         _warn_of_stations(toml, tables)
     return contents
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """The rows of one instrument."""
-
-    table: InstrumentTable
-    file: Path
-    line: NDArray[np.int64]
-    pose: Ids
-    q: Floats
-    readings: dict[str, Column]
-    covariates: dict[str, Column]
-
-
-def _part(file: Path, table: InstrumentTable, beside: set[str]) -> _Part:
+def _part(file: Path, table: InstrumentTable, beside: set[str]) -> Part:
     """The rows of a table, but for columns that other instruments read in the same file."""
     read = read_table(file, ids=table.ids)
     line = read.row
@@ -148,7 +135,7 @@ def _part(file: Path, table: InstrumentTable, beside: set[str]) -> _Part:
     taken = {"pose", *command_names(q.shape[1]), *readings, *table.optional, *table.ids, *table.numbers, *beside}
     covariates = rows.covariates(columns.covariates(read, taken), q.shape[1], TAKEN_IN_POSES)
     columns.warn_of_covariates(read, taken)
-    return _Part(table, file, line, pose, q, readings, covariates)
+    return Part(table, file, line, pose, q, readings, covariates)
 
 
 def _readings(read: Table, table: InstrumentTable, rows: Rows) -> dict[str, Column]:
@@ -190,7 +177,7 @@ def _warn_of_stations(toml: Path, tables: tuple[InstrumentTable, ...]) -> None:
         warn(f"{toml}: {only}: that of {', '.join(names)} is not used")
 
 
-def _check_commands(parts: list[_Part]) -> None:
+def _check_commands(parts: list[Part]) -> None:
     """Raise where rows that share a pose id, in one table or in two, differ in their commands."""
     known: dict[str, tuple[Floats, Path]] = {}
     for part in parts:
@@ -208,44 +195,3 @@ def _check_commands(parts: list[_Part]) -> None:
                     column="pose",
                     hint="rows that share a pose id are one stop of the machine; give each stop an id of its own",
                 )
-
-
-def _filled(part: _Part, name: str, parts: list[_Part]) -> Column:
-    """A column of readings of one instrument; NaN, or "" of an id, where it has none."""
-    if name in part.readings:
-        return part.readings[name]
-    of = next(p.readings[name] for p in parts if name in p.readings)
-    if of.dtype == object:
-        empty = np.empty(len(part.pose), dtype=object)
-        empty[:] = ""
-        return empty
-    return np.full(len(part.pose), np.nan)
-
-
-def _covariates(toml: Path, parts: list[_Part]) -> dict[str, Column]:
-    """Covariates of all rows: an instrument without a column has the values of other tables at the same poses."""
-    names = dict.fromkeys(name for part in parts for name in part.covariates)
-    found: dict[str, Column] = {}
-    lost: list[str] = []
-    for name in names:
-        of_pose: dict[str, object] = {}
-        for part in parts:
-            if name in part.covariates:
-                for pose, value in zip(part.pose, part.covariates[name], strict=True):
-                    of_pose.setdefault(pose, value)
-        values: list[object] = []
-        for part in parts:
-            if name in part.covariates:
-                values += list(part.covariates[name])
-            elif all(pose in of_pose for pose in part.pose):
-                values += [of_pose[pose] for pose in part.pose]
-            else:
-                lost.append(f"{name} (not in {part.file.name})")
-                break
-        else:
-            column: Column = np.array(values, dtype=object if name == "session" else float)
-            column.setflags(write=False)
-            found[name] = column
-    if lost:
-        warn(f"{toml.parent}: covariates that only some tables have are left out: {', '.join(lost)}")
-    return found

@@ -135,6 +135,5 @@ def _looks(dataset: Dataset, name: str, unit: str, hint: str) -> DatasetError:
 
 
 def _error(dataset: Dataset, row: int, name: str, value: float, what: str, hint: str) -> DatasetError:
-    return DatasetError(
-        f"{value:.6g} can't be {what}", file=dataset.file, row=int(dataset.row[row]), column=name, hint=hint
-    )
+    file, line = dataset.place(row)
+    return DatasetError(f"{value:.6g} can't be {what}", file=file, row=line, column=name, hint=hint)

@@ -21,7 +21,16 @@ from gtpin.data.description import (
     TomlPositive,
     explained,
 )
-from gtpin.data.instrument_tables import HINTS, TABLES, InstrumentTable, declared_keys, written
+from gtpin.data.instrument_tables import (
+    HINTS,
+    TABLES,
+    InstrumentTable,
+    SocketTable,
+    TiltTable,
+    TrackerTable,
+    declared_keys,
+    written,
+)
 from gtpin.errors import DatasetError
 
 SECOND = "gtpin-dataset/2"
@@ -126,6 +135,16 @@ def _instrument(
         raise DatasetError(what, file=file, column=column, hint=HINTS.get(key, _kind_of_hint(key))) from None
     if isinstance(values.get("target"), (list, str)) and values.get("targets"):
         raise DatasetError("target and targets", file=file, column=f"{place}.targets", hint="write one of the two")
+    if isinstance(table, TrackerTable) and table.sigma is not None and table.position_sigma is not None:
+        hint = "write one of the two: they are the same"
+        raise DatasetError("sigma and position_sigma", file=file, column=f"{place}.sigma", hint=hint)
+    if isinstance(table, SocketTable) and bool(table.sockets) != (table.socket_sigma is not None):
+        without = "sockets without socket_sigma" if table.sockets else "socket_sigma without sockets"
+        hint = "give both where points are known, and neither where they are not"
+        raise DatasetError(without, file=file, column=f"{place}.socket_sigma", hint=hint)
+    if isinstance(table, TiltTable) and (table.target is not None or table.targets):
+        column = f"{place}.{'targets' if table.targets else 'target'}"
+        raise DatasetError("a tilt sensor has no target", file=file, column=column, hint="leave it out")
     for one, two, *_ in getattr(table, "distances", ()):
         if one == two:
             raise DatasetError(

@@ -28,8 +28,6 @@ PLANE = "A"
 """Name of the plane: a file of touches has one."""
 DIGITS = 9
 """Decimals of the plane's point, m: it is known to millimetres."""
-TAKEN = ("poses", "carts", "commands")
-"""Names of a dataset's other tables."""
 
 
 def write_touches(
@@ -89,7 +87,7 @@ def write_touches(
     if any(touches.target):
         instrument["target"] = [float(value) for value in touches.target]
     point = tips.mean(axis=0) - height.mean() * n
-    instrument["planes"] = {PLANE: {"point": point.round(DIGITS).tolist(), "normal": n.tolist()}}
+    instrument["planes"] = {PLANE: {"point": (point.round(DIGITS) + 0.0).tolist(), "normal": n.tolist()}}
     columns: dict[str, Column] = {"pose": touches.pose}
     columns |= dict(zip(command_names(q.shape[1]), q.T, strict=True))
     if touches.height is not None:
@@ -124,9 +122,6 @@ def write_instrument(
     content = {"schema": SECOND, "robot": robot, "tcp": tcp, "actuators": actuators, "instrument": [instrument]}
     described = describe_second(content, None, {})
     name = described.instruments[0].name
-    if name in TAKEN:
-        hint = "take no name of a dataset's other tables"
-        raise DatasetError(f"an instrument can't have the name {name!r}", column="name", hint=hint)
     if not force and folder.is_dir():
         with writing(folder, DatasetError):
             there = [name for name in sorted(os.listdir(folder)) if not was_moved_aside(name)]

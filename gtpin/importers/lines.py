@@ -37,15 +37,17 @@ def text_lines(file: Path) -> list[str]:
         raise DatasetError("the file is not UTF-8", file=file, row=row, hint="save it as UTF-8") from None
 
 
-def decimal(text: str, file: Path, row: int, column: str | None = None) -> float:
-    """Read a finite decimal number; raises `DatasetError` with its place where it is none."""
+def decimal(
+    text: str, file: Path, row: int, column: str | None = None, hint: str = "correct the row, or delete it"
+) -> float:
+    """Read a finite decimal number; raises `DatasetError` with its place and the hint where it is none."""
     value = number(text)
     if math.isnan(value):
         plain = text.strip()
         what = "the cell is blank" if not plain else f"{plain[:SHOWN]!r} is not a number"
         if plain and is_missing(plain):
             what = f"{plain[:SHOWN]!r} is not a finite number"
-        raise DatasetError(what, file=file, row=row, column=column, hint="correct the row, or delete it")
+        raise DatasetError(what, file=file, row=row, column=column, hint=hint)
     return value
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data.cells import number
 from gtpin.data.ids import Ids, normal_id
 from gtpin.data.names import ORIENTATION, POSITION, is_command
 from gtpin.errors import DatasetError
@@ -90,7 +92,8 @@ def read_named_columns(
             if name == "pose":
                 poses.append(_id(text, file, row))
             else:
-                cells[name].append(decimal(text.replace(",", ".", 1) if decimal_comma else text, file, row, name))
+                plain = text.replace(",", ".", 1) if decimal_comma else text
+                cells[name].append(decimal(plain, file, row, name, _hint(plain, first=not rows)))
         rows.append(row)
     if not rows:
         raise DatasetError("there are no rows", file=file, hint="check the number of header lines")
@@ -122,6 +125,15 @@ def _wanted(names: list[str], separator: Separator, decimal_comma: bool) -> dict
     return found
 
 
+def _hint(text: str, *, first: bool) -> str:
+    """What to do where a number can't be read."""
+    if "," in text and not math.isnan(number(text.replace(",", ".", 1))):
+        return "if numbers have a comma for the point, say so (decimal-comma)"
+    return (
+        "if this line is no row, pass over it (header); else correct it" if first else "correct the row, or delete it"
+    )
+
+
 def _id(text: str, file: Path, row: int) -> str:
     try:
         return normal_id(text)
@@ -132,7 +144,7 @@ def _id(text: str, file: Path, row: int) -> str:
 def commands_among(names: Iterable[str]) -> list[str]:
     """Which columns are commands, q1 .. qn in order; raises `DatasetError` for a gap."""
     found = sorted((name for name in names if is_command(name)), key=lambda name: int(name[1:]))
-    for number, name in enumerate(found, 1):
-        if name != f"q{number}":
-            raise DatasetError(f"no column is named q{number}", column="columns", hint="name q1 .. qn without a gap")
+    for place, name in enumerate(found, 1):
+        if name != f"q{place}":
+            raise DatasetError(f"no column is named q{place}", column="columns", hint="name q1 .. qn without a gap")
     return found

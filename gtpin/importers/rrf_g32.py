@@ -74,6 +74,9 @@ def _places(file: Path) -> list[tuple[float, float]]:
         match = _POINT.match(line)
         if match is None:
             continue
+        if "{" in match[2].partition(";")[0]:
+            hint = "write the numbers in place of what is in braces"
+            raise DatasetError("an expression, which only the firmware can compute", file=file, row=row, hint=hint)
         words = {letter.upper(): text for letter, text in _WORD.findall(match[2].partition(";")[0])}
         if wrong := words.keys() - set(LETTERS):
             hint = f"letters of G30 are {', '.join(LETTERS)}"
@@ -82,7 +85,10 @@ def _places(file: Path) -> list[tuple[float, float]]:
             if letter not in words:
                 what = f"G30 P{match[1][:9]} without {letter}"
                 raise DatasetError(what, file=file, row=row, column=letter, hint="give X and Y of each point")
-        found[int(match[1][:9])] = (decimal(words["X"], file, row, "X"), decimal(words["Y"], file, row, "Y"))
+        number, at = int(match[1][:9]), (decimal(words["X"], file, row, "X"), decimal(words["Y"], file, row, "Y"))
+        if found.setdefault(number, at) != at:
+            hint = "leave the G30 commands that were run, and only these"
+            raise DatasetError(f"point P{number} is at another place above", file=file, row=row, column="P", hint=hint)
     if not found:
         raise DatasetError("there is no G30 P0 X... Y...", file=file, hint="give the bed.g that was run")
     if sorted(found) != list(range(len(found))):

@@ -8,17 +8,24 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data import Commands, check_commands
 from gtpin.errors import DatasetError
 from gtpin.importers.travel import by_travel
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
+from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 
 MILLIMETRE = 1e-3
 FARTHEST = 1e3
 """Length, m, or angle, rad, beyond which a number of a file is taken to be damaged."""
+ASIDE = (0.1, 500.0)
+"""Distance, mm, of a probe beside the nozzle from its axis, between which it lies: less looks like metres. A stated
+assumption."""
+TIP = 2.0
+"""Distance of a target from the TCP, m, that no probe has: it looks like millimetres. A stated assumption."""
 FREE, WHOLE = 3, 6
 """Actuators with which positions alone, or positions with an orientation, determine the commands."""
 
@@ -48,7 +55,7 @@ class Touches:
     Raises
     ------
     DatasetError
-        If a number is so large that it can only be damaged.
+        If a number is so large that it can only be damaged, or the target is that far away.
     """
 
     file: Path
@@ -64,6 +71,9 @@ class Touches:
         for values in (self.position, self.q, self.travel, self.height):
             if values is not None:
                 check_size(values, self.file, self.row)
+        if not max(map(abs, self.target)) <= TIP:
+            what = f"a target {max(map(abs, self.target)):g} m from the TCP"
+            raise DatasetError(what, column="target", hint="lengths of a target are m, those of a probe's offset mm")
 
     def __len__(self) -> int:
         return len(self.row)
@@ -88,7 +98,16 @@ def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[f
         The nozzle's commands, mm.
     offset
         The probe's offset, mm: x and y of the probe from the nozzle, and the height of the nozzle over the bed at the touch.
+
+    Raises
+    ------
+    DatasetError
+        If the offset looks like metres.
     """
+    aside = float(np.hypot(*offset[:2]))
+    if aside and not ASIDE[0] <= aside <= ASIDE[1]:
+        what = f"a probe {aside:g} mm beside the nozzle" + (" looks like metres" if aside < ASIDE[0] else " can't be")
+        raise DatasetError(what, column="probe-offset", hint="give x_offset, y_offset and z_offset in mm")
     x, y, z = (MILLIMETRE * value for value in offset)
     return Touches(
         file,
@@ -137,13 +156,13 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
     home = kinematics.forward(robot.home_q[None])
     R = None if robot.n_actuators == FREE else np.repeat(home.R, len(touches), axis=0)
     q, poses = commands_for(kinematics, touches.position + origin, R)
-    _refuse(touches, poses, robot.name)
+    _refuse(touches, poses, robot)
     if touches.travel is None:
-        return q, poses
+        return _in_range(touches, q, robot), poses
     q = by_travel(q, touches.travel, touches.file, robot.name)
     poses = kinematics.forward(q)
-    _refuse(touches, poses, robot.name)
-    return q, poses
+    _refuse(touches, poses, robot)
+    return _in_range(touches, q, robot), poses
 
 
 def _given(touches: Touches, kinematics: Kinematics) -> tuple[Floats, Poses]:
@@ -153,16 +172,23 @@ def _given(touches: Touches, kinematics: Kinematics) -> tuple[Floats, Poses]:
         what = f"{q.shape[1]} axes for the {robot.n_actuators} actuators of {robot.name}"
         raise DatasetError(what, file=touches.file, column="axes", hint="name one axis for each, in the order q1 .. qn")
     poses = kinematics.forward(q)
-    _refuse(touches, poses, robot.name)
-    return q, poses
+    _refuse(touches, poses, robot)
+    return _in_range(touches, q, robot), poses
 
 
-def _refuse(touches: Touches, poses: Poses, robot: str) -> None:
+def _in_range(touches: Touches, q: Floats, robot: Robot) -> Floats:
+    """The commands; raises `DatasetError` for one that is far outside the robot's range."""
+    given = Commands(touches.pose, q, {}, touches.row, touches.file)
+    check_commands(given, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    return q
+
+
+def _refuse(touches: Touches, poses: Poses, robot: Robot) -> None:
     lost = np.flatnonzero(~poses.reached)
     if lost.size:
         more = f" (nor {lost.size - 1} more)" if lost.size > 1 else ""
         raise DatasetError(
-            f"{robot} can't be where this row was touched{more}",
+            f"{robot.name} can't be where this row was touched{more}",
             file=touches.file,
             row=int(touches.row[lost[0]]),
             hint="check that the robot has the machine's dimensions, the unit, and the controller's zero in the base frame",

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data.commands import Commands
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, ModelError
 from gtpin.instruments import BUILT_IN
-from gtpin.instruments.instrument import Instrument, Read
+from gtpin.instruments.instrument import Instrument, Read, RowError
 from gtpin.instruments.tracker import Tracker
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import to_quaternions
@@ -38,7 +39,9 @@ def instrument_of(model: Model, name: str) -> FittedInstrument:
     raise ModelError(f"the model has no instrument {name!r}", hint=hint)
 
 
-def predicted_readings(model: Model, poses: Poses, name: str, ids: Mapping[str, Column]) -> dict[str, Floats]:
+def predicted_readings(
+    model: Model, poses: Poses, name: str, ids: Mapping[str, Column], given: Commands | None = None
+) -> dict[str, Floats]:
     """Columns that an instrument would read, without noise.
 
     Parameters
@@ -49,6 +52,8 @@ def predicted_readings(model: Model, poses: Poses, name: str, ids: Mapping[str, 
         The instrument.
     ids
         By name, (N,) ids of stations, planes, sockets and targets.
+    given
+        The commands; errors name their file and line.
 
     Raises
     ------
@@ -65,7 +70,10 @@ def predicted_readings(model: Model, poses: Poses, name: str, ids: Mapping[str, 
     try:
         one: Instrument = kind(fitted.table, read, model.robot)
     except DatasetError as error:
-        raise ModelError(error.what, column=error.column, hint=error.hint) from None
+        file, row = (None, error.row) if given is None else (given.file, error.row)
+        if isinstance(error, RowError) and given is not None:
+            file, row = given.place(error.index)
+        raise ModelError(error.what, file=file, row=row, column=error.column, hint=error.hint) from None
     u = np.array([fitted.unknowns.get(unknown.name, 0.0) for unknown in one.unknowns])
     values = one.predicted(poses, u)
     if isinstance(one, Tracker):

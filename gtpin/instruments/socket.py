@@ -15,6 +15,9 @@ from gtpin.kinematics.poses import Poses
 
 Floats = npt.NDArray[np.float64]
 
+SHOWN = 10
+"""Names that an error has."""
+
 
 class Socket(Instrument):
     """Position p of the target less the point s of its socket, which is zero, m; and known distances |s1 - s2| of sockets.
@@ -46,7 +49,8 @@ class Socket(Instrument):
         for distance in table.distances:
             for name in distance[:2]:
                 if name not in place:
-                    hint = f"sockets are {', '.join(self.names)}"
+                    more = ", ..." if len(self.names) > SHOWN else ""
+                    hint = f"sockets of the rows are {', '.join(self.names[:SHOWN])}{more}"
                     raise DatasetError(f"no row has the socket {name}", column="socket", hint=hint)
         declared = [table.sockets.get(name) for name in self.names]
         self._known = np.array([at is not None for at in declared])

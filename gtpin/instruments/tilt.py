@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data.instrument_tables import TiltTable
-from gtpin.errors import DatasetError
 from gtpin.instruments.instrument import Component, Instrument, RowError, Unknown
 from gtpin.instruments.tracker import TURNS
 from gtpin.kinematics.poses import Poses
@@ -33,8 +32,6 @@ class Tilt(Instrument):
     table: TiltTable
 
     def _unknowns(self) -> Sequence[Unknown]:
-        if self.table.target is not None or self.table.targets:
-            raise DatasetError("a tilt sensor has no target", column="target", hint="leave target and targets out")
         if self.table.mount_sigma == 0.0:
             return ()
         return [Unknown(f"{self.table.name}.mount.{axis}", "rad", 0.0, self.table.mount_sigma) for axis in TURNS]

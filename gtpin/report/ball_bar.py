@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.instruments.range import Range
+from gtpin.report.circle_fit import centred, middle_of
 from gtpin.report.circles import Run, plane_axes, runs
 from gtpin.report.residuals import Residuals
 from gtpin.robot.geometry import Geometry
@@ -29,8 +30,6 @@ SAME_RADIUS = 0.05
 """Difference of the radii of runs that are one circle, and of the heights of their planes, over the radius."""
 ALONG_AXIS = np.cos(np.deg2rad(5.0))
 """Cosine of the angle between the normal of a plane that is called XY, YZ or ZX, and the axis."""
-STEPS = 20
-"""Steps of the fit of a centre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,9 +179,9 @@ def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], na
     first, second = plane_axes(normal)
     flat = np.column_stack([commanded @ first, commanded @ second])
     height = float((commanded @ normal).mean())
-    middle = _middle(flat)
+    middle = middle_of(flat)
     angle = np.arctan2(*(flat - middle).T[::-1])
-    measured = _centred(flat, height, one.measured()[rows, 0], middle)
+    measured = centred(flat, height, one.measured()[rows, 0], middle)
     traces, start = [], 0
     for run in same:
         part = slice(start, start + len(run.rows))
@@ -196,34 +195,3 @@ def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], na
         traces.append(Trace(direction, mine[run.rows], angle[part], deviation))
     radius = float(np.linalg.norm(flat - middle, axis=1).mean())
     return Circle(one.name, *names, normal, radius, tuple(traces))
-
-
-def _middle(flat: Floats) -> Floats:
-    """(2,) centre of the circle that fits points (N, 2) best: |p|^2 = 2 p . c + k."""
-    matrix = np.column_stack([2.0 * flat, np.ones(len(flat))])
-    return np.asarray(np.linalg.lstsq(matrix, (flat**2).sum(axis=1), rcond=None)[0][:2])
-
-
-def _centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Floats:
-    """(N,) deviations of the ranges about their least-squares circle, m.
-
-    They are the measured ranges less |p - s| - o, with the centre s, in the plane, and the offset o that fit best.
-
-    Parameters
-    ----------
-    flat, height
-        (N, 2) the commanded path p along the axes of its plane, and the plane's height over the station, m.
-    start
-        (2,) first guess of s.
-    """
-    s = start.copy()
-    for _ in range(STEPS):
-        off = flat - s
-        distance = np.sqrt((off**2).sum(axis=1) + height**2)
-        J = np.column_stack([-off / distance[:, None], np.ones(len(flat))])
-        left = measured - distance
-        step = np.linalg.lstsq(J, left, rcond=None)[0]
-        s = s + step[:2]
-        if np.abs(step[:2]).max() < 1e-12:
-            break
-    return np.asarray(left - J @ step)

@@ -11,22 +11,16 @@ import numpy as np
 
 from gtpin.errors import DatasetError
 from gtpin.report.ball_bar import Circle, Layer, circles
+from gtpin.report.ball_bar_words import LAYERS, caption, division, lines, name_of, one_scale, scale
 from gtpin.report.embedded import Plot, escaped
 from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import ACCENT, FIT, LIGHT, LINE, ZERO
-from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import pose_names
 from gtpin.report.residuals import Residuals
-from gtpin.report.words import quantity, typeset
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-LAYERS: dict[Layer, str] = {
-    "measured": "As measured",
-    "before": "Left by geometry alone",
-    "after": "Left by geometry with the causes",
-}
 COLORS = {"counterclockwise": ACCENT, "clockwise": FIT}
 INSIDE, OUTSIDE = 2.2, 1.15
 """Radii of the plot inside and outside the circle without a deviation, over the largest deviation."""
@@ -100,7 +94,7 @@ def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
         ]
         left, right = k / len(layers), (k + 0.88) / len(layers)
         layout[f"polar{suffix}"] = _polar(circle, layer, layers) | {"domain": {"x": [left, right], "y": [0.14, 1.0]}}
-        words = "<br>".join(_lines(circle, layer, layers))
+        words = "<br>".join(lines(circle, layer, layers))
         place = {
             "x": (left + right) / 2.0,
             "y": 0.06,
@@ -116,31 +110,6 @@ def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
     return made
 
 
-def name_of(circle: Circle) -> str:
-    """A circle in words: ``ballbar XY, radius 150 mm``."""
-    ids = "".join(f", {what} {one}" for what, one in (("station", circle.station), ("target", circle.target)) if one)
-    return typeset(f"{circle.instrument} {circle.plane}{ids}, radius {quantity(circle.radius, 'm')}")
-
-
-def caption(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> str:
-    """The quantities of ISO 230-4 of a layer, and what a division of its plot is."""
-    first, *others = _lines(circle, layer, layers)
-    return f"{first}. {'. '.join(others)}."
-
-
-def _lines(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
-    _, unit, top = _scale(circle, _one_scale(layer, layers))
-    words = [f"{LAYERS[layer]}, {_division(top):g} {unit} a division"]
-    for direction in circle.directions:
-        low, high = (f"{'+' if value > 0.0 else ''}{quantity(value, 'm')}" for value in circle.radial(layer, direction))
-        words.append(
-            f"{direction.capitalize()}: G {quantity(circle.circular(layer, direction), 'm')}, F {low} to {high}"
-        )
-    if len(circle.directions) > 1:
-        words.append(f"Both: G(b) {quantity(circle.circular(layer), 'm')}")
-    return words
-
-
 def _layers(causes: bool) -> tuple[Layer, ...]:
     return ("measured", "before", "after") if causes else ("measured", "before")
 
@@ -154,20 +123,8 @@ def _alone(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[
     return Drawing(_traces(residuals, circle, layer, layers), layout)
 
 
-def _scale(circle: Circle, layers: Sequence[Layer]) -> tuple[float, str, float]:
-    """Factor from m to the unit that layers are drawn in, the unit, and the largest deviation in it."""
-    values = np.concatenate([t.deviation[layer] for t in circle.traces for layer in layers])
-    factor, unit = scale_of(values, "m")
-    return factor, unit, factor * max(float(np.abs(values).max()), 1e-12)
-
-
-def _one_scale(layer: Layer, layers: Sequence[Layer]) -> Sequence[Layer]:
-    """The layers that are drawn at the scale of one: what is left before and after, at one, as it is compared."""
-    return [one for one in layers if (one == "measured") == (layer == "measured")]
-
-
 def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[dict[str, Any]]:
-    factor, unit, _ = _scale(circle, _one_scale(layer, layers))
+    factor, unit, _ = scale(circle, one_scale(layer, layers))
     zero = {"r": np.zeros_like(ROUND), "theta": ROUND, "mode": "lines", "line": {"color": ZERO, "width": 1.4}}
     traces: list[dict[str, Any]] = [zero | {"type": "scatterpolar", "hoverinfo": "skip"}]
     for trace in circle.traces:
@@ -193,8 +150,8 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
 
 def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, Any]:
     """The axes of a plot: the circle without a deviation at two thirds of its radius."""
-    _, _, top = _scale(circle, _one_scale(layer, layers))
-    step = _division(top)
+    _, _, top = scale(circle, one_scale(layer, layers))
+    step = division(top)
     first, last = (-np.floor(INSIDE * top / step), np.floor(OUTSIDE * top / step))
     one, two = circle.axes
     grid = {"gridcolor": LINE, "linecolor": LINE}
@@ -208,9 +165,3 @@ def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, A
     names = [f"+{one}", f"+{two}", f"−{one}", f"−{two}"]
     around = {"tickvals": [0, 90, 180, 270], "ticktext": [escaped(name) for name in names]}
     return {"bgcolor": LIGHT["paper"], "radialaxis": radial | grid, "angularaxis": around | grid}
-
-
-def _division(top: float) -> float:
-    """A round step, of which the largest deviation has two to four."""
-    power = 10.0 ** np.floor(np.log10(top / 2.0))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= top / 2.0))

@@ -121,6 +121,12 @@ def scatters(c: Calibration) -> str:
 def cannot_judge(c: Calibration) -> str:
     """Why chi-square can't judge the fit of the geometry; empty if it can."""
     if isinstance(c, ReadingsCalibration):
+        if c.dof < 1.0:
+            return "there are too few readings to judge the fit"
+        if c.noise.estimated.any() and np.isfinite(c.freedom):
+            return (
+                "the noise was taken from these residuals, and outliers have full weight here: this can't judge the fit"
+            )
         if c.noise.estimated.all():
             return "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
         if c.noise.estimated.any():

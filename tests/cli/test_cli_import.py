@@ -105,6 +105,14 @@ def test_points_are_a_dataset_that_every_command_reads(run: Run, tmp_path: Path)
     assert dataset.instrument.frame == "robot"
 
 
+def test_a_probe_on_the_nozzle_s_axis_may_have_any_trigger_height(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "heightmap.csv"
+    file.write_text(HEIGHTMAP, encoding="utf-8")
+    command = ("import", "rrf-heightmap", file, "--robot", "linear_delta", "--origin", *ORIGIN)
+    for number, offset in enumerate((("0", "0", "-0.02"), ("0", "0", "5"), ("-0.5", "0", "0"))):
+        assert run(*command, "--probe-offset", *offset, "-o", tmp_path / str(number)).code == 0
+
+
 def test_a_normal_may_have_any_length(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "probe.txt"
     file.write_text(PROBE_LOG, encoding="utf-8")
@@ -147,16 +155,26 @@ def test_files_of_others_are_never_replaced(run: Run, tmp_path: Path) -> None:
         (["rrf-heightmap", "probe.txt", "--robot", "linear_delta"], "row 1"),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--origin", "9", "0", "0"], "row 4"),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--origin", "nan", "0", "0"], "origin"),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "nan", "0", "0"], "number"),
+        (
+            ["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "nan", "0", "0"],
+            "probe-offset",
+        ),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--sigma", "0"], "sigma"),
         (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--name", "../up"], "name"),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--name", "poses"], "name"),
+        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--name", "commands"], "name"),
         (["rrf-heightmap", "heightmap.csv"], "--robot"),
         (["linuxcnc-probe", "probe.txt", "--robot", "linear_delta"], "--unit"),
         (["linuxcnc-probe", "probe.txt", "--robot", "linear_delta", "--unit", "cm"], "cm"),
         (
             ["linuxcnc-probe", "probe.txt", "--robot", "linear_delta", "--unit", "mm", "--normal", "0", "0", "0"],
             "normal",
+        ),
+        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "0.02", "0", "0"], "metres"),
+        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "0", "3000", "0"], "can't be"),
+        (["rrf-heightmap", "far.csv", "--robot", "linear_delta"], "far.csv, row 5, column q1: 45 is far outside"),
+        (
+            ["linuxcnc-probe", "probe.txt", "--robot", "linear_delta", "--unit", "mm", "--target", "0", "0", "-50"],
+            "50 m",
         ),
         (["marlin", "probe.txt"], "marlin"),
     ],
@@ -167,6 +185,7 @@ def test_what_can_t_be_imported_is_one_line_and_leaves_nothing(
     monkeypatch.chdir(tmp_path)
     Path("heightmap.csv").write_text(HEIGHTMAP, encoding="utf-8")
     Path("probe.txt").write_text(PROBE_LOG, encoding="utf-8")
+    Path("far.csv").write_text(HEIGHTMAP.replace(" -0.045", "45000"), encoding="utf-8")
     before = everything(tmp_path)
     own = () if "--origin" in arguments or arguments[0] == "marlin" else ("--origin", *ORIGIN)
     assert told in run("import", *arguments, *own, "-o", "touches").failed()

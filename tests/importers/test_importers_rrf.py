@@ -78,8 +78,15 @@ def test_a_bed_g_that_was_not_run_is_refused(write: Write) -> None:
     for text, told in (
         (BED_G + "G30 P3 X0 Y0\n", "3 heights for the 4 points"),
         (BED_G.replace("P1", "P4"), "no G30 P1"),
+        (BED_G + "G30 P0 X0 Y50\n", "row 6, column P: point P0 is at another place above"),
+        (BED_G.replace("X-86.6", "X{-global.radius}"), "row 4: an expression"),
         (BED_G.replace("Y-50 ", ""), "without Y"),
         ("G28\n", "no G30 P0"),
     ):
         with pytest.raises(DatasetError, match=told):
             read_rrf_g32(console, write("bed.g", text))
+
+
+def test_a_point_that_bed_g_names_twice_at_one_place_is_one(write: Write) -> None:
+    again = BED_G + "G30 P0 X0 Y100\n"
+    assert len(read_rrf_g32(write("console.txt", G32), write("bed.g", again))) == 5

@@ -140,3 +140,17 @@ def test_of_several_poses_in_a_message_the_one_that_is_meant_has_to_be_named(wri
 def test_a_topic_without_poses_is_refused(write: Write) -> None:
     with pytest.raises(DatasetError, match=r"there is no column position\.x"):
         read_ros_poses(write("imu.csv", "%time,field.data\n1,2\n"), "ur5", commands(["a"]), "row")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (POINTS.replace(".", ","), "decimal-comma"),
+        ("Collection Group Name X Y Z\n" + POINTS, "header"),
+        (POINTS.replace("-870.5600", "lost"), "correct the row"),
+    ],
+)
+def test_what_can_t_be_read_has_a_hint_of_the_option_that_would_help(write: Write, text: str, told: str) -> None:
+    with pytest.raises(DatasetError) as refused:
+        read_points(write("points.txt", text), "ur5", NAMES, "space", "mm", commands=commands(["p1"]), match="pose")
+    assert told in str(refused.value.hint)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.checks.declared_noise import ABSURD, CHANCE, NO_NOISE, SUSPECT, TWICE
 from gtpin.calibration.readings_fit import RobustFit, SettledReadings
+from gtpin.data.read_instruments import SIGMAS
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
@@ -20,12 +21,25 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Declared:
-    """A sigma that dataset.toml declares: its group, the instrument's index, the key, and the value, m or rad."""
+    """A sigma that is declared.
+
+    Parameters
+    ----------
+    group, instrument
+        Its group among the readings', and the instrument's index.
+    key
+        In dataset.toml; of sigmas that rows declare, their columns.
+    value
+        Its value, of those of rows their median, m or rad.
+    by_row
+        Whether rows declare it themselves.
+    """
 
     group: int
     instrument: int
     key: str
     value: float
+    by_row: bool = False
 
 
 def settled_with_sigmas(fit: RobustFit) -> SettledReadings:
@@ -62,14 +76,18 @@ def settled_with_sigmas(fit: RobustFit) -> SettledReadings:
 
 
 def _declared(readings: Readings) -> list[Declared]:
-    """The sigmas of groups whose rows do not all declare their own."""
+    """The declared sigmas, of groups whose rows all declare their own, or none does."""
     found, group = [], 0
     own = set(readings.group[~np.isfinite(readings.row_sigma)].tolist())
     for i, one in enumerate(readings.instruments):
         for k, value in enumerate(one.declared):
             keys = ("position_sigma", "sigma") if k == 0 else ("orientation_sigma",)
             key = next((key for key in keys if getattr(one.table, key, None) is not None), None)
-            if value is not None and key is not None and group in own:
+            columns = SIGMAS[3 * k : 3 * k + 3]
+            if group not in own and set(columns) <= set(one.read.numbers):
+                middle = float(np.median(readings.row_sigma[readings.group == group]))
+                found.append(Declared(group, i, " ".join(columns), middle, by_row=True))
+            elif value is not None and key is not None and group in own:
                 found.append(Declared(group, i, key, value))
             group += 1
     return found
@@ -77,11 +95,16 @@ def _declared(readings: Readings) -> list[Declared]:
 
 def _without(readings: Readings, declared: Collection[Declared]) -> Readings:
     """The readings without some of the declared sigmas."""
-    tables = list(readings.rows.tables)
+    rows = readings.rows
+    tables, columns = list(rows.tables), dict(rows.columns)
     for one in declared:
+        if one.by_row:
+            mine = rows.of == one.instrument
+            columns |= {name: np.where(mine, np.nan, columns[name]) for name in SIGMAS if name in columns}
+            continue
         blank = {"position_sigma": None, "sigma": None} if one.key == "position_sigma" else {one.key: None}
         tables[one.instrument] = tables[one.instrument].model_copy(update=blank)
-    return replace(readings, rows=replace(readings.rows, tables=tuple(tables)))
+    return replace(readings, rows=replace(rows, tables=tuple(tables), columns=columns))
 
 
 def _explain(fit: RobustFit, declared: list[Declared], error: ConvergenceError) -> None:
@@ -100,8 +123,11 @@ def _own(settled: SettledReadings, one: Declared) -> Floats:
     """Residuals, over the declared sigma, of the numbers that it is of."""
     problem, point = settled.fit.problem, settled.fit.point
     readings = problem.readings.at(problem.unknowns(point.x))
-    own = (readings.group == one.group) & ~np.isfinite(readings.row_sigma)
-    return np.asarray(readings.minus(point.poses)[own] / one.value)
+    sigma = np.where(
+        np.isfinite(readings.row_sigma) == one.by_row, readings.row_sigma if one.by_row else one.value, np.nan
+    )
+    own = (readings.group == one.group) & np.isfinite(sigma)
+    return np.asarray(readings.minus(point.poses)[own] / sigma[own])
 
 
 def _ratio(settled: SettledReadings, one: Declared) -> float:
@@ -118,18 +144,23 @@ def _chance(settled: SettledReadings, one: Declared) -> float:
         J = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
         own = fit.problem.readings.group[rows] == one.group
         taken += float(np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)[own].sum())
-    return float(chi2.cdf(float((left**2).sum()), max(left.size - taken, 1.0)))
+    free = left.size - taken
+    return float(chi2.cdf(float((left**2).sum()), free)) if free >= 1.0 else 1.0  # too few say nothing of noise
 
 
 def _text(readings: Readings, one: Declared, seen: float) -> str:
     ratio = one.value / seen
     times = f"{ratio:.2g} times less" if ratio > 1.0 else f"{1.0 / ratio:.2g} times more"
     name = readings.instruments[one.instrument].name
-    return f"{one.key} of {name} is {one.value:.2g}, but these data show a noise of {seen:.2g}, {times}"
+    verb = "are" if one.by_row else "is"
+    return f"{one.key} of {name} {verb} {one.value:.2g}, but these data show a noise of {seen:.2g}, {times}"
 
 
 def _error(readings: Readings, one: Declared, seen: float) -> DatasetError:
     file = readings.rows.files[one.instrument]
+    if one.by_row:
+        hint = "give metres and radians, or leave the columns out"
+        return DatasetError(_text(readings, one, seen), file=file, column=one.key, hint=hint)
     toml = None if file is None else Path(file).parent / "dataset.toml"
     hint = "give metres and radians, or leave the line out"
     return DatasetError(

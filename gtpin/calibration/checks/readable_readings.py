@@ -141,6 +141,12 @@ def explained(readings: Readings, poses: Poses, reach: float) -> Iterator[None]:
     try:
         yield
     except ConvergenceError as error:
+        numbers, unknowns = len(readings.rows) * readings.components, len(readings.unknowns)
+        if numbers <= unknowns:
+            what = f"the fit does not converge: {numbers} readings for {unknowns} unknowns of the instruments alone"
+            raise DatasetError(
+                what, file=readings.rows.files[0], hint="measure more, or give smaller prior sigmas"
+            ) from None
         found = [Misfit.of(readings, poses, i) for i in range(len(readings.instruments))]
         worst = max(range(len(found)), key=lambda i: found[i].size)
         if found[worst].size < BETTER:

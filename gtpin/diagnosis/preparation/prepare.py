@@ -12,6 +12,8 @@ from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.reweighting import Progress
 from gtpin.data import Dataset
+from gtpin.data.duplicates import counted_once
+from gtpin.data.extremes import check_extremes
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.preparation.contradictions import without_contradictions
 from gtpin.diagnosis.preparation.filled_in import without_filled_in
@@ -68,7 +70,8 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
 
 def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | None, priors: Priors) -> Prepared:
     """The same of readings of several instruments."""
-    recorded = with_positions(dataset, nominal)
+    check_extremes(dataset)
+    recorded = counted_once(with_positions(dataset, nominal))
     usable = without_frozen(
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )

@@ -50,6 +50,8 @@ class Tilt(Gauge):
             If there are fewer than two.
         """
         name, level = "level", np.abs(poses.R[:, :, 2] @ layout.up) >= STEEP
+        if len(stops) < 2:
+            raise GtpinError("one stop alone for a tilt sensor", hint="ask for two poses or more")
         if level.sum() < 2:
             hint = "turn its TCP frame so that z is nearly upright"
             raise GtpinError("a tilt sensor on this robot is never near level", hint=hint)

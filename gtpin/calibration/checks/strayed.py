@@ -1,0 +1,67 @@
+"""What a fit to readings has moved farther than its priors allow: parameters, the whole geometry, the instruments' unknowns."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.observability import UNSEEN, Observability
+from gtpin.distributions import chi2
+from gtpin.errors import warn
+from gtpin.instruments.readings import Readings
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+
+STRAYED = 6.0
+"""Deviation of a parameter from nominal, in tolerances, and of an unknown from what is declared, in prior sigmas, that is
+worth a warning. A stated assumption."""
+CHANCE = 1e-6
+"""Chance of a geometry so far from nominal as a whole, by its tolerances, below which something is declared wrongly. A stated
+assumption."""
+SHOWN = 5
+"""Names that a warning has."""
+
+
+def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings: Readings) -> None:
+    """Warn of what is farther from nominal, or from what dataset.toml declares, than its prior allows.
+
+    Parameters
+    ----------
+    x
+        (p,) deviations of the geometry's parameters, in tolerances.
+    geometry
+        The nominal one.
+    seen
+        What the readings determine of it.
+    readings
+        With the fitted values of the unknowns.
+    """
+    if names := _far(x, geometry.names):
+        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
+    elif (chance := whole_chance(x, seen)) < CHANCE:
+        text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
+        hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
+        warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")
+    names = _far(readings.deviation, [unknown.name for unknown in readings.unknowns])
+    if names:
+        hint = "correct what it declares, or give larger prior sigmas"
+        warn(f"unknowns more than {STRAYED:g} prior sigmas from what dataset.toml declares: {names}: {hint}")
+
+
+def whole_chance(x: Floats, seen: Observability) -> float:
+    """Chance, by chi-square, of a geometry whose deviations from nominal are as large as x (p,), in tolerances.
+
+    Along a direction of which the data take the share l of the prior variance away, the estimate has the variance l.
+    """
+    told = seen.learned > UNSEEN
+    along = seen.directions[:, told].T @ x
+    return float(chi2.sf(float((along**2 / seen.learned[told]).sum()), max(int(told.sum()), 1)))
+
+
+def _far(values: Floats, names: list[str] | tuple[str, ...]) -> str:
+    """Names and values of those that are far from 0, the farthest first."""
+    far = np.flatnonzero(np.abs(values) > STRAYED)
+    order = far[np.argsort(-np.abs(values[far]))]
+    more = f" and {len(order) - SHOWN} more" if len(order) > SHOWN else ""
+    return ", ".join(f"{names[i]} ({values[i]:+.0f})" for i in order[:SHOWN]) + more

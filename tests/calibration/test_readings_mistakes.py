@@ -1,0 +1,176 @@
+"""Mistakes in readings that a fit survives: each is counted as it should be, or told in words that name it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from virtual_gantry import draw
+from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
+
+import gtpin
+from gtpin.data.duplicates import counted_once
+from gtpin.errors import DatasetError, GtpinError, GtpinWarning
+
+MACHINE = draw(np.random.default_rng(21))
+RNG = np.random.default_rng(22)
+WIRE, TOUCHES, CUP = wire(MACHINE.gantry, RNG, 100), bed(MACHINE.gantry, RNG, 60), cup(MACHINE.gantry, RNG, 72)
+LEVEL, LASER, EYE = level(MACHINE.gantry, RNG, 80), laser(MACHINE.gantry, RNG, 60), camera(MACHINE.gantry, RNG, 80)
+
+
+def rows(seen: Seen, of: Sequence[int]) -> Seen:
+    """Some of the rows, in that order."""
+    columns = {name: [values[i] for i in of] for name, values in seen.columns.items()}
+    return Seen(seen.said, seen.q[list(of)], columns, seen.truth, seen.prefix)
+
+
+def warned(folder, *seen: Seen) -> tuple[gtpin.Calibration, str]:
+    """The calibration, and the words of all its warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", GtpinWarning)
+        found = gtpin.calibrate(read(folder / "set", *seen))
+    return found, "\n".join(str(one.message) for one in caught)
+
+
+@pytest.mark.parametrize("seen", [WIRE, LEVEL, LASER, EYE], ids=lambda seen: seen.said["name"])
+def test_copies_of_readings_are_counted_once(tmp_path, seen):
+    count = len(seen.q)
+    copied = rows(seen, [*range(count), *range(0, count, 3)])
+    found, said = warned(tmp_path, copied)
+    once, _ = warned(tmp_path, seen)
+    assert f"{seen.said['name']}.csv: {len(range(0, count, 3))} of {len(copied.q)} rows repeat another one's" in said
+    assert f"(rows {count + 2}, {count + 3}, " in said
+    np.testing.assert_allclose(found.sigma, once.sigma, rtol=1e-12)
+
+
+def test_a_table_of_touches_that_is_there_twice_is_counted_once(tmp_path):
+    found, said = warned(tmp_path, rows(TOUCHES, [*range(60), *range(60)]))
+    assert "60 of 120 rows repeat" in said
+    np.testing.assert_allclose(found.sigma, warned(tmp_path, TOUCHES)[0].sigma, rtol=1e-12)
+
+
+def test_two_touches_at_the_same_commands_are_two(tmp_path):
+    # Drives make whole steps, so that a point that is touched twice may have the same commands.
+    dataset = read(tmp_path / "set", rows(TOUCHES, [*range(60), 4, 9]))
+    assert len(counted_once(dataset)) == 62
+
+
+def test_ranges_of_several_stations_at_one_stop_are_no_copies(tmp_path):
+    dataset = read(tmp_path / "set", WIRE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(counted_once(replace(dataset, q=np.tile(dataset.q[:1], (len(dataset), 1))))) == len(dataset)
+
+
+def test_sigmas_of_rows_in_millimetres_are_named(tmp_path):
+    wrong = EYE.reading(**{name: 1e3 * np.array(EYE.columns[name]) for name in ("sx", "sy", "sz")})
+    with pytest.raises(DatasetError, match=r"eye\.csv, column sx sy sz: sx sy sz of eye are .* times less"):
+        gtpin.calibrate(read(tmp_path / "set", wrong))
+
+
+def test_sigmas_of_rows_that_are_far_too_large_are_not_used(tmp_path):
+    wrong = EYE.reading(**{name: 5.0 * np.array(EYE.columns[name]) for name in ("sx", "sy", "sz")})
+    found, said = warned(tmp_path, wrong)
+    assert "sx sy sz of eye are" in said
+    assert "the data's own is used" in said
+    assert found.noise.estimated.all()
+
+
+def test_noise_that_all_rows_declare_is_not_estimated(tmp_path):
+    found, said = warned(tmp_path, EYE)
+    assert not said
+    assert not found.noise.estimated.any()
+    assert "by construction" not in found.summary()
+
+
+def test_a_station_whose_readings_are_in_another_unit_is_named(tmp_path):
+    of = np.array(WIRE.columns["station"])
+    ranges = np.where(of == "B", 1e3, 1.0) * WIRE.columns["range"]
+    _, said = warned(tmp_path, WIRE.reading(range=ranges))
+    count = int((of == "B").sum())
+    assert f"{count} of {count} readings of wire with station B do not fit the others" in said
+    assert "station A" not in said
+    assert f"and {count - 10} more" in said  # poses, of which not all are named
+
+
+def test_a_station_at_another_place_is_named(tmp_path):
+    stations = {name: list(at) for name, at in WIRE.said["stations"].items()}
+    stations["B"][0] += 2.0
+    _, said = warned(tmp_path, WIRE.saying(stations=stations))
+    assert "from what dataset.toml declares: wire.station[B].x (-" in said
+
+
+def test_planes_with_each_other_s_names_are_named(tmp_path):
+    swapped = [{"P": "Q", "Q": "P"}.get(name, name) for name in TOUCHES.columns["plane"]]
+    try:
+        _, said = warned(tmp_path, TOUCHES.reading(plane=swapped))
+    except GtpinError as error:
+        said = str(error)
+    assert "bed.plane[P].height" in said or "readings of bed" in said
+
+
+def test_a_known_distance_that_is_a_centimetre_off_is_warned_of(tmp_path):
+    distances = [[a, b, d + 0.01, s] for a, b, d, s in CUP.said["distances"]]
+    _, said = warned(tmp_path, CUP.saying(distances=distances))
+    assert "readings of cup with socket" in said or "tolerances" in said
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_machine_within_its_tolerances_is_not_warned_of(tmp_path, seed):
+    rng = np.random.default_rng(100 + seed)
+    machine = draw(rng).gantry
+    for make, count in ((wire, 100), (bed, 60), (cup, 72), (camera, 80)):
+        assert not warned(tmp_path, make(machine, rng, count))[1]
+
+
+def test_one_reading_is_not_said_to_contradict_its_sigma(tmp_path):
+    try:
+        found, said = warned(tmp_path, rows(WIRE, [0]))
+        assert found.observability.learned.max() < 0.5
+        assert "too few readings to judge" in found.summary()
+    except GtpinError as error:
+        said = str(error)
+    assert "noise" not in said
+
+
+@pytest.mark.parametrize("count", [2, 5, 10, 15])
+def test_fewer_readings_than_unknowns_are_fitted_or_refused_for_that(tmp_path, count):
+    few = wire(MACHINE.gantry, np.random.default_rng(count), count, away=0.5, offset=1e-3)
+    refused = None
+    try:
+        warned(tmp_path, few)
+    except GtpinError as error:
+        refused = error
+    assert refused is None or f"{count} readings" in refused.what
+
+
+def test_an_impossible_covariate_is_named_by_its_table_and_line(tmp_path):
+    slow = LEVEL.reading(payload=np.full(80, 1.0))
+    warm = np.full(100, 20.0) + np.linspace(0.0, 3.0, 100)
+    warm[40:] = 1e6
+    hot = WIRE.reading(temp_frame=warm)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        dataset = read(tmp_path / "set", slow.reading(temp_frame=np.full(80, 20.0)), hot.reading(payload=np.ones(100)))
+        with pytest.raises(DatasetError, match="temperature") as caught:
+            gtpin.calibrate(dataset)
+    assert caught.value.file is not None
+    assert (caught.value.file.name, caught.value.row) == ("wire.csv", 42)
+
+
+def test_a_command_far_outside_is_named_by_its_table_and_line(tmp_path):
+    q = TOUCHES.q.copy()
+    q[7, 1] = 55.0
+    with pytest.raises(DatasetError, match="far outside") as caught:
+        gtpin.calibrate(read(tmp_path / "set", LEVEL, Seen(TOUCHES.said, q, TOUCHES.columns, {}, "t")))
+    assert caught.value.file is not None
+    assert (caught.value.file.name, caught.value.row, caught.value.column) == ("bed.csv", 9, "q2")
+
+
+@pytest.mark.parametrize(("key", "value"), [("sigma", 20.0), ("sigma", 1e-12)], ids=["micrometres", "nothing"])
+def test_a_sigma_that_no_instrument_has_is_refused(tmp_path, key, value):
+    with pytest.raises(DatasetError, match=rf"instrument\.0\.{key}: .* can't be"):
+        gtpin.calibrate(read(tmp_path / "set", WIRE.saying(**{key: value})))
