@@ -92,18 +92,6 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
     return mechanism, carried
 
 
-def with_scales(mechanism: Mechanism, model: Model) -> tuple[Mechanism, set[str]]:
-    """Drives with the travel per command of a model's scales and its ``encoder_scale``."""
-    scales, carried = drive_scales(model)
-    drives = tuple(replace(drive, scale=scales[drive.site]) for drive in mechanism.drives)
-    by_joint = {drive.joint: drive.scale for drive in drives}
-    bodies = tuple(
-        replace(body, joints=tuple(_scaled(joint, by_joint.get(joint.name, 1.0)) for joint in body.joints))
-        for body in mechanism.bodies
-    )
-    return replace(mechanism, drives=drives, bodies=bodies), carried
-
-
 def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
     """Travel per command of each drive by site, from a model's scales and ``encoder_scale``, and the names of these parts."""
     scales = dict.fromkeys(model.robot.sites, 1.0)
@@ -116,11 +104,6 @@ def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
             scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.nonlinear)["scale"][0]
             carried.add(active.name)
     return scales, carried | {"drive scales"}
-
-
-def _scaled(joint: Joint, scale: float) -> Joint:
-    """A joint with its range in commands."""
-    return replace(joint, lower=joint.lower * scale, upper=joint.upper * scale)
 
 
 def _stretch(model: Model, effects: Collection[ActiveEffect], force: Floats) -> Floats:

@@ -10,9 +10,10 @@ from typing import Literal, get_args
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
 from gtpin.errors import GtpinError, warn
-from gtpin.export.compliance import drive_scales, with_cart_springs, with_link_springs, with_scales
+from gtpin.export.compliance import drive_scales, with_cart_springs, with_link_springs
+from gtpin.export.drives import with_drives
 from gtpin.export.left_out import left_out
-from gtpin.export.loss import with_losses
+from gtpin.export.loss import with_losses, with_remainders
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
@@ -37,11 +38,15 @@ SUFFIXES: dict[str, Format] = {
 
 @dataclass(frozen=True)
 class Export:
-    """Text by file name, and what the files do not hold of the model; part of it may stand in a URDF's transmissions."""
+    """Text by file name, and what the files do not hold of the model; part of it may stand in a URDF's transmissions.
+
+    ``inexact`` are effects that the files hold with an error, and this error, in words.
+    """
 
     files: dict[str, str]
     left_out: tuple[str, ...]
     in_transmissions: tuple[str, ...] = ()
+    inexact: tuple[str, ...] = ()
 
 
 def export(
@@ -63,7 +68,7 @@ def export(
     form
         The format, where the suffix is another.
     session
-        Whose zero shifts tables of corrections shall hold.
+        Whose zero shifts tables of corrections, and MJCF, shall hold.
     force
         Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
 
@@ -89,6 +94,8 @@ def export(
         lost = ", ".join(with_losses(model, made.left_out))
         more = f"; {', '.join(made.in_transmissions)}: as <transmission> only" if made.in_transmissions else ""
         warn(f"{file.name} does not hold {lost}{more}")
+    if made.inexact:
+        warn(f"{file.name} holds {', '.join(made.inexact)}")
     return tuple(file.parent / name for name in made.files)
 
 
@@ -109,8 +116,9 @@ def texts(model: Model, file: Path, form: Format, *, session: str | None = None)
     if form == "sdf":
         return Export({file.name: to_sdf(machine)}, left_out(model, carried))
     machine, more = with_cart_springs(machine, model, robot)
-    machine, scaled = with_scales(machine, model)
-    return Export({file.name: to_mjcf(machine)}, left_out(model, carried | more | scaled))
+    machine, shown = with_drives(machine, model, session)
+    missing = left_out(model, carried | more | shown.keys() | {"drive scales"})
+    return Export({file.name: to_mjcf(machine)}, missing, inexact=with_remainders(model, shown, session))
 
 
 def _corrections(model: Model, file: Path, form: Format, session: str | None) -> Export:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,6 +23,10 @@ SPEED = 0.1
 """m/s or rad/s at which a loss by speed is stated."""
 
 
+LEAST = 1e-7
+"""m below which what a file lacks of an effect that it holds is not told."""
+
+
 def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of parts of a model, each with the root mean square displacement of the TCP that it accounts for, micrometres.
 
@@ -30,22 +36,54 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """
     if not names:
         return names
-    q, poses = _postures(model)
     active = {effect.name: effect for effect in model.effects}
     found = []
     for name in names:
         moved: Floats | None
         words: str | None
         if name == "drive scales":
-            moved, words = _by_scales(model, q, poses), ""
+            moved, words = _by_scales(model, *_postures(model)), ""
         elif name in active:
             words = _conditions(model, active[name])
-            moved = None if words is None else _by_effect(model, active[name], q, poses)
+            moved = None if words is None else by_effect(active[name], conditions(model, active[name]))
         else:
             moved, words = None, ""
-        size = None if moved is None else float(np.sqrt((moved[:, :3] ** 2).sum(axis=1).mean()))
+        size = None if moved is None else rms(moved)
         found.append(name if size is None else f"{name} ({1e6 * size:.3g} um{words})")
     return tuple(found)
+
+
+def with_remainders(model: Model, shown: Mapping[str, Floats], session: str | None = None) -> tuple[str, ...]:
+    """Names of effects that a file holds with an error, each with the root mean square of this error at the TCP.
+
+    Parameters
+    ----------
+    shown
+        By name, the (N, 6) motion of the TCP that the file holds at the poses of :func:`conditions`.
+    """
+    found = []
+    for active in model.effects:
+        if active.name in shown:
+            left = rms(by_effect(active, conditions(model, active, session)) - shown[active.name])
+            if left > LEAST:
+                found.append(f"{active.name} to within {1e6 * left:.2g} um")
+    return tuple(found)
+
+
+def rms(moved: Floats) -> float:
+    """Root mean square of the positions' part of motions (N, 6) of the TCP, m."""
+    return float(np.sqrt((moved[:, :3] ** 2).sum(axis=1).mean()))
+
+
+def ranges(model: Model) -> tuple[Floats, Floats]:
+    """(n,) least and largest commands of the fit, else of the robot; a turn where there is no limit."""
+    robot = model.robot
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    for active in model.effects:
+        if len(active.references.commands[0]) == robot.n_actuators:
+            lower, upper = active.references.commands
+    return lower, upper
 
 
 def _postures(model: Model) -> tuple[Floats, Poses]:
@@ -53,11 +91,7 @@ def _postures(model: Model) -> tuple[Floats, Poses]:
     from scipy.stats import qmc
 
     robot = model.robot
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
-    for active in model.effects:
-        if len(active.references.commands[0]) == robot.n_actuators:
-            lower, upper = active.references.commands
+    lower, upper = ranges(model)
     q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, scramble=False).random(POSES)
     poses = model.kinematics.forward(q)
     return q[poses.reached], poses[poses.reached]
@@ -72,8 +106,14 @@ def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
     return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off))
 
 
-def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> Floats:
-    """(N, 6) motion of the measured TCP by an effect."""
+def by_effect(active: ActiveEffect, at: Situation) -> Floats:
+    """(N, 6) motion of the measured TCP by an effect, to first order."""
+    return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
+
+
+def conditions(model: Model, active: ActiveEffect, session: str | None = None) -> Situation:
+    """Poses and covariates at which the loss of an effect is computed; all sessions of the fit in turn, or one."""
+    q, poses = _postures(model)
     references, count = active.references, len(q)
     wanted = {*references.covariates, *active.effect.covariates(model.robot, active.site)}
     start, span = references.time
@@ -81,7 +121,7 @@ def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> F
     for name in wanted:
         if name == "session":
             known[name] = np.array(
-                [references.sessions[i % len(references.sessions)] for i in range(count)], dtype=object
+                [session or references.sessions[i % len(references.sessions)] for i in range(count)], dtype=object
             )
         elif name == "time":
             known[name] = start + span * np.linspace(0.0, 1.0, count)
@@ -93,8 +133,7 @@ def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> F
             known[name] = np.where(np.arange(count) % 2, 1.0, -1.0)
         else:
             known[name] = np.zeros(count)
-    at = Situation(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
-    return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
+    return Situation(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
 
 
 def _conditions(model: Model, active: ActiveEffect) -> str | None:

@@ -23,6 +23,10 @@ DAMPING = 5.0
 """Of springs, in stiffness over frequency (2 is critical): more would bring the platform to rest sooner, 20 is not stable."""
 SAG = 3e-7
 """m by which a drive gives way under the weight of everything that moves."""
+GRIP = 2.0
+"""Friction of a guide beyond a play, in the machine's weight (times its reach, where the actuator turns)."""
+STIFF = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
+"""As stiff as the time step allows."""
 SMALLEST = {"boundmass": 1e-6, "boundinertia": 1e-9}
 """kg and kg m^2 for bodies without any: massless ends of springs."""
 
@@ -49,21 +53,25 @@ def to_mjcf(mechanism: Mechanism) -> str:
     default = SubElement(root, "default")
     SubElement(default, "geom", contype="0", conaffinity="0", mass="0", group="1")
     # Stiff loops: at rest they open by less than a nanometre under the machine's weight.
-    SubElement(default, "equality", solref="0.001 1", solimp="0.9999 0.9999 0.001")
+    SubElement(default, "equality", STIFF)
     elements = {WORLD: SubElement(root, "worldbody")}
     for body in mechanism.bodies:
         elements[body.name] = _body(elements[body.parent], body)
     equality = SubElement(root, "equality")
     for name, (one, other) in mechanism.loops.items():
         # MuJoCo takes the other body's anchor from the initial configuration, which is home, where the loops are closed.
-        attributes = {"name": name, "body1": one.body, "body2": other.body, "anchor": numbers(*one.point)}
+        attributes = {"name": name, "body1": _free(one.body), "body2": _free(other.body), "anchor": numbers(*one.point)}
         SubElement(equality, "connect", attributes)
+    for coupling in mechanism.couplings:
+        attributes = {"joint1": coupling.joint, "joint2": coupling.other, "polycoef": numbers(*coupling.polynomial)}
+        SubElement(equality, "joint", {"name": f"{coupling.joint}_follows"} | attributes)
+    _guides(root, mechanism)
     _actuators(root, mechanism)
     return xml_text(root)
 
 
 def _body(parent: Element, body: Body) -> Element:
-    element = SubElement(parent, "body", {"name": body.name} | _pose(body.placement))
+    element = SubElement(parent, "body", {"name": _free(body.name)} | _pose(body.placement))
     if body.free is not None:
         SubElement(element, "freejoint", name=body.free)
     for joint in body.joints:
@@ -81,8 +89,13 @@ def _body(parent: Element, body: Body) -> Element:
     for shape in body.shapes:
         SubElement(element, "geom", _geom(shape))
     for name, placement in body.frames.items():
-        SubElement(element, "body", {"name": name} | _pose(placement))
+        SubElement(element, "body", {"name": _free(name)} | _pose(placement))
     return element
+
+
+def _free(name: str) -> str:
+    """A body's name; ``world`` is MuJoCo's own."""
+    return "world_link" if name == "world" else name
 
 
 def _joint(joint: Joint) -> Element:
@@ -96,6 +109,9 @@ def _joint(joint: Joint) -> Element:
     )
     if np.isfinite([joint.lower, joint.upper]).all():
         element.set("range", numbers(joint.lower, joint.upper))
+    if joint.play:
+        element.set("solreflimit", STIFF["solref"])
+        element.set("solimplimit", STIFF["solimp"])
     if joint.spring is not None:
         element.set("springref", numbers(joint.spring.rest))
         element.set("stiffness", numbers(joint.spring.stiffness))
@@ -104,16 +120,45 @@ def _joint(joint: Joint) -> Element:
     return element
 
 
+def _guides(root: Element, mechanism: Mechanism) -> None:
+    if not mechanism.guides:
+        return
+    tendons = SubElement(root, "tendon")
+    joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
+    for guide in mechanism.guides:
+        reach = _reach(mechanism, joints[guide.joints[0]])
+        friction = {"frictionloss": numbers(GRIP * _weight(mechanism) * reach)}
+        stiff = {"solreffriction": STIFF["solref"], "solimpfriction": STIFF["solimp"]}
+        tendon = SubElement(tendons, "fixed", {"name": f"{guide.site}_guide"} | friction | stiff)
+        for name in guide.joints:
+            SubElement(tendon, "joint", joint=name, coef="1")
+
+
+def _weight(mechanism: Mechanism) -> float:
+    """N, of everything that moves."""
+    mass = sum(body.inertia.mass for body in mechanism.bodies)
+    return max(float(mass * np.linalg.norm(mechanism.gravity)), 1.0)
+
+
+def _reach(mechanism: Mechanism, joint: Joint) -> float:
+    """m by which a joint's travel moves the machine: the machine's size where the joint turns."""
+    return 1.0 if joint.kind == "slide" else mechanism.reach
+
+
 def _actuators(root: Element, mechanism: Mechanism) -> None:
     actuators = SubElement(root, "actuator")
     joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
-    weight = sum(body.inertia.mass for body in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
+    elements = {str(element.get("name")): element for element in root.iter("joint") if element.get("name")}
+    inert = {name: guide.joints for guide in mechanism.guides for name in (guide.joints[0], f"{guide.site}_motor")}
+    follower = {coupling.other: coupling.joint for coupling in mechanism.couplings}
     for drive in mechanism.drives:
-        joint = joints[drive.joint]
-        reach = 1.0 if joint.kind == "slide" else mechanism.reach
-        spring = Spring(max(weight, 1.0) * reach**2 / SAG)
-        element = next(e for e in root.iter("joint") if e.get("name") == drive.joint)
-        element.set("armature", numbers(spring.stiffness / DRIVE**2))
+        moved = follower.get(drive.joint, drive.joint)
+        reach = _reach(mechanism, joints[moved])
+        load = _weight(mechanism) * (1.0 + GRIP * (drive.joint in inert))
+        spring = Spring(load * reach**2 / SAG)
+        # Reflected inertia; also of what follows the motor, and of play: it makes couplings and friction firm.
+        for name in {drive.joint, moved, *inert.get(drive.joint, ())}:
+            elements[name].set("armature", numbers(spring.stiffness / DRIVE**2))
         # A gear turns commands into travel, and the force of the drive with it.
         attributes = {
             "name": drive.site,

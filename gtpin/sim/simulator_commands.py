@@ -13,7 +13,6 @@ from gtpin.effects.situation import Column
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import log
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
@@ -113,7 +112,7 @@ def commands_for_simulator(
     _all_there(simulated, f"the simulated {robot.name}")
     inverse = np.swapaxes(simulated.R, 1, 2)
     offset = Poses(np.einsum("nij,nj->ni", inverse, poses.T - simulated.T), inverse @ poses.R)
-    return SimulatorCommands(commands, poses, offset, _apart(poses, simulated))
+    return SimulatorCommands(commands, poses, offset, poses.minus(simulated))
 
 
 def _nearest(shown: Kinematics, q: Floats, wanted: Poses) -> tuple[Floats, Poses]:
@@ -123,17 +122,12 @@ def _nearest(shown: Kinematics, q: Floats, wanted: Poses) -> tuple[Floats, Poses
     for _ in range(STEPS):
         _all_there(poses, "the simulated robot")
         inverse = np.linalg.pinv(shown.command_jacobian(q, poses)[:, :rows], rcond=SINGULAR)
-        step = np.einsum("nij,nj->ni", inverse, _apart(wanted, poses)[:, :rows])
+        step = np.einsum("nij,nj->ni", inverse, wanted.minus(poses)[:, :rows])
         q = q + step
         poses = shown.forward(q)
         if np.abs(step).max(initial=0.0) <= CLOSE:
             break
     return q, poses
-
-
-def _apart(one: Poses, other: Poses) -> Floats:
-    """(N, 6) position and rotation vector of one less the other, base frame."""
-    return np.hstack([one.T - other.T, log(one.R @ np.swapaxes(other.R, 1, 2))])
 
 
 def _all_there(poses: Poses, name: str) -> None:

@@ -85,7 +85,8 @@ class Diagnosed:
         self.machines = tuple(machine_of(model) for model in given)
         self.machine = self.machines[0]
         self._rng, self._conditions, self._simulator = rng, dict(conditions or {}), simulator
-        self._start()
+        self._before = np.array(self.machine.robot.home_q)
+        self._approach = np.zeros(len(self._before))
 
     def __getattr__(self, name: str) -> Any:
         if name == "environment":  # not there yet: a copy or an unpickled object is being made
@@ -95,7 +96,8 @@ class Diagnosed:
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         """Start an episode with another machine."""
         self.machine = self.machines[int(self._rng.integers(len(self.machines)))]
-        self._start()
+        self._before = np.array(self.machine.robot.home_q)
+        self._approach = np.zeros(len(self._before))
         return self.environment.reset(**options)
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
@@ -107,12 +109,8 @@ class Diagnosed:
         observation, reward, terminated, truncated, info = self.environment.step(found.q[0])
         return observation, reward, terminated, truncated, {**info, "simulator_commands": found}
 
-    def _start(self) -> None:
-        self._before = np.array(self.machine.robot.home_q)
-        self._approach = np.zeros(len(self._before))
-
     def _commands(self, q: npt.NDArray[np.float64]) -> SimulatorCommands:
         known: dict[str, Column] = {f"approach{i + 1}": np.array([a]) for i, a in enumerate(self._approach)}
         for name, value in self._conditions.items():
-            known[name] = np.array([value], dtype=object if name == "session" else float)
+            known[name] = np.array([value]) if name != "session" else np.array([value], dtype=object)
         return commands_for_simulator(self.machine, q[None], known, simulator=self._simulator)

@@ -110,9 +110,9 @@ def test_what_is_wrong_is_an_error_of_one_line() -> None:
         commands_for_simulator(model, [[0.0, 0.0]])
     with pytest.raises(gtpin.GtpinError, match="command 2"):
         commands_for_simulator(model, [[0.0, 0.0, 0.0], [9.0, -9.0, 9.0]])
+    q = np.zeros((2, 3))
+    played = machine("gantry_tau", {("backlash", "cart1"): 1.0}, q, {"approach1": np.array([-1.0, 1.0])})
     with pytest.raises(gtpin.GtpinError, match="approach1"):
-        q = np.zeros((2, 3))
-        played = machine("gantry_tau", {("backlash", "cart1"): 1.0}, q, {"approach1": np.array([-1.0, 1.0])})
         commands_for_simulator(played, q)
     soft = machine("gantry_tau", {("linearity", "cart1"): 1.0}, np.zeros((2, 3)), {})
     with pytest.raises(gtpin.GtpinError, match="has effects"):

@@ -1,0 +1,179 @@
+"""Effects along an actuator as parts of its drive: travel as a polynomial of the command, and play."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from numpy.polynomial import Polynomial
+from scipy.optimize import brentq
+
+from gtpin.compensation.corrections import correctable
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.situation import Situation
+from gtpin.export.loss import by_effect, conditions, rms
+from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+DEGREE = 4
+"""Of the polynomials that MuJoCo has."""
+BEYOND = 0.02
+"""Weight of commands outside those of the model's fit: the polynomial stays near the effect there, at little cost inside."""
+WORTH = 0.5
+"""Largest share of an effect's motion of the TCP that a polynomial may leave; what leaves more is not held."""
+STRAIGHT = 1e-9
+"""m or rad by which travel may depart from being proportional to the command, and be a gear's."""
+LEAST_PLAY = 1e-8
+"""m or rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Travel of a drive beyond its command, m or rad: ``along`` of the command, and half the width of its play."""
+
+    along: Polynomial
+    half_width: float
+
+    def at(self, q: Floats, approach: Floats | float) -> Floats:
+        """(N,) deviation at commands and directions of approach (N,)."""
+        return np.asarray(self.along(q) - self.half_width * approach)
+
+
+def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tuple[Mechanism, dict[str, Floats]]:
+    """Drives with a model's scales, and its effects along actuators.
+
+    Travel in proportion to the command is a gear. Else the command moves a motor ``SITE_motor``, which the actuator's joint
+    follows by a polynomial of fourth degree. Play is a joint ``SITE_play`` in series with the actuator's, with friction that
+    holds the part beyond it: as the effect has it, the deviation follows the direction of approach.
+
+    Returns
+    -------
+    mechanism
+        With a body more for each motor.
+    shown
+        By name of each effect that it holds, the (N, 6) motion of the TCP at :func:`~gtpin.export.loss.conditions`.
+    """
+    robot = model.robot
+    effects = correctable(model, session)
+    shown: dict[str, Floats] = {}
+    scales = dict.fromkeys(robot.sites, 1.0)
+    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
+        if parameter.kind == "scale" and parameter.per == "actuator":
+            scales[robot.sites[parameter.owner]] += float(deviation)
+    for index, site in enumerate(robot.sites):
+        laws = []
+        for active in effects:
+            if active.site == site:
+                law, moved = _law(model, index, active, session)
+                if moved is not None:
+                    laws.append(law)
+                    shown[active.name] = moved
+        mechanism = _driven(mechanism, mechanism.drives[index], scales[site], laws)
+    return mechanism, shown
+
+
+def _law(model: Model, index: int, active: ActiveEffect, session: str | None) -> tuple[Law, Floats | None]:
+    """What a drive can have of an effect, and its motion of the TCP; None where that is too little."""
+    at = conditions(model, active, session)
+    far = _over_the_range(model, index, at)
+    q = np.concatenate([at.q[:, index], far.q[:, index]])
+    approach = np.concatenate([_approach(s, index) for s in (at, far)])
+    travel = np.concatenate([_travel(active, s) for s in (at, far)])
+    weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
+    middle, half = float(q.max() + q.min()) / 2.0, max(float(np.ptp(q)) / 2.0, 1e-12)
+    if f"approach{index + 1}" not in active.effect.coordinates(model.robot, active.site):
+        approach = np.zeros(len(q))
+    columns = np.column_stack([np.polynomial.chebyshev.chebvander((q - middle) / half, DEGREE), -approach])
+    *waves, play = np.linalg.lstsq(columns * weight[:, None], travel * weight, rcond=None)[0]
+    series = np.polynomial.Chebyshev(waves, domain=[middle - half, middle + half])
+    # A drive that overshoots has no play: what is left of it is part of the error.
+    law = Law(series.convert(kind=Polynomial, domain=[-1.0, 1.0], window=[-1.0, 1.0]), max(float(play), 0.0))
+    held = law.at(at.q[:, index], _approach(at, index))
+    moved = at.command_jacobian[:, :, index] * held[:, None]
+    whole = by_effect(active, at)
+    return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
+
+
+def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
+    """The same conditions with an actuator's commands over its whole range."""
+    robot = model.robot
+    lower, upper = (
+        float(end[index]) if np.isfinite(end[index]) else side
+        for end, side in ((robot.lower, -np.pi), (robot.upper, np.pi))
+    )
+    q = at.q.copy()
+    q[:, index] = np.linspace(lower, upper, len(q))
+    poses = model.kinematics.forward(q)
+    rows = np.flatnonzero(poses.reached)
+    known = {name: values[rows] for name, values in at.covariates.items()}
+    return Situation(model.kinematics, q[rows], poses[rows], known, fixed=at.fixed, temperature=at.temperature)
+
+
+def _travel(active: ActiveEffect, at: Situation) -> Floats:
+    """(N,) deviation of the actuator's travel."""
+    command = active.basis(at).command
+    assert command is not None
+    return np.asarray(command[1] @ active.coefficients)
+
+
+def _approach(at: Situation, index: int) -> Floats:
+    name = f"approach{index + 1}"
+    return at.covariate(name) if name in at.covariates else np.zeros(len(at))
+
+
+def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law]) -> Mechanism:
+    """The mechanism with one drive's scale, laws and play."""
+    body = mechanism.carrying(drive.joint)
+    joint = next(own for own in body.joints if own.name == drive.joint)
+    command = Polynomial([0.0, 1.0])
+    travel = scale * sum((law.along for law in laws), command)
+    half = scale * sum(law.half_width for law in laws)
+    ends = np.array([drive.lower, drive.upper])
+    ends = np.where(np.isfinite(ends), ends, [-np.pi, np.pi])
+    gear = float(travel(ends[1]) - travel(ends[0])) / float(ends[1] - ends[0])
+    there = np.linspace(ends[0], ends[1], 101)
+    joints = {own.name: own for own in body.joints}
+    if np.abs(travel(there) - gear * there).max() <= STRAIGHT:
+        joints[joint.name] = replace(joint, lower=joint.lower * gear, upper=joint.upper * gear)
+        mechanism = _with_drive(mechanism, drive, replace(drive, scale=gear))
+    else:
+        mechanism = _with_motor(mechanism, drive, joint, travel)
+        limits = [float(travel(x)) if np.isfinite(x) else x for x in (joint.lower, joint.upper)]
+        joints[joint.name] = replace(joint, lower=limits[0], upper=limits[1])
+    if half > LEAST_PLAY:
+        play = replace(joint, name=f"{drive.site}_play", home=0.0, lower=-half, upper=half, play=True)
+        mechanism = replace(mechanism, guides=(*mechanism.guides, Guide(drive.site, (joint.name, play.name))))
+        order = list(joints.values())
+        order.insert(order.index(joints[joint.name]) + 1, play)
+        return mechanism.with_joints(body.name, order)
+    return mechanism.with_joints(body.name, list(joints.values()))
+
+
+def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Polynomial) -> Mechanism:
+    """A motor that turns by the command, and the actuator's joint coupled to it.
+
+    It turns, by a radian for a metre, where the actuator slides too: for a joint of this kind that slides, MuJoCo 4.0 leaves the
+    reflected inertia out of the firmness of the coupling (``dof_invweight0``).
+    """
+    reach = max(abs(joint.home), 1.0)
+    home = float(brentq(lambda x: float(travel(x)) - joint.home, joint.home - reach, joint.home + reach, xtol=1e-15))
+    motor = Joint(f"{drive.site}_motor", "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), home)
+    base = mechanism.bodies[0].name
+    body = Body(motor.name, base, pin.SE3.Identity(), (motor,), pin.Inertia.Zero())
+    about_home = travel(Polynomial([home, 1.0])) - joint.home
+    coefficients = tuple(float(c) for c in np.pad(about_home.coef, (0, DEGREE + 1))[: DEGREE + 1])
+    mechanism = replace(
+        mechanism,
+        bodies=(*mechanism.bodies, body),
+        couplings=(*mechanism.couplings, Coupling(joint.name, motor.name, coefficients)),
+    )
+    return _with_drive(mechanism, drive, replace(drive, joint=motor.name, home=home))
+
+
+def _with_drive(mechanism: Mechanism, old: Drive, new: Drive) -> Mechanism:
+    return replace(mechanism, drives=tuple(new if drive is old else drive for drive in mechanism.drives))
