@@ -42,7 +42,9 @@ class MujocoMachine:
         mujoco.mj_resetDataKeyframe(model, data, 0)
         home, before = data.ctrl.copy(), q - BACK * approach
         for step in range(PATIENCE):
-            data.ctrl[:] = home + _smooth(step / THERE) * (before - home) + _smooth(step / NEAR - THERE / NEAR) * (q - before)
+            data.ctrl[:] = (
+                home + _smooth(step / THERE) * (before - home) + _smooth(step / NEAR - THERE / NEAR) * (q - before)
+            )
             if payload:
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_comPos(model, data)

@@ -11,23 +11,22 @@ import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
+from gtpin.export.lines import STIFFEST
+from gtpin.export.loss import conditions
 from gtpin.export.mechanism import Joint, Mechanism, Spring
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
-from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 
 Floats = npt.NDArray[np.float64]
 
-STIFFEST = 1e-11
-"""m/N or rad/(N m) below which a fitted compliance, which may come out negative, counts as none."""
 STEP = 1.0
 """N by which the load is varied to find a link's tangent compliance."""
 
 
-def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, set[str]]:
+def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Links with the compliance of a model's ``link_compliance``, linearised at the mean load of its fit.
 
     The link's end, with the part of its mass that weighs on the carrier, slides along it on a spring.
@@ -36,12 +35,12 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
     -------
     mechanism
         With a body ``LINK_end`` more for each such link.
-    carried
-        Names of the effects that it now holds.
+    shown
+        By name of each effect that it holds, the (N, 6) motion of the TCP at :func:`~gtpin.export.loss.conditions`.
     """
     active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
-    if not active or not robot.rods:  # links of a chain bend, for which a mechanism of rigid bodies has no part
-        return mechanism, set()
+    if not active or not robot.rods:  # links of a chain bend
+        return mechanism, {}
     force = active[0].references.force[0]
     below, at, above = (_stretch(model, active, force + step) for step in (-STEP, 0.0, STEP))
     compliance = (above - below) / (2.0 * STEP)
@@ -52,44 +51,16 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
         spring = Spring(1.0 / float(compliance[i]), float(at[i] - compliance[i] * force[i]))
         mechanism = _sprung(mechanism, robot, rod, spring, tcp.act(rod.P))
     rigid = {rod.site for i, rod in enumerate(robot.rods) if i not in soft}
-    return mechanism, {e.name for e in active if e.site not in rigid and not (e.site == "arm" and rigid)}
+    held = [e for e in active if e.site not in rigid and not (e.site == "arm" and rigid)]
+    return mechanism, {e.name: _linear(model, e, force) for e in held}
 
 
-def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, set[str]]:
-    """Carts with the translational and rotational compliance of a model's ``cart_compliance`` at its usual load.
-
-    The joints of such a cart sit together on a massless body ``CART_seat`` on three springs along and three about the track
-    and the two axes across it; returns as :func:`with_link_springs`.
-    """
-    carried = set()
-    placements = mechanism.placements()
-    for active in model.effects:
-        if active.effect.exported_as != "cart_springs":
-            continue
-        found = active.effect.parameters(active.coefficients, active.nonlinear)
-        values = [
-            found[n][0] if n in found else 0.0 for n in ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")
-        ]
-        actuator = robot.sites.index(active.site)
-        ends = [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]
-        body = mechanism.loops[ends[0][0]][ends[0][1]].body
-        axes = np.roll(rotation_axes(robot.actuators[actuator].axis), 1, axis=0) @ placements[body].rotation
-        joints = [
-            Joint(
-                f"{active.site}_{'gives' if k < 3 else 'tips'}_{'along' if k % 3 == 0 else 'ab'[k % 3 - 1]}",
-                "slide" if k < 3 else "hinge",
-                axes[k % 3],
-                np.zeros(3),
-                0.0,
-                spring=Spring(1.0 / value),
-            )
-            for k, value in enumerate(values)
-            if value > STIFFEST
-        ]
-        if joints:
-            mechanism = mechanism.on_springs(f"{active.site}_seat", ends, joints)
-            carried.add(active.name)
-    return mechanism, carried
+def _linear(model: Model, active: ActiveEffect, force: Floats) -> Floats:
+    """(N, 6) motion of the TCP by the tangent to an effect at axial forces (k,)."""
+    below, middle, above = (_stretch(model, [active], force + step) for step in (-STEP, 0.0, STEP))
+    at = conditions(model, active)
+    length = middle + (above - below) / (2.0 * STEP) * (at.force - force)
+    return np.asarray(np.einsum("nik,nk->ni", at.response, length))
 
 
 def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:

@@ -8,24 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from gtpin.compensation.corrections import correctable
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
+from gtpin.export.lines import DEGREE, WORTH, Polynomial, quartic
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 
-DEGREE = 4
-"""Of the polynomials that MuJoCo has."""
 BEYOND = 0.02
 """Weight of commands outside those of the model's fit: the polynomial stays near the effect there, at little cost inside."""
-WORTH = 0.5
-"""Largest share of an effect's motion of the TCP that a polynomial may leave; what leaves more is not held."""
 STRAIGHT = 1e-9
 """m or rad by which travel may depart from being proportional to the command, and be a gear's."""
 LEAST_PLAY = 1e-8
@@ -85,18 +81,21 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     approach = np.concatenate([_approach(s, index) for s in (at, far)])
     travel = np.concatenate([_travel(active, s) for s in (at, far)])
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
-    middle, half = float(q.max() + q.min()) / 2.0, max(float(np.ptp(q)) / 2.0, 1e-12)
-    if f"approach{index + 1}" not in active.effect.coordinates(model.robot, active.site):
-        approach = np.zeros(len(q))
-    columns = np.column_stack([np.polynomial.chebyshev.chebvander((q - middle) / half, DEGREE), -approach])
-    *waves, play = np.linalg.lstsq(columns * weight[:, None], travel * weight, rcond=None)[0]
-    series = np.polynomial.Chebyshev(waves, domain=[middle - half, middle + half])
-    # A drive that overshoots has no play: what is left of it is part of the error.
-    law = Law(series.convert(kind=Polynomial, domain=[-1.0, 1.0], window=[-1.0, 1.0]), max(float(play), 0.0))
+    half = 0.0
+    if f"approach{index + 1}" in active.effect.coordinates(model.robot, active.site):
+        half = max(_half_width(q, approach, travel, weight), 0.0)  # a drive that overshoots has no play
+    law = Law(quartic(q, travel + half * approach, weight), half)
     held = law.at(at.q[:, index], _approach(at, index))
     moved = at.command_jacobian[:, :, index] * held[:, None]
     whole = by_effect(active, at)
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
+
+
+def _half_width(q: Floats, approach: Floats, travel: Floats, weight: Floats) -> float:
+    """Half the play, by least squares together with a polynomial of the command."""
+    x = (q - q.min()) / max(float(np.ptp(q)), 1e-12)
+    columns = np.column_stack([np.vander(x, DEGREE + 1), -approach])
+    return float(np.linalg.lstsq(columns * weight[:, None], travel * weight, rcond=None)[0][-1])
 
 
 def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
@@ -157,8 +156,8 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
 def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Polynomial) -> Mechanism:
     """A motor that turns by the command, and the actuator's joint coupled to it.
 
-    It turns, by a radian for a metre, where the actuator slides too: for a joint of this kind that slides, MuJoCo 4.0 leaves the
-    reflected inertia out of the firmness of the coupling (``dof_invweight0``).
+    It turns, by a radian for a metre, where the actuator slides too: of such a joint that slides, MuJoCo 4.0 leaves the reflected
+    inertia out of the firmness of the coupling (``dof_invweight0``).
     """
     reach = max(abs(joint.home), 1.0)
     home = float(brentq(lambda x: float(travel(x)) - joint.home, joint.home - reach, joint.home + reach, xtol=1e-15))
@@ -167,11 +166,8 @@ def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Polyno
     body = Body(motor.name, base, pin.SE3.Identity(), (motor,), pin.Inertia.Zero())
     about_home = travel(Polynomial([home, 1.0])) - joint.home
     coefficients = tuple(float(c) for c in np.pad(about_home.coef, (0, DEGREE + 1))[: DEGREE + 1])
-    mechanism = replace(
-        mechanism,
-        bodies=(*mechanism.bodies, body),
-        couplings=(*mechanism.couplings, Coupling(joint.name, motor.name, coefficients)),
-    )
+    mechanism = replace(mechanism, bodies=(*mechanism.bodies, body))
+    mechanism = mechanism.with_couplings([Coupling(joint.name, motor.name, coefficients)])
     return _with_drive(mechanism, drive, replace(drive, joint=motor.name, home=home))
 
 

@@ -10,8 +10,10 @@ from typing import Literal, get_args
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
 from gtpin.errors import GtpinError, warn
-from gtpin.export.compliance import drive_scales, with_cart_springs, with_link_springs
+from gtpin.export.carts import with_cart_springs, with_guideways
+from gtpin.export.compliance import drive_scales, with_link_springs
 from gtpin.export.drives import with_drives
+from gtpin.export.joint_springs import with_joint_springs
 from gtpin.export.left_out import left_out
 from gtpin.export.loss import with_losses, with_remainders
 from gtpin.export.mechanism import mechanism
@@ -112,12 +114,17 @@ def texts(model: Model, file: Path, form: Format, *, session: str | None = None)
     if form == "parallel-robots":
         files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
         return Export(files, left_out(model))
-    machine, carried = with_link_springs(mechanism(robot), model, robot)
+    plain = mechanism(robot)
     if form == "sdf":
-        return Export({file.name: to_sdf(machine)}, left_out(model, carried))
-    machine, more = with_cart_springs(machine, model, robot)
-    machine, shown = with_drives(machine, model, session)
-    missing = left_out(model, carried | more | shown.keys() | {"drive scales"})
+        machine, shown = with_link_springs(plain, model, robot)
+        return Export({file.name: to_sdf(machine)}, left_out(model, shown), inexact=with_remainders(model, shown))
+    machine, by_guideways = with_guideways(plain, model, robot)
+    machine, by_carts = with_cart_springs(machine, model, robot)
+    machine, by_links = with_link_springs(machine, model, robot)
+    machine, by_joints = with_joint_springs(machine, model)
+    machine, by_drives = with_drives(machine, model, session)
+    shown = {**by_guideways, **by_carts, **by_links, **by_joints, **by_drives}
+    missing = left_out(model, {*shown, "drive scales"})
     return Export({file.name: to_mjcf(machine)}, missing, inexact=with_remainders(model, shown, session))
 
 

@@ -162,6 +162,10 @@ class Mechanism:
         bodies = tuple(replace(b, joints=tuple(joints)) if b.name == name else b for b in self.bodies)
         return replace(self, bodies=bodies)
 
+    def with_couplings(self, couplings: Sequence[Coupling]) -> Mechanism:
+        """The mechanism with more couplings."""
+        return replace(self, couplings=(*self.couplings, *couplings))
+
     def carrying(self, joint: str) -> Body:
         """The body that a joint moves."""
         return next(body for body in self.bodies if joint in {own.name for own in body.joints})

@@ -150,13 +150,16 @@ def _actuators(root: Element, mechanism: Mechanism) -> None:
     joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
     elements = {str(element.get("name")): element for element in root.iter("joint") if element.get("name")}
     inert = {name: guide.joints for guide in mechanism.guides for name in (guide.joints[0], f"{guide.site}_motor")}
-    follower = {coupling.other: coupling.joint for coupling in mechanism.couplings}
+    follower = {coupling.other: coupling.joint for coupling in mechanism.couplings if coupling.other.endswith("_motor")}
+    for coupling in mechanism.couplings:
+        # Reflected inertia, also of what follows a motor and of play: it makes couplings and friction firm.
+        stiffness = _weight(mechanism) * _reach(mechanism, joints[coupling.joint]) ** 2 / SAG
+        elements[coupling.joint].set("armature", numbers(stiffness / DRIVE**2))
     for drive in mechanism.drives:
         moved = follower.get(drive.joint, drive.joint)
         reach = _reach(mechanism, joints[moved])
         load = _weight(mechanism) * (1.0 + GRIP * (drive.joint in inert))
         spring = Spring(load * reach**2 / SAG)
-        # Reflected inertia; also of what follows the motor, and of play: it makes couplings and friction firm.
         for name in {drive.joint, moved, *inert.get(drive.joint, ())}:
             elements[name].set("armature", numbers(spring.stiffness / DRIVE**2))
         # A gear turns commands into travel, and the force of the drive with it.
