@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
@@ -18,26 +19,29 @@ THERE, NEAR, PATIENCE = 400, 300, 12000
 
 
 class MujocoMachine:
-    """A machine in MuJoCo, from an MJCF that ``gtpin export`` wrote."""
+    """A machine in MuJoCo, from an MJCF that ``gtpin export`` wrote; ``limits``: whether joints and commands have ranges."""
 
-    def __init__(self, file: Path | str, tcp: str) -> None:
+    def __init__(self, file: Path | str, tcp: str, *, limits: bool = True) -> None:
         self.model = mujoco.MjModel.from_xml_path(str(file))
+        if not limits:
+            self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL | mujoco.mjtDisableBit.mjDSBL_LIMIT
         self.data = mujoco.MjData(self.model)
         self.tcp = self.model.body(tcp).id
 
-    def poses(
-        self, q: np.ndarray, approach: np.ndarray | None = None, payload: np.ndarray | None = None
-    ) -> gtpin.Poses:
+    def poses(self, q: np.ndarray, covariates: Mapping[str, np.ndarray]) -> gtpin.Poses:
         """Poses of the TCP at rest at commands q (N, n), m or rad, each reached from home.
 
-        ``approach`` (N, n) are directions, +1 from below, -1 from above, 0 straight; ``payload`` (N,) is a mass at the TCP, kg.
+        Of the covariates, ``approach1..n`` are the directions from which commands are reached, and ``payload``, kg, and ``fx fy
+        fz``, N, act on the TCP.
         """
-        approach = np.zeros(q.shape) if approach is None else approach
-        payload = np.zeros(len(q)) if payload is None else payload
-        found = [self._one(*row) for row in zip(q, approach, payload, strict=True)]
+        none = np.zeros(len(q))
+        approach = np.column_stack([covariates.get(f"approach{i + 1}", none) for i in range(q.shape[1])])
+        force = np.column_stack([covariates.get(name, none) for name in ("fx", "fy", "fz")])
+        force = force + np.outer(covariates.get("payload", none), self.model.opt.gravity)
+        found = [self._one(*row) for row in zip(q, approach, force, strict=True)]
         return gtpin.Poses(np.array([T for T, _ in found]), np.array([R for _, R in found]))
 
-    def _one(self, q: np.ndarray, approach: np.ndarray, payload: float) -> tuple[np.ndarray, np.ndarray]:
+    def _one(self, q: np.ndarray, approach: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         model, data = self.model, self.data
         mujoco.mj_resetDataKeyframe(model, data, 0)
         home, before = data.ctrl.copy(), q - BACK * approach
@@ -45,12 +49,11 @@ class MujocoMachine:
             data.ctrl[:] = (
                 home + _smooth(step / THERE) * (before - home) + _smooth(step / NEAR - THERE / NEAR) * (q - before)
             )
-            if payload:
+            if force.any():
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_comPos(model, data)
                 data.qfrc_applied[:] = 0.0
-                weight, point = payload * model.opt.gravity, data.xpos[self.tcp]
-                mujoco.mj_applyFT(model, data, weight, np.zeros(3), point, self.tcp, data.qfrc_applied)
+                mujoco.mj_applyFT(model, data, force, np.zeros(3), data.xpos[self.tcp], self.tcp, data.qfrc_applied)
             mujoco.mj_step(model, data)
             if step > THERE + NEAR + 20 and np.abs(data.qvel).max() < QUIET:
                 break

@@ -78,24 +78,15 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     at = conditions(model, active, session)
     far = _over_the_range(model, index, at)
     q = np.concatenate([at.q[:, index], far.q[:, index]])
-    approach = np.concatenate([_approach(s, index) for s in (at, far)])
-    travel = np.concatenate([_travel(active, s) for s in (at, far)])
+    up, down = (np.concatenate([_travel(active, s, index, side) for s in (at, far)]) for side in (1.0, -1.0))
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
-    half = 0.0
-    if f"approach{index + 1}" in active.effect.coordinates(model.robot, active.site):
-        half = max(_half_width(q, approach, travel, weight), 0.0)  # a drive that overshoots has no play
-    law = Law(quartic(q, travel + half * approach, weight), half)
+    # A drive that overshoots has no play: this is part of the error.
+    half = max(float(np.average((down - up) / 2.0, weights=weight**2)), 0.0)
+    law = Law(quartic(q, (up + down) / 2.0, weight), half)
     held = law.at(at.q[:, index], _approach(at, index))
     moved = at.command_jacobian[:, :, index] * held[:, None]
     whole = by_effect(active, at)
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
-
-
-def _half_width(q: Floats, approach: Floats, travel: Floats, weight: Floats) -> float:
-    """Half the play, by least squares together with a polynomial of the command."""
-    x = (q - q.min()) / max(float(np.ptp(q)), 1e-12)
-    columns = np.column_stack([np.vander(x, DEGREE + 1), -approach])
-    return float(np.linalg.lstsq(columns * weight[:, None], travel * weight, rcond=None)[0][-1])
 
 
 def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
@@ -113,8 +104,11 @@ def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
     return Situation(model.kinematics, q[rows], poses[rows], known, fixed=at.fixed, temperature=at.temperature)
 
 
-def _travel(active: ActiveEffect, at: Situation) -> Floats:
-    """(N,) deviation of the actuator's travel."""
+def _travel(active: ActiveEffect, at: Situation, index: int, approach: float) -> Floats:
+    """(N,) deviation of the actuator's travel, coming from one direction."""
+    name = f"approach{index + 1}"
+    if name in at.covariates:
+        at = at.with_covariate(name, np.full(len(at), approach))
     command = active.basis(at).command
     assert command is not None
     return np.asarray(command[1] @ active.coefficients)
@@ -156,8 +150,8 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
 def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Polynomial) -> Mechanism:
     """A motor that turns by the command, and the actuator's joint coupled to it.
 
-    It turns, by a radian for a metre, where the actuator slides too: of such a joint that slides, MuJoCo 4.0 leaves the reflected
-    inertia out of the firmness of the coupling (``dof_invweight0``).
+    It turns, by a radian for a metre, where the actuator slides too: of such a joint that slides, MuJoCo 4.0 leaves the
+    reflected inertia out of the firmness of the coupling (``dof_invweight0``).
     """
     reach = max(abs(joint.home), 1.0)
     home = float(brentq(lambda x: float(travel(x)) - joint.home, joint.home - reach, joint.home + reach, xtol=1e-15))

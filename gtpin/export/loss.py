@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,7 @@ SPEED = 0.1
 """m/s or rad/s at which a loss by speed is stated."""
 
 
+FORCES = ("fx", "fy", "fz")
 LEAST = 1e-7
 """m below which what a file lacks of an effect that it holds is not told."""
 
@@ -30,8 +32,8 @@ LEAST = 1e-7
 def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of parts of a model, each with the root mean square displacement of the TCP that it accounts for, micrometres.
 
-    It is over commands that fill the ranges of the fit (else of the robot), to first order, without payload and force on the
-    tool, over the time and the sessions of the fit, and both directions of approach. What depends on a temperature or a
+    It is over commands that fill the ranges of the fit (else of the robot), to first order, with loads on the tool as in the
+    fit, over the time and the sessions of the fit, and both directions of approach. What depends on a temperature or a
     speed is stated for one kelvin, or 0.1 m/s or rad/s. Parts whose conditions nobody knows are named without a number.
     """
     if not names:
@@ -112,7 +114,10 @@ def by_effect(active: ActiveEffect, at: Situation) -> Floats:
 
 
 def conditions(model: Model, active: ActiveEffect, session: str | None = None) -> Situation:
-    """Poses and covariates at which the loss of an effect is computed; all sessions of the fit in turn, or one."""
+    """Poses and covariates at which the loss of an effect is computed; all sessions of the fit in turn, or one.
+
+    Forces on the tool are drawn with the mean and the spread of the loads of the fit, where it had some.
+    """
     q, poses = _postures(model)
     references, count = active.references, len(q)
     wanted = {*references.covariates, *active.effect.covariates(model.robot, active.site)}
@@ -133,7 +138,29 @@ def conditions(model: Model, active: ActiveEffect, session: str | None = None) -
             known[name] = np.where(np.arange(count) % 2, 1.0, -1.0)
         else:
             known[name] = np.zeros(count)
-    return Situation(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
+    at = Situation(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
+    return replace(at, covariates={**known, **_tool_forces(model, active, at)})
+
+
+def _tool_forces(model: Model, active: ActiveEffect, at: Situation) -> dict[str, Column]:
+    """Forces on the tool, ``fx fy fz``, N, that load rods or joints as much as in the fit; those of a payload point down."""
+    references, gravity = active.references, np.array(model.robot.description.gravity)
+    if not {"payload", *FORCES} & set(references.covariates) or not gravity.any():
+        return {}
+    ways = np.eye(3) if set(FORCES) & set(references.covariates) else gravity[None] / np.linalg.norm(gravity)
+    unit = np.random.default_rng(0).standard_normal((len(at), len(ways)))
+    if model.robot.rods:
+        one = np.ones(len(at))
+        response = np.stack([at.with_covariate(name, one).force - at.force for name in FORCES], axis=2) @ ways.T
+        mean, spread = references.force
+        middle = np.linalg.lstsq(response.mean(axis=0), mean - at.force.mean(axis=0), rcond=None)[0]
+        more = float((spread**2 - at.force.var(axis=0)).sum())
+        size = np.sqrt(max(more, 0.0) / float((response**2).sum(axis=(1, 2)).mean()))
+        along = middle + size * unit
+    else:
+        power = float(sum((load[-1, :3] ** 2).sum() for load in references.joints))
+        along = np.sqrt(power / len(ways)) * (np.abs(unit) if len(ways) == 1 else unit)
+    return dict(zip(FORCES, (along @ ways).T, strict=True))
 
 
 def _conditions(model: Model, active: ActiveEffect) -> str | None:
@@ -144,6 +171,6 @@ def _conditions(model: Model, active: ActiveEffect) -> str | None:
             words = f" at {WARMER:g} K more"
         elif name.startswith("speed"):
             words = f" at {SPEED:g} m/s or rad/s"
-        elif name not in ("session", "time", "payload") and not is_approach(name):
+        elif name not in ("session", "time", "payload", *FORCES) and not is_approach(name):
             return None
     return words

@@ -240,7 +240,14 @@ def mechanism(robot: Robot) -> Mechanism:
     drives = tuple(
         Drive(a.site, a.joint, a.lower, a.upper, float(q)) for a, q in zip(robot.actuators, posture.q, strict=True)
     )
-    return Mechanism(robot.name, (base, *rooted), loops, drives, robot.description.gravity, robot.size)
+    gravity, names = (
+        robot.description.gravity,
+        {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)},
+    )
+    mimics = tuple(
+        Coupling(names[f.index_v], names[f.master_v], (0.0, f.multiplier, 0.0, 0.0, 0.0)) for f in robot.followers
+    )
+    return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, mimics)
 
 
 def _massless(robot: Robot) -> set[int]:
