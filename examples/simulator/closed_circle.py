@@ -128,10 +128,13 @@ def table(records: pd.DataFrame) -> str:
     for (robot, cause), all_rows in records.groupby(["robot", "cause"], sort=False):
         rows = all_rows[all_rows["again"] != ""]
         largest = [
-            f"{rows[name].astype(float).max():.2g} um" if len(rows) else "-"
+            f"{rows[name].astype(float).max():.3g} um" if len(rows) else "-"
             for name in ("effects_um", "printed_um", "file_um", "layer_um")
         ]
         same = f"{(rows['found'] == rows['again']).sum()} of {len(all_rows)}"
         verdicts = [", ".join(rows[name]) or "-" for name in ("against_file", "against_layer")]
         lines.append(f"| {robot} | `{cause}` | {' | '.join([*largest, same, *verdicts])} |")
+    closed = [f"none in {(records[name] == 'none').sum()}" for name in ("against_file", "against_layer")]
+    same = f"{(records['found'] == records['again']).sum()} of {len(records)}"
+    lines.append(f"| all | | | | | | {' | '.join([same, *closed])} |")
     return "\n".join(lines)

@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from gtpin.compensation.corrections import correctable
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
+from gtpin.export.compliance import geometric_scales
 from gtpin.export.lines import DEGREE, WORTH, Polynomial, quartic
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism
@@ -57,10 +58,7 @@ def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tupl
     robot = model.robot
     effects = correctable(model, session)
     shown: dict[str, Floats] = {}
-    scales = dict.fromkeys(robot.sites, 1.0)
-    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
-        if parameter.kind == "scale" and parameter.per == "actuator":
-            scales[robot.sites[parameter.owner]] += float(deviation)
+    scales = geometric_scales(model)
     for index, site in enumerate(robot.sites):
         laws = []
         for active in effects:
