@@ -12,6 +12,8 @@ from scipy.optimize import brentq
 
 from gtpin.compensation.corrections import correctable
 from gtpin.effects.active import ActiveEffect
+from gtpin.effects.basis import rods_of
+from gtpin.effects.drives import own_load
 from gtpin.effects.situation import Situation
 from gtpin.export.compliance import geometric_scales
 from gtpin.export.lines import DEGREE, WORTH, Polynomial, quartic
@@ -25,16 +27,22 @@ BEYOND = 0.02
 """Weight of commands outside those of the model's fit: the polynomial stays near the effect there, at little cost inside."""
 STRAIGHT = 1e-9
 """m or rad by which travel may depart from being proportional to the command, and be a gear's."""
+SPREADS = 3.0
+"""Standard deviations of the load that the friction of a guide holds against."""
 LEAST_PLAY = 1e-8
 """m or rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Travel of a drive beyond its command, m or rad: ``along`` of the command, and half the width of its play."""
+    """Travel of a drive beyond its command, m or rad: ``along`` of the command, and half the width of its play.
+
+    ``load`` is the largest on the drive in the fit, N or N m.
+    """
 
     along: Polynomial
     half_width: float
+    load: float
 
     def at(self, q: Floats, approach: Floats | float) -> Floats:
         """(N,) deviation at commands and directions of approach (N,)."""
@@ -80,11 +88,21 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
     # A drive that overshoots has no play: this is part of the error.
     half = max(float(np.average((down - up) / 2.0, weights=weight**2)), 0.0)
-    law = Law(quartic(q, (up + down) / 2.0, weight), half)
+    law = Law(quartic(q, (up + down) / 2.0, weight), half, _largest_load(at, active.site))
     held = law.at(at.q[:, index], _approach(at, index))
     moved = at.command_jacobian[:, :, index] * held[:, None]
     whole = by_effect(active, at)
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
+
+
+def _largest_load(at: Situation, site: str) -> float:
+    """Bound of the load on a drive in the fit, N or N m: its mean and ``SPREADS`` standard deviations, of all rods together."""
+    if not at.robot.rods:
+        mean, spread = own_load(at, site)[1]
+        return abs(mean) + SPREADS * spread
+    rods = rods_of(at, site)
+    middle, spreads = (values[rods] for values in at.references.force)
+    return float((np.abs(middle) + SPREADS * spreads).sum())
 
 
 def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
@@ -138,7 +156,10 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
         joints[joint.name] = replace(joint, lower=limits[0], upper=limits[1])
     if half > LEAST_PLAY:
         play = replace(joint, name=f"{drive.site}_play", home=0.0, lower=-half, upper=half, play=True)
-        mechanism = replace(mechanism, guides=(*mechanism.guides, Guide(drive.site, (joint.name, play.name))))
+        mechanism = replace(
+            mechanism,
+            guides=(*mechanism.guides, Guide(drive.site, (joint.name, play.name), max(law.load for law in laws))),
+        )
         order = list(joints.values())
         order.insert(order.index(joints[joint.name]) + 1, play)
         return mechanism.with_joints(body.name, order)

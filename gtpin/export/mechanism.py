@@ -74,10 +74,14 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Guide:
-    """Friction between an actuator's last joint and its guide: it holds the sum of the joints' coordinates where it is."""
+    """Friction between an actuator's last joint and its guide: it holds the sum of the joints' coordinates where it is.
+
+    ``load``, N or N m, is the largest that it holds against.
+    """
 
     site: str
     joints: tuple[str, ...]
+    load: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism, Spring
+from gtpin.export.mechanism import WORLD, Body, Guide, Joint, Mechanism, Spring
 from gtpin.export.shapes import Shape
 from gtpin.export.text import numbers, xml_text
 from gtpin.kinematics.rotations import to_quaternions
@@ -24,7 +24,8 @@ DAMPING = 5.0
 SAG = 3e-7
 """m by which a drive gives way under the weight of everything that moves."""
 GRIP = 2.0
-"""Friction of a guide beyond a play, in the machine's weight (times its reach, where the actuator turns)."""
+"""Friction of a guide beyond a play, over the machine's weight (times its reach, where the actuator turns), and over the
+largest load of the fit."""
 STIFF = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
 """As stiff as the time step allows."""
 SMALLEST = {"boundmass": 1e-6, "boundinertia": 1e-9}
@@ -126,12 +127,16 @@ def _guides(root: Element, mechanism: Mechanism) -> None:
     tendons = SubElement(root, "tendon")
     joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
     for guide in mechanism.guides:
-        reach = _reach(mechanism, joints[guide.joints[0]])
-        friction = {"frictionloss": numbers(GRIP * _weight(mechanism) * reach)}
+        friction = {"frictionloss": numbers(_friction(mechanism, guide, joints[guide.joints[0]]))}
         stiff = {"solreffriction": STIFF["solref"], "solimpfriction": STIFF["solimp"]}
         tendon = SubElement(tendons, "fixed", {"name": f"{guide.site}_guide"} | friction | stiff)
         for name in guide.joints:
             SubElement(tendon, "joint", joint=name, coef="1")
+
+
+def _friction(mechanism: Mechanism, guide: Guide, joint: Joint) -> float:
+    """N, or N m."""
+    return max(GRIP * _weight(mechanism) * _reach(mechanism, joint), GRIP * guide.load)
 
 
 def _weight(mechanism: Mechanism) -> float:
@@ -149,7 +154,7 @@ def _actuators(root: Element, mechanism: Mechanism) -> None:
     actuators = SubElement(root, "actuator")
     joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
     elements = {str(element.get("name")): element for element in root.iter("joint") if element.get("name")}
-    inert = {name: guide.joints for guide in mechanism.guides for name in (guide.joints[0], f"{guide.site}_motor")}
+    guides = {guide.site: guide for guide in mechanism.guides}
     follower = {coupling.other: coupling.joint for coupling in mechanism.couplings if coupling.other.endswith("_motor")}
     for coupling in mechanism.couplings:
         # Reflected inertia, also of what follows a motor and of play: it makes couplings and friction firm.
@@ -158,9 +163,10 @@ def _actuators(root: Element, mechanism: Mechanism) -> None:
     for drive in mechanism.drives:
         moved = follower.get(drive.joint, drive.joint)
         reach = _reach(mechanism, joints[moved])
-        load = _weight(mechanism) * (1.0 + GRIP * (drive.joint in inert))
-        spring = Spring(load * reach**2 / SAG)
-        for name in {drive.joint, moved, *inert.get(drive.joint, ())}:
+        guide = guides.get(drive.site)
+        friction = 0.0 if guide is None else _friction(mechanism, guide, joints[moved])
+        spring = Spring((_weight(mechanism) * reach + friction) * reach / SAG)
+        for name in {drive.joint, moved, *(() if guide is None else guide.joints)}:
             elements[name].set("armature", numbers(spring.stiffness / DRIVE**2))
         # A gear turns commands into travel, and the force of the drive with it.
         attributes = {
