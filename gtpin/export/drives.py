@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.optimize import brentq
 
 from gtpin.compensation.corrections import correctable
 from gtpin.effects.active import ActiveEffect
@@ -29,6 +28,8 @@ STRAIGHT = 1e-9
 """m or rad by which travel may depart from being proportional to the command, and be a gear's."""
 SPREADS = 3.0
 """Standard deviations of the load that the friction of a guide holds against."""
+NEWTON = 10
+"""Steps that invert a polynomial whose slope is about 1."""
 LEAST_PLAY = 1e-8
 """m or rad."""
 
@@ -172,8 +173,9 @@ def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Polyno
     It turns, by a radian for a metre, where the actuator slides too: of such a joint that slides, MuJoCo 4.0 leaves the
     reflected inertia out of the firmness of the coupling (``dof_invweight0``).
     """
-    reach = max(abs(joint.home), 1.0)
-    home = float(brentq(lambda x: float(travel(x)) - joint.home, joint.home - reach, joint.home + reach, xtol=1e-15))
+    home, slope = joint.home, travel.deriv()
+    for _ in range(NEWTON):
+        home -= float(travel(home) - joint.home) / float(slope(home))
     motor = Joint(f"{drive.site}_motor", "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), home)
     base = mechanism.bodies[0].name
     body = Body(motor.name, base, pin.SE3.Identity(), (motor,), pin.Inertia.Zero())
