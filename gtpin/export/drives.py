@@ -91,7 +91,7 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     half = max(float(np.average((down - up) / 2.0, weights=weight**2)), 0.0)
     law = Law(quartic(q, (up + down) / 2.0, weight), half, _largest_load(at, active.site))
     held = law.at(at.q[:, index], _approach(at, index))
-    moved = at.command_jacobian[:, :, index] * held[:, None]
+    moved = at.command_jacobian[:, :6, index] * held[:, None]
     whole = by_effect(active, at)
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
 

@@ -80,7 +80,7 @@ def _with_soft_drive(mechanism: Mechanism, model: Model, active: ActiveEffect) -
         spring=Spring(1.0 / compliance, rest),
     )
     joints = [*body.joints[: place + 1], gives, *body.joints[place + 1 :]]
-    moved = at.command_jacobian[:, :, index] * (rest + compliance * load)[:, None]
+    moved = at.command_jacobian[:, :6, index] * (rest + compliance * load)[:, None]
     return mechanism.with_joints(body.name, joints), moved
 
 
@@ -105,7 +105,7 @@ def _with_soft_bearing(mechanism: Mechanism, model: Model, active: ActiveEffect)
         return mechanism, None
     first = [joint.name for joint in body.joints].index(name)
     mechanism = mechanism.with_joints(body.name, [*body.joints[:first], *joints, *body.joints[first:]])
-    return mechanism, at.bodies.by_twist(frame.index, twist[..., None])[..., 0]
+    return mechanism, at.bodies.by_twist(frame.index, twist[..., None])[:, :6, 0]
 
 
 def _flexibilities(
@@ -125,7 +125,7 @@ def _flexibilities(
         f = max(f if bent.any() else float(active.coefficients[0]), 0.0)
         _, old_f, old_g = flexible.get(link.name, (link, 0.0, 0.0))
         flexible[link.name] = (link, old_f + f, old_g + g)
-        total += at.bodies.by_twist(link.tip, (f * bent + g * twisted)[..., None])[..., 0]
+        total += at.bodies.by_twist(link.tip, (f * bent + g * twisted)[..., None])[:, :6, 0]
     return total if total.any() else None
 
 
