@@ -40,7 +40,9 @@ def export(
     ] = None,
     session: Annotated[
         str | None,
-        typer.Option("--session", help="Tables of corrections: whose zero shifts they hold.", show_default=False),
+        typer.Option(
+            "--session", help="Tables of corrections, and .xml: whose zero shifts they hold.", show_default=False
+        ),
     ] = None,
     commands: Annotated[
         Path | None,

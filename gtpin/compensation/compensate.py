@@ -32,8 +32,7 @@ def machine_of(model: Model) -> Model:
     left = [effect.name for effect in model.effects if effect.site in NOT_THE_MACHINE]
     if left:
         warn(f"not the machine's, so not corrected: {', '.join(left)}")
-    kept = tuple(effect for effect in model.effects if effect.site not in NOT_THE_MACHINE)
-    return replace(model, effects=kept, frame=Frame())
+    return replace(model.without(left), frame=Frame())
 
 
 def compensate(

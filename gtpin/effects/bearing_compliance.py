@@ -38,6 +38,7 @@ class BearingCompliance(Effect):
     clause = "the bearing of {site} tilts under load"
     remedy = "Use the corrected model with the payload given; check the bearing's preload and the bolts of its flange."
     coefficient = ("tilt", "rad/(N m)")
+    exported_as = "bearing_springs"
     core = (0, 2)
     plausible: ClassVar[Mapping[str, Range]] = {
         "tilt": Range(0.0, np.inf, "no bearing tilts against the moment that it carries")

@@ -135,9 +135,12 @@ class Effect(ABC):
     """Whether the parameters in metres are of an actuator's travel. They are in radians where the actuator turns."""
     stretches_frame: ClassVar[bool] = False
     """Whether it scales all measured positions by one factor. The smooth nonparametric terms then contain no such scaling."""
-    exported_as: ClassVar[Literal["", "link_spring", "cart_springs", "drive_scale"]] = ""
-    """What represents it in an exported mechanism: a spring along the link, springs under the cart, or a scale of the drive.
-    Empty: none of these."""
+    exported_as: ClassVar[
+        Literal["", "link_spring", "cart_springs", "drive_scale", "joint_spring", "bearing_springs"]
+    ] = ""
+    """What represents it in an exported mechanism: a spring of the link, springs under the cart, a scale of the drive, a spring
+    of the joint, or springs of its bearing. Empty: none of these. Effects along an actuator that depend only on its position,
+    direction of approach and session need no name here."""
 
     @abstractmethod
     def sites(self, robot: Robot) -> tuple[str, ...]:

@@ -42,6 +42,7 @@ class JointCompliance(Effect):
     clause = "the drive of {site} gives way under its load"
     remedy = "Use the corrected model with the payload given; check the gear and its preload."
     coefficient = ("compliance", "rad/(N m)")
+    exported_as = "joint_spring"
     core = (0,)
     plausible: ClassVar[Mapping[str, Range]] = {
         "compliance": Range(0.0, np.inf, "no drive moves against the load that it carries")

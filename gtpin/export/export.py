@@ -10,9 +10,12 @@ from typing import Literal, get_args
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
 from gtpin.errors import GtpinError, warn
-from gtpin.export.compliance import drive_scales, with_cart_springs, with_link_springs, with_scales
+from gtpin.export.carts import with_cart_springs, with_guideways
+from gtpin.export.compliance import drive_scales, with_link_springs
+from gtpin.export.drives import with_drives
+from gtpin.export.joint_springs import with_joint_springs
 from gtpin.export.left_out import left_out
-from gtpin.export.loss import with_losses
+from gtpin.export.loss import with_losses, with_remainders
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
@@ -37,11 +40,15 @@ SUFFIXES: dict[str, Format] = {
 
 @dataclass(frozen=True)
 class Export:
-    """Text by file name, and what the files do not hold of the model; part of it may stand in a URDF's transmissions."""
+    """Text by file name, and what the files do not hold of the model; part of it may stand in a URDF's transmissions.
+
+    ``inexact`` are effects that the files hold with an error, and this error, in words.
+    """
 
     files: dict[str, str]
     left_out: tuple[str, ...]
     in_transmissions: tuple[str, ...] = ()
+    inexact: tuple[str, ...] = ()
 
 
 def export(
@@ -63,7 +70,7 @@ def export(
     form
         The format, where the suffix is another.
     session
-        Whose zero shifts tables of corrections shall hold.
+        Whose zero shifts tables of corrections, and MJCF, shall hold.
     force
         Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
 
@@ -89,6 +96,8 @@ def export(
         lost = ", ".join(with_losses(model, made.left_out))
         more = f"; {', '.join(made.in_transmissions)}: as <transmission> only" if made.in_transmissions else ""
         warn(f"{file.name} does not hold {lost}{more}")
+    if made.inexact:
+        warn(f"{file.name} holds {', '.join(made.inexact)}")
     return tuple(file.parent / name for name in made.files)
 
 
@@ -105,12 +114,18 @@ def texts(model: Model, file: Path, form: Format, *, session: str | None = None)
     if form == "parallel-robots":
         files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
         return Export(files, left_out(model))
-    machine, carried = with_link_springs(mechanism(robot), model, robot)
+    plain = mechanism(robot)
     if form == "sdf":
-        return Export({file.name: to_sdf(machine)}, left_out(model, carried))
-    machine, more = with_cart_springs(machine, model, robot)
-    machine, scaled = with_scales(machine, model)
-    return Export({file.name: to_mjcf(machine)}, left_out(model, carried | more | scaled))
+        machine, shown = with_link_springs(plain, model, robot)
+        return Export({file.name: to_sdf(machine)}, left_out(model, shown), inexact=with_remainders(model, shown))
+    machine, by_guideways = with_guideways(plain, model, robot)
+    machine, by_carts = with_cart_springs(machine, model, robot)
+    machine, by_links = with_link_springs(machine, model, robot)
+    machine, by_joints = with_joint_springs(machine, model)
+    machine, by_drives = with_drives(machine, model, session)
+    shown = {**by_guideways, **by_carts, **by_links, **by_joints, **by_drives}
+    missing = left_out(model, {*shown, "drive scales"})
+    return Export({file.name: to_mjcf(machine)}, missing, inexact=with_remainders(model, shown, session))
 
 
 def _corrections(model: Model, file: Path, form: Format, session: str | None) -> Export:

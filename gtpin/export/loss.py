@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,31 +24,68 @@ SPEED = 0.1
 """m/s or rad/s at which a loss by speed is stated."""
 
 
+FORCES = ("fx", "fy", "fz")
+LEAST = 1e-7
+"""m below which what a file lacks of an effect that it holds is not told."""
+
+
 def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of parts of a model, each with the root mean square displacement of the TCP that it accounts for, micrometres.
 
-    It is over commands that fill the ranges of the fit (else of the robot), to first order, without payload and force on the
-    tool, over the time and the sessions of the fit, and both directions of approach. What depends on a temperature or a
+    It is over commands that fill the ranges of the fit (else of the robot), to first order, with loads on the tool as in the
+    fit, over the time and the sessions of the fit, and both directions of approach. What depends on a temperature or a
     speed is stated for one kelvin, or 0.1 m/s or rad/s. Parts whose conditions nobody knows are named without a number.
     """
     if not names:
         return names
-    q, poses = _postures(model)
     active = {effect.name: effect for effect in model.effects}
     found = []
     for name in names:
         moved: Floats | None
         words: str | None
         if name == "drive scales":
-            moved, words = _by_scales(model, q, poses), ""
+            moved, words = _by_scales(model, *_postures(model)), ""
         elif name in active:
             words = _conditions(model, active[name])
-            moved = None if words is None else _by_effect(model, active[name], q, poses)
+            moved = None if words is None else by_effect(active[name], conditions(model, active[name]))
         else:
             moved, words = None, ""
-        size = None if moved is None else float(np.sqrt((moved[:, :3] ** 2).sum(axis=1).mean()))
+        size = None if moved is None else rms(moved)
         found.append(name if size is None else f"{name} ({1e6 * size:.3g} um{words})")
     return tuple(found)
+
+
+def with_remainders(model: Model, shown: Mapping[str, Floats], session: str | None = None) -> tuple[str, ...]:
+    """Names of effects that a file holds with an error, each with the root mean square of this error at the TCP.
+
+    Parameters
+    ----------
+    shown
+        By name, the (N, 6) motion of the TCP that the file holds at the poses of :func:`conditions`.
+    """
+    found = []
+    for active in model.effects:
+        if active.name in shown:
+            left = rms(by_effect(active, conditions(model, active, session)) - shown[active.name])
+            if left > LEAST:
+                found.append(f"{active.name} to within {1e6 * left:.2g} um")
+    return tuple(found)
+
+
+def rms(moved: Floats) -> float:
+    """Root mean square of the positions' part of motions (N, 6) of the TCP, m."""
+    return float(np.sqrt((moved[:, :3] ** 2).sum(axis=1).mean()))
+
+
+def ranges(model: Model) -> tuple[Floats, Floats]:
+    """(n,) least and largest commands of the fit, else of the robot; a turn where there is no limit."""
+    robot = model.robot
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    for active in model.effects:
+        if len(active.references.commands[0]) == robot.n_actuators:
+            lower, upper = active.references.commands
+    return lower, upper
 
 
 def _postures(model: Model) -> tuple[Floats, Poses]:
@@ -53,11 +93,7 @@ def _postures(model: Model) -> tuple[Floats, Poses]:
     from scipy.stats import qmc
 
     robot = model.robot
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
-    for active in model.effects:
-        if len(active.references.commands[0]) == robot.n_actuators:
-            lower, upper = active.references.commands
+    lower, upper = ranges(model)
     q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, scramble=False).random(POSES)
     poses = model.kinematics.forward(q)
     return q[poses.reached], poses[poses.reached]
@@ -72,8 +108,17 @@ def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
     return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off))
 
 
-def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> Floats:
-    """(N, 6) motion of the measured TCP by an effect."""
+def by_effect(active: ActiveEffect, at: Situation) -> Floats:
+    """(N, 6) motion of the measured TCP by an effect, to first order."""
+    return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
+
+
+def conditions(model: Model, active: ActiveEffect, session: str | None = None) -> Situation:
+    """Poses and covariates at which the loss of an effect is computed; all sessions of the fit in turn, or one.
+
+    Forces on the tool are drawn with the mean and the spread of the loads of the fit, where it had some.
+    """
+    q, poses = _postures(model)
     references, count = active.references, len(q)
     wanted = {*references.covariates, *active.effect.covariates(model.robot, active.site)}
     start, span = references.time
@@ -81,7 +126,7 @@ def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> F
     for name in wanted:
         if name == "session":
             known[name] = np.array(
-                [references.sessions[i % len(references.sessions)] for i in range(count)], dtype=object
+                [session or references.sessions[i % len(references.sessions)] for i in range(count)], dtype=object
             )
         elif name == "time":
             known[name] = start + span * np.linspace(0.0, 1.0, count)
@@ -94,7 +139,28 @@ def _by_effect(model: Model, active: ActiveEffect, q: Floats, poses: Poses) -> F
         else:
             known[name] = np.zeros(count)
     at = Situation(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
-    return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
+    return replace(at, covariates={**known, **_tool_forces(model, active, at)})
+
+
+def _tool_forces(model: Model, active: ActiveEffect, at: Situation) -> dict[str, Column]:
+    """Forces on the tool, ``fx fy fz``, N, that load rods or joints as much as in the fit; those of a payload point down."""
+    references, gravity = active.references, np.array(model.robot.description.gravity)
+    if not {"payload", *FORCES} & set(references.covariates) or not gravity.any():
+        return {}
+    ways = np.eye(3) if set(FORCES) & set(references.covariates) else gravity[None] / np.linalg.norm(gravity)
+    unit = np.random.default_rng(0).standard_normal((len(at), len(ways)))
+    if model.robot.rods:
+        one = np.ones(len(at))
+        response = np.stack([at.with_covariate(name, one).force - at.force for name in FORCES], axis=2) @ ways.T
+        mean, spread = references.force
+        middle = np.linalg.lstsq(response.mean(axis=0), mean - at.force.mean(axis=0), rcond=None)[0]
+        more = float((spread**2 - at.force.var(axis=0)).sum())
+        size = np.sqrt(max(more, 0.0) / float((response**2).sum(axis=(1, 2)).mean()))
+        along = middle + size * unit
+    else:
+        power = float(sum((load[-1, :3] ** 2).sum() for load in references.joints))
+        along = np.sqrt(power / len(ways)) * (np.abs(unit) if len(ways) == 1 else unit)
+    return dict(zip(FORCES, (along @ ways).T, strict=True))
 
 
 def _conditions(model: Model, active: ActiveEffect) -> str | None:
@@ -105,6 +171,6 @@ def _conditions(model: Model, active: ActiveEffect) -> str | None:
             words = f" at {WARMER:g} K more"
         elif name.startswith("speed"):
             words = f" at {SPEED:g} m/s or rad/s"
-        elif name not in ("session", "time", "payload") and not is_approach(name):
+        elif name not in ("session", "time", "payload", *FORCES) and not is_approach(name):
             return None
     return words

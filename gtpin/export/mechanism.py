@@ -45,6 +45,8 @@ class Joint:
         Its range, infinite where there is none.
     spring
         What pulls it back, or None where it moves freely or is driven.
+    play
+        Whether its range is the play of a drive.
     """
 
     name: str
@@ -55,6 +57,31 @@ class Joint:
     lower: float = -np.inf
     upper: float = np.inf
     spring: Spring | None = None
+    play: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """A joint that follows another: its coordinate less its home is a polynomial of the other's, less its home.
+
+    ``polynomial`` has the coefficients of powers 0 to 4, m or rad.
+    """
+
+    joint: str
+    other: str
+    polynomial: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """Friction between an actuator's last joint and its guide: it holds the sum of the joints' coordinates where it is.
+
+    ``load``, N or N m, is the largest that it holds against.
+    """
+
+    site: str
+    joints: tuple[str, ...]
+    load: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +136,10 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """Bodies, parents before children; loops by name, each two points that coincide; what drives it; gravity, m/s^2."""
+    """Bodies, parents before children; loops by name, each two points that coincide; what drives it; gravity, m/s^2.
+
+    ``couplings`` and ``guides`` are joints that follow others, and friction.
+    """
 
     name: str
     bodies: tuple[Body, ...]
@@ -117,6 +147,8 @@ class Mechanism:
     drives: tuple[Drive, ...]
     gravity: tuple[float, ...]
     reach: float
+    couplings: tuple[Coupling, ...] = ()
+    guides: tuple[Guide, ...] = ()
 
     def body(self, name: str) -> Body:
         """The body of a name."""
@@ -129,8 +161,21 @@ class Mechanism:
             found[body.name] = found[body.parent] * body.placement
         return found
 
+    def with_joints(self, name: str, joints: Sequence[Joint]) -> Mechanism:
+        """The mechanism with other joints of a body."""
+        bodies = tuple(replace(b, joints=tuple(joints)) if b.name == name else b for b in self.bodies)
+        return replace(self, bodies=bodies)
+
+    def with_couplings(self, couplings: Sequence[Coupling]) -> Mechanism:
+        """The mechanism with more couplings."""
+        return replace(self, couplings=(*self.couplings, *couplings))
+
+    def carrying(self, joint: str) -> Body:
+        """The body that a joint moves."""
+        return next(body for body in self.bodies if joint in {own.name for own in body.joints})
+
     def on_springs(self, name: str, ends: Sequence[tuple[str, int]], joints: Sequence[Joint]) -> Mechanism:
-        """The mechanism with ends of its loops (loop, 0 or 1), all of one body, moved to a massless body on springs.
+        """The mechanism with ends of its loops (loop, 0 or 1), all of one body, moved to a massless body on joints.
 
         The new body has the ends' mean for its origin, and the axes of the old.
         """
@@ -199,7 +244,14 @@ def mechanism(robot: Robot) -> Mechanism:
     drives = tuple(
         Drive(a.site, a.joint, a.lower, a.upper, float(q)) for a, q in zip(robot.actuators, posture.q, strict=True)
     )
-    return Mechanism(robot.name, (base, *rooted), loops, drives, robot.description.gravity, robot.size)
+    gravity, names = (
+        robot.description.gravity,
+        {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)},
+    )
+    mimics = tuple(
+        Coupling(names[f.index_v], names[f.master_v], (0.0, f.multiplier, 0.0, 0.0, 0.0)) for f in robot.followers
+    )
+    return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, mimics)
 
 
 def _massless(robot: Robot) -> set[int]:

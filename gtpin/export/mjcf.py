@@ -8,7 +8,8 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism, Spring
+from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism
+from gtpin.export.mjcf_drives import STIFF, add_actuators, add_guides
 from gtpin.export.shapes import Shape
 from gtpin.export.text import numbers, xml_text
 from gtpin.kinematics.rotations import to_quaternions
@@ -17,12 +18,10 @@ Floats = npt.NDArray[np.float64]
 
 TIMESTEP = 5e-4
 """s."""
-DRIVE, SPRING = 2000.0, 1000.0
-"""Natural frequency of drives and springs, rad/s, which the time step allows; reflected inertia brings it down to this."""
+SPRING = 1000.0
+"""Natural frequency of springs, rad/s, which the time step allows; reflected inertia brings it down to this."""
 DAMPING = 5.0
 """Of springs, in stiffness over frequency (2 is critical): more would bring the platform to rest sooner, 20 is not stable."""
-SAG = 3e-7
-"""m by which a drive gives way under the weight of everything that moves."""
 SMALLEST = {"boundmass": 1e-6, "boundinertia": 1e-9}
 """kg and kg m^2 for bodies without any: massless ends of springs."""
 
@@ -49,21 +48,26 @@ def to_mjcf(mechanism: Mechanism) -> str:
     default = SubElement(root, "default")
     SubElement(default, "geom", contype="0", conaffinity="0", mass="0", group="1")
     # Stiff loops: at rest they open by less than a nanometre under the machine's weight.
-    SubElement(default, "equality", solref="0.001 1", solimp="0.9999 0.9999 0.001")
+    SubElement(default, "equality", STIFF)
     elements = {WORLD: SubElement(root, "worldbody")}
     for body in mechanism.bodies:
         elements[body.name] = _body(elements[body.parent], body)
     equality = SubElement(root, "equality")
     for name, (one, other) in mechanism.loops.items():
         # MuJoCo takes the other body's anchor from the initial configuration, which is home, where the loops are closed.
-        attributes = {"name": name, "body1": one.body, "body2": other.body, "anchor": numbers(*one.point)}
+        attributes = {"name": name, "body1": _free(one.body), "body2": _free(other.body), "anchor": numbers(*one.point)}
         SubElement(equality, "connect", attributes)
-    _actuators(root, mechanism)
+    for coupling in mechanism.couplings:
+        attributes = {"joint1": coupling.joint, "joint2": coupling.other, "polycoef": numbers(*coupling.polynomial)}
+        SubElement(equality, "joint", {"name": f"{coupling.joint}_follows"} | attributes)
+    add_guides(root, mechanism)
+    add_actuators(root, mechanism)
+    _keyframe(root, mechanism)
     return xml_text(root)
 
 
 def _body(parent: Element, body: Body) -> Element:
-    element = SubElement(parent, "body", {"name": body.name} | _pose(body.placement))
+    element = SubElement(parent, "body", {"name": _free(body.name)} | _pose(body.placement))
     if body.free is not None:
         SubElement(element, "freejoint", name=body.free)
     for joint in body.joints:
@@ -81,8 +85,13 @@ def _body(parent: Element, body: Body) -> Element:
     for shape in body.shapes:
         SubElement(element, "geom", _geom(shape))
     for name, placement in body.frames.items():
-        SubElement(element, "body", {"name": name} | _pose(placement))
+        SubElement(element, "body", {"name": _free(name)} | _pose(placement))
     return element
+
+
+def _free(name: str) -> str:
+    """A body's name; ``world`` is MuJoCo's own."""
+    return "world_link" if name == "world" else name
 
 
 def _joint(joint: Joint) -> Element:
@@ -96,6 +105,9 @@ def _joint(joint: Joint) -> Element:
     )
     if np.isfinite([joint.lower, joint.upper]).all():
         element.set("range", numbers(joint.lower, joint.upper))
+    if joint.play:
+        element.set("solreflimit", STIFF["solref"])
+        element.set("solimplimit", STIFF["solimp"])
     if joint.spring is not None:
         element.set("springref", numbers(joint.spring.rest))
         element.set("stiffness", numbers(joint.spring.stiffness))
@@ -104,27 +116,7 @@ def _joint(joint: Joint) -> Element:
     return element
 
 
-def _actuators(root: Element, mechanism: Mechanism) -> None:
-    actuators = SubElement(root, "actuator")
-    joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
-    weight = sum(body.inertia.mass for body in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
-    for drive in mechanism.drives:
-        joint = joints[drive.joint]
-        reach = 1.0 if joint.kind == "slide" else mechanism.reach
-        spring = Spring(max(weight, 1.0) * reach**2 / SAG)
-        element = next(e for e in root.iter("joint") if e.get("name") == drive.joint)
-        element.set("armature", numbers(spring.stiffness / DRIVE**2))
-        # A gear turns commands into travel, and the force of the drive with it.
-        attributes = {
-            "name": drive.site,
-            "joint": drive.joint,
-            "kp": numbers(spring.stiffness),
-            "kv": numbers(2.0 * spring.stiffness / DRIVE),
-            "gear": numbers(1.0 / drive.scale),
-        }
-        if np.isfinite([drive.lower, drive.upper]).all():
-            attributes["ctrlrange"] = numbers(drive.lower, drive.upper)
-        SubElement(actuators, "position", attributes)
+def _keyframe(root: Element, mechanism: Mechanism) -> None:
     keyframe = SubElement(root, "keyframe")
     ctrl = numbers(*(drive.home / drive.scale for drive in mechanism.drives))
     SubElement(keyframe, "key", name="home", qpos=numbers(*_qpos(mechanism)), ctrl=ctrl)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics, Solver, kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fitted_instrument import FittedInstrument
+from gtpin.model.posterior import block_of, draws, joined
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -64,6 +65,8 @@ class Model:
         Solver of the loop closures of a robot with rods: see :func:`~gtpin.kinematics.kinematics.kinematics`.
     instruments
         The instruments of a dataset of schema 2, with the values of their unknowns. With them, ``frame`` is the base frame.
+    joint_covariance
+        (p + m, p + m) of the geometry's parameters and of the m coefficients of all effects, where they were fitted together.
 
     Examples
     --------
@@ -79,6 +82,7 @@ class Model:
     covariance: Floats | None = None
     solver: Solver = "arrays"
     instruments: tuple[FittedInstrument, ...] = ()
+    joint_covariance: Floats | None = None
 
     def __repr__(self) -> str:
         effects = ", ".join(active.name for active in self.effects) or "none"
@@ -120,6 +124,63 @@ class Model:
             return self.seen(kinematics.forward(commands))
         known = {name: _column(name, values, len(commands)) for name, values in (covariates or {}).items()}
         return self.seen(with_effects(kinematics, commands, known, self.effects))
+
+    def without(self, names: Collection[str]) -> Model:
+        """The model without effects of some names (``effect@site``)."""
+        kept = [active.name not in names for active in self.effects]
+        sizes = [len(self.geometry.parameters), *(len(active.coefficients) for active in self.effects)]
+        joint = self.joint_covariance
+        return replace(
+            self,
+            effects=tuple(active for active, keep in zip(self.effects, kept, strict=True) if keep),
+            joint_covariance=None if joint is None or not any(kept) else block_of(joint, sizes, [True, *kept]),
+        )
+
+    def sample(self, n: int, rng: np.random.Generator) -> tuple[Model, ...]:
+        """Models drawn from the posterior: machines that the data of the fit allow.
+
+        Geometry and coefficients of the effects are drawn from a normal distribution with ``joint_covariance``; without it,
+        from ``covariance`` and each effect's own, as if they were independent. Geometry that was not identified is drawn from
+        its manufacturing tolerances. Periods, places of steps, and the instrument keep their values.
+
+        Parameters
+        ----------
+        n
+            Number of models.
+        rng
+            Source of random numbers.
+
+        Returns
+        -------
+        models
+            Without covariances: each is one machine.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import gtpin
+        >>> machines = gtpin.read_model("ur5").sample(20, np.random.default_rng(0))
+        >>> len(machines), machines[0].robot.name
+        (20, 'ur5')
+        """
+        geometry, p = self.geometry, len(self.geometry.parameters)
+        known = np.diag(geometry.tolerance**2) if self.covariance is None else self.covariance
+        covariance = joined([known, *(active.covariance for active in self.effects)], self.joint_covariance)
+        mean = np.concatenate([geometry.values, *(active.coefficients for active in self.effects)])
+        ends = p + np.cumsum([0, *(len(active.coefficients) for active in self.effects)])
+        return tuple(
+            replace(
+                self,
+                geometry=geometry.with_values(x[:p]),
+                effects=tuple(
+                    replace(active, coefficients=x[start:end], covariance=np.zeros_like(active.covariance))
+                    for active, start, end in zip(self.effects, ends, ends[1:], strict=False)
+                ),
+                covariance=np.zeros_like(known),
+                joint_covariance=None,
+            )
+            for x in draws(mean, covariance, n, rng)
+        )
 
     def seen(self, poses: Poses) -> Poses:
         """Poses in the base frame, transformed to the instrument's frame."""

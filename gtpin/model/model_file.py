@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from gtpin.errors import ModelError
 from gtpin.model.effect_record import EffectRecord, Finite, Positive, Record, Triple
@@ -56,9 +56,15 @@ class ModelFile(Record):
     parameters: dict[str, Finite]
     tolerance: dict[str, Positive]
     covariance: list[list[Finite]] | None = None
+    joint_covariance: list[list[Finite]] | None = None
     base_in_instrument: FrameRecord | None
     effects: list[EffectRecord] = Field(default_factory=list)
     instruments: list[InstrumentRecord] = Field(default_factory=list)
+
+    @model_serializer(mode="wrap")
+    def _without_joint(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The covariance with effects is written where there are some."""
+        return {key: value for key, value in write(self).items() if key != "joint_covariance" or value is not None}
 
 
 def read_model_file(file: Path) -> ModelFile:

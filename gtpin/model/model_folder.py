@@ -106,6 +106,7 @@ def _content(model: Model) -> ModelFile:
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
         covariance=None if model.covariance is None else model.covariance.tolist(),
+        joint_covariance=None if model.joint_covariance is None else model.joint_covariance.tolist(),
         base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
         effects=[record(active) for active in model.effects],
         instruments=[_instrument_record(one) for one in model.instruments],
@@ -182,10 +183,11 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     try:
         robot = robot.measuring(joint for one in instruments for joint in one.table.measured_joints)
         geometry = _geometry(robot, content)
-        frame, covariance = _frame(content), _covariance(geometry, content)
+        frame, covariance, joint = _frame(content), _covariance(geometry, content), _joint(geometry, content)
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
-    return Model(geometry, frame, _effects(content, geometry, file, own), covariance, instruments=instruments)
+    effects = _effects(content, geometry, file, own)
+    return Model(geometry, frame, effects, covariance, instruments=instruments, joint_covariance=joint)
 
 
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
@@ -227,17 +229,35 @@ def _track(record: TrackRecord) -> MeasuredTrack:
 def _covariance(geometry: Geometry, content: ModelFile) -> npt.NDArray[np.float64] | None:
     if content.covariance is None:
         return None
-    count = len(geometry.parameters)
-    if len(content.covariance) != count or any(len(row) != count for row in content.covariance):
-        raise ModelError(f"the covariance is not {count} x {count}")
-    # In the order of the file's parameters, as it was written.
-    order = [list(content.parameters).index(name) for name in geometry.names]
-    covariance = np.array(content.covariance)[np.ix_(order, order)]
+    return _checked(content.covariance, _order(geometry, content), "covariance", len(geometry.parameters))
+
+
+def _joint(geometry: Geometry, content: ModelFile) -> npt.NDArray[np.float64] | None:
+    if content.joint_covariance is None:
+        return None
+    p = len(geometry.parameters)
+    more = sum(len(effect.coefficients) for effect in content.effects)
+    order = [*_order(geometry, content), *range(p, p + more)]
+    return _checked(content.joint_covariance, order, "joint_covariance", p)
+
+
+def _order(geometry: Geometry, content: ModelFile) -> list[int]:
+    """Places of the geometry's parameters among the file's, in whose order covariances are written."""
+    return [list(content.parameters).index(name) for name in geometry.names]
+
+
+def _checked(rows: list[list[float]], order: list[int], column: str, n_parameters: int) -> npt.NDArray[np.float64]:
+    """A covariance from a file, with rows and columns in an order, the geometry's parameters first."""
+    count = len(order)
+    if len(rows) != count or any(len(row) != count for row in rows):
+        raise ModelError(f"the covariance is not {count} x {count}", column=column)
+    covariance = np.array(rows)[np.ix_(order, order)]
     sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
-    if (covariance.diagonal() < 0.0).any() or (sigma > MOST_UNCERTAIN).any():
-        raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column="covariance")
+    # Coefficients of effects, at the end of a joint covariance, have units of their own.
+    if (covariance.diagonal() < 0.0).any() or (sigma[:n_parameters] > MOST_UNCERTAIN).any():
+        raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column=column)
     if (np.abs(covariance) > (1.0 + NOT_TURNED) * np.outer(sigma, sigma)).any():
-        raise ModelError("a covariance larger than the variances allow", column="covariance")
+        raise ModelError("a covariance larger than the variances allow", column=column)
     return covariance
 
 

@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-NEEDS = {"export_to_mujoco": "mujoco"}
+NEEDS = {"export_to_mujoco": "mujoco", "machine_in_mujoco": "mujoco", "machines_for_learning": "mujoco"}
 """Packages that an example needs and gtpin does not."""
 
 

@@ -128,8 +128,8 @@ def test_ranges_are_those_of_the_commands_where_drives_are_scaled(
 
 
 def test_what_it_can_not_hold_is_named(gantry: Drawn, tmp_path: Path) -> None:
-    wave = active(gantry.model, gantry.q, "linearity", "cart1", first=5e-5)
-    with pytest.warns(GtpinWarning, match="does not hold linearity@cart1"):
+    wave = active(gantry.model, gantry.q, "rack_periodic", "cart1", 0.02, first=5e-5)
+    with pytest.warns(GtpinWarning, match="does not hold rack_periodic@cart1"):
         export(replace(gantry.model, effects=(wave,)), tmp_path / "robot.xml")
     soft = active(gantry.model, gantry.q, "link_compliance", "arm", compliance=2e-7)
     with pytest.warns(GtpinWarning, match="does not hold link_compliance@arm"):

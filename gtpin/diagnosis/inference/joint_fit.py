@@ -53,11 +53,15 @@ def fit_together(
     instruments = start.instruments
     if isinstance(plain, ReadingsProblem):
         instruments = plain.readings.at(plain.unknowns(found.point.x)).fitted
+    # Of the model: the poses of instruments, between geometry and causes, are left out.
+    kept = np.r_[:p, plain.size : problem.size]
+    size = np.concatenate([tolerance, *problem.sizes])
     return replace(
         found.point.model,
         effects=problem.active(found.point.x, covariance),
         covariance=covariance[:p, :p] * np.outer(tolerance, tolerance),
         instruments=instruments,
+        joint_covariance=covariance[np.ix_(kept, kept)] * np.outer(size, size) if problem.sizes else None,
     )
 
 

@@ -1,0 +1,68 @@
+"""A file of `gtpin export` in MuJoCo: driven to commands from a direction, brought to rest, and read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+import gtpin
+
+QUIET = 1e-7
+"""m/s or rad/s below which every coordinate counts as at rest."""
+BACK = 2e-3
+"""m or rad in front of a command from which it is approached."""
+THERE, NEAR, PATIENCE = 400, 300, 12000
+"""Steps of the way from home, of the approach, and of all."""
+
+
+class MujocoMachine:
+    """A machine in MuJoCo, from an MJCF that ``gtpin export`` wrote; ``limits``: whether joints and commands have ranges."""
+
+    def __init__(self, file: Path | str, tcp: str, *, limits: bool = True) -> None:
+        self.model = mujoco.MjModel.from_xml_path(str(file))
+        if not limits:
+            self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        self.data = mujoco.MjData(self.model)
+        self.tcp = self.model.body(tcp).id
+
+    def poses(self, q: np.ndarray, covariates: Mapping[str, np.ndarray]) -> gtpin.Poses:
+        """Poses of the TCP at rest at commands q (N, n), m or rad, each reached from home.
+
+        Of the covariates, ``approach1..n`` are the directions from which commands are reached, and ``payload``, kg, and ``fx fy
+        fz``, N, act on the TCP.
+        """
+        none = np.zeros(len(q))
+        approach = np.column_stack([covariates.get(f"approach{i + 1}", none) for i in range(q.shape[1])])
+        force = np.column_stack([covariates.get(name, none) for name in ("fx", "fy", "fz")])
+        force = force + np.outer(covariates.get("payload", none), self.model.opt.gravity)
+        found = [self._one(*row) for row in zip(q, approach, force, strict=True)]
+        return gtpin.Poses(np.array([T for T, _ in found]), np.array([R for _, R in found]))
+
+    def _one(self, q: np.ndarray, approach: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        model, data = self.model, self.data
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        home, before = data.ctrl.copy(), q - BACK * approach
+        for step in range(PATIENCE):
+            data.ctrl[:] = (
+                home + _smooth(step / THERE) * (before - home) + _smooth(step / NEAR - THERE / NEAR) * (q - before)
+            )
+            if force.any():
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_comPos(model, data)
+                data.qfrc_applied[:] = 0.0
+                mujoco.mj_applyFT(model, data, force, np.zeros(3), data.xpos[self.tcp], self.tcp, data.qfrc_applied)
+            mujoco.mj_step(model, data)
+            if step > THERE + NEAR + 20 and np.abs(data.qvel).max() < QUIET:
+                break
+        else:
+            raise RuntimeError(f"not at rest at {q}: {np.abs(data.qvel).max():.2g}")
+        mujoco.mj_kinematics(model, data)
+        return data.xpos[self.tcp].copy(), data.xmat[self.tcp].reshape(3, 3).copy()
+
+
+def _smooth(share: float) -> float:
+    """From 0 to 1, starting and ending without a speed."""
+    return 0.5 - 0.5 * np.cos(np.pi * np.clip(share, 0.0, 1.0))

@@ -1,0 +1,177 @@
+"""Carts that give way on springs, and carts whose guideway leads them astray."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.basis import rods_of
+from gtpin.effects.sites import number, sliding_carts
+from gtpin.effects.situation import Situation
+from gtpin.export.lines import STIFFEST, WORTH, Polynomial, line, quartic
+from gtpin.export.loss import by_effect, conditions, rms
+from gtpin.export.mechanism import Coupling, Joint, Mechanism, Spring
+from gtpin.kinematics.rotations import skew
+from gtpin.model.model import Model
+from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+NAMES = ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")
+STRAIGHT = 1e-9
+"""m or rad: smaller motions of a cart get no joint."""
+
+
+def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
+    """Carts with the compliance of a model's ``cart_compliance``, linear in the loads of its range.
+
+    The joints of such a cart sit together on a massless body ``CART_seat`` on three springs along and three about the track
+    and the two axes across it. The springs rest where the weight of the rods on the cart, which the effect does not count,
+    leaves them. Returns as :func:`~gtpin.export.drives.with_drives`.
+    """
+    shown: dict[str, Floats] = {}
+    for active in model.effects:
+        if active.effect.exported_as != "cart_springs":
+            continue
+        at, axes = conditions(model, active), _axes(robot, active.site)
+        moved = _motion(active, at, axes)
+        loads = _loads(at, active.site, axes)
+        weight = _weight(mechanism, robot, active.site, axes)
+        springs, held = [], np.zeros_like(moved)
+        for k, tangent in enumerate(_tangents(active)):
+            compliance, rest = line(loads[:, k], moved[:, k], tangent)
+            if compliance > STIFFEST:
+                held[:, k] = rest + compliance * loads[:, k]
+                springs.append((k, Spring(1.0 / compliance, rest - compliance * float(weight[k]))))
+        if springs:
+            name = f"{active.site}_seat"
+            joints = [_joint(mechanism, robot, active.site, f"{NAMES[k]}_gives", k, axes, s) for k, s in springs]
+            mechanism = mechanism.on_springs(name, _ends(robot, active.site), joints)
+            shown[active.name] = _at_tcp(at, active.site, axes, held)
+    return mechanism, shown
+
+
+def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
+    """Carts that shift across and turn along their tracks (``straightness``, ``cart_rotation``).
+
+    The joints of such a cart sit together on a massless body ``CART_led`` whose own joints follow the actuator's by
+    polynomials of fourth degree. What they leave more than ``WORTH`` of is not held. Returns as
+    :func:`~gtpin.export.drives.with_drives`.
+    """
+    shown: dict[str, Floats] = {}
+    for site in sliding_carts(robot):
+        index, axes = robot.sites.index(site), _axes(robot, site)
+        total: list[Polynomial] = [Polynomial([0.0])] * 6
+        for active in model.effects:
+            if active.site != site or set(active.effect.coordinates(robot, site)) != {f"q{number(robot, site)}"}:
+                continue
+            at = conditions(model, active)
+            if active.basis(at).carrier_joints is None:
+                continue
+            q = at.q[:, index]
+            fitted = [quartic(q, moved) for moved in _motion(active, at, axes).T]
+            moved = _at_tcp(at, site, axes, np.column_stack([polynomial(q) for polynomial in fitted]))
+            whole = by_effect(active, at)
+            if rms(whole - moved) <= WORTH * rms(whole):
+                shown[active.name] = moved
+                total = [old + new for old, new in zip(total, fitted, strict=True)]
+        mechanism = _led(mechanism, robot, site, axes, total)
+    return mechanism, shown
+
+
+def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Sequence[Polynomial]) -> Mechanism:
+    index = robot.sites.index(site)
+    there = np.linspace(robot.lower[index], robot.upper[index], 101)
+    joints, couplings = [], []
+    driven = next(j for b in mechanism.bodies for j in b.joints if j.name == robot.actuators[index].joint)
+    for k, polynomial in enumerate(total):
+        if np.abs(polynomial(there)).max() > STRAIGHT:
+            # At home the file has the loops closed: there the joint starts at nothing, and moves to its place.
+            joint = _joint(mechanism, robot, site, f"{NAMES[k]}_led", k, axes, None)
+            about_home = polynomial(Polynomial([driven.home, 1.0])).coef
+            joints.append(joint)
+            couplings.append(Coupling(joint.name, driven.name, tuple(float(c) for c in about_home)))
+    if not joints:
+        return mechanism
+    led = mechanism.on_springs(f"{site}_led", _ends(robot, site), joints)
+    return led.with_couplings(couplings)
+
+
+def _axes(robot: Robot, site: str) -> Floats:
+    """(3, 3) unit vectors along the track, and a and b across it, base frame, by rows."""
+    return np.asarray(np.roll(rotation_axes(robot.actuators[robot.sites.index(site)].axis), 1, axis=0))
+
+
+def _ends(robot: Robot, site: str) -> list[tuple[str, int]]:
+    """The cart's ends of its loops."""
+    actuator = robot.sites.index(site)
+    return [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]
+
+
+def _joint(
+    mechanism: Mechanism, robot: Robot, site: str, name: str, k: int, axes: Floats, spring: Spring | None
+) -> Joint:
+    """A slide along an axis (k < 3) or a hinge about it of the body that the cart's joints will sit on."""
+    loop, side = _ends(robot, site)[0]
+    place = mechanism.placements()[mechanism.loops[loop][side].body]
+    axis = place.rotation.T @ axes[k % 3]
+    return Joint(f"{site}_{name}", "slide" if k < 3 else "hinge", axis, np.zeros(3), 0.0, spring=spring)
+
+
+def _motion(active: ActiveEffect, at: Situation, axes: Floats) -> Floats:
+    """(N, 6) shift of the mean of a cart's joints, m, and turn about it, rad, along and about its axes."""
+    displaced, lever = active.basis(at).carrier_joints, _levers(at, active.site)
+    assert displaced is not None
+    moved = (displaced @ active.coefficients)[:, rods_of(at, active.site)]
+    shift = moved.mean(axis=1)
+    turned = -np.concatenate([skew(arm) for arm in lever[0]])  # the levers are the same at all poses
+    turn = (moved - shift[:, None]).reshape(len(at), -1) @ np.linalg.pinv(turned, rcond=1e-9).T
+    return np.hstack([shift @ axes.T, turn @ axes.T])
+
+
+def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:
+    """(N, 6) motion of the TCP by a motion (N, 6) of a cart, to first order."""
+    shift, turn = motion[:, None, :3] @ axes, motion[:, None, 3:] @ axes
+    rods = rods_of(at, site)
+    carrier_joints = shift + np.cross(turn, _levers(at, site))
+    stretch = np.einsum("nki,nki->nk", at.along[:, rods], carrier_joints)
+    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :, rods], stretch))
+
+
+def _levers(at: Situation, site: str) -> Floats:
+    """(N, k, 3) joints of a cart from their mean, base frame, m."""
+    joints = at.carrier_joints[:, rods_of(at, site)]
+    return np.asarray(joints - joints.mean(axis=1, keepdims=True))
+
+
+def _loads(at: Situation, site: str, axes: Floats) -> Floats:
+    """(N, 6) force, N, and moment, N m, of the rods on a cart, along and about its axes."""
+    rods = rods_of(at, site)
+    pull = at.force[:, rods, None] * at.along[:, rods]
+    moment = np.cross(_levers(at, site), pull).sum(axis=1)
+    return np.hstack([pull.sum(axis=1) @ axes.T, moment @ axes.T])
+
+
+def _weight(mechanism: Mechanism, robot: Robot, site: str, axes: Floats) -> Floats:
+    """(6,) force and moment of the rods' own weight on a cart, of each the share that its centre of mass gives the cart."""
+    places = mechanism.placements()
+    seats, weights = [], []
+    for loop, side in _ends(robot, site):
+        end, seat = mechanism.loops[loop][1 - side], mechanism.loops[loop][side]
+        body = mechanism.body(end.body)
+        share = float(body.inertia.lever @ end.point) / float(end.point @ end.point)
+        weights.append(body.inertia.mass * np.clip(share, 0.0, 1.0) * np.array(mechanism.gravity))
+        seats.append(places[seat.body].act(seat.point))
+    lever = np.array(seats) - np.mean(seats, axis=0)
+    moment = np.cross(lever, weights).sum(axis=0)
+    return np.concatenate([axes @ np.sum(weights, axis=0), axes @ moment])
+
+
+def _tangents(active: ActiveEffect) -> list[float]:
+    """The six compliances at the usual load."""
+    found = active.effect.parameters(active.coefficients, active.nonlinear)
+    return [found[name][0] if name in found else 0.0 for name in NAMES]

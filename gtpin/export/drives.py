@@ -1,0 +1,190 @@
+"""Effects along an actuator as parts of its drive: travel as a polynomial of the command, and play."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.compensation.corrections import correctable
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.basis import rods_of
+from gtpin.effects.drives import own_load
+from gtpin.effects.situation import Situation
+from gtpin.export.compliance import geometric_scales
+from gtpin.export.lines import DEGREE, WORTH, Polynomial, quartic
+from gtpin.export.loss import by_effect, conditions, rms
+from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+BEYOND = 0.02
+"""Weight of commands outside those of the model's fit: the polynomial stays near the effect there, at little cost inside."""
+STRAIGHT = 1e-9
+"""m or rad by which travel may depart from being proportional to the command, and be a gear's."""
+SPREADS = 3.0
+"""Standard deviations of the load that the friction of a guide holds against."""
+NEWTON = 10
+"""Steps that invert a polynomial whose slope is about 1."""
+LEAST_PLAY = 1e-8
+"""m or rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Travel of a drive beyond its command, m or rad: ``along`` of the command, and half the width of its play.
+
+    ``load`` is the largest on the drive in the fit, N or N m.
+    """
+
+    along: Polynomial
+    half_width: float
+    load: float
+
+    def at(self, q: Floats, approach: Floats | float) -> Floats:
+        """(N,) deviation at commands and directions of approach (N,)."""
+        return np.asarray(self.along(q) - self.half_width * approach)
+
+
+def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tuple[Mechanism, dict[str, Floats]]:
+    """Drives with a model's scales, and its effects along actuators.
+
+    Travel in proportion to the command is a gear. Else the command moves a motor ``SITE_motor``, which the actuator's joint
+    follows by a polynomial of fourth degree. Play is a joint ``SITE_play`` in series with the actuator's, with friction that
+    holds the part beyond it: as the effect has it, the deviation follows the direction of approach.
+
+    Returns
+    -------
+    mechanism
+        With a body more for each motor.
+    shown
+        By name of each effect that it holds, the (N, 6) motion of the TCP at :func:`~gtpin.export.loss.conditions`.
+    """
+    robot = model.robot
+    effects = correctable(model, session)
+    shown: dict[str, Floats] = {}
+    scales = geometric_scales(model)
+    for index, site in enumerate(robot.sites):
+        laws = []
+        for active in effects:
+            if active.site == site:
+                law, moved = _law(model, index, active, session)
+                if moved is not None:
+                    laws.append(law)
+                    shown[active.name] = moved
+        mechanism = _driven(mechanism, mechanism.drives[index], scales[site], laws)
+    return mechanism, shown
+
+
+def _law(model: Model, index: int, active: ActiveEffect, session: str | None) -> tuple[Law, Floats | None]:
+    """What a drive can have of an effect, and its motion of the TCP; None where that is too little."""
+    at = conditions(model, active, session)
+    far = _over_the_range(model, index, at)
+    q = np.concatenate([at.q[:, index], far.q[:, index]])
+    up, down = (np.concatenate([_travel(active, s, index, side) for s in (at, far)]) for side in (1.0, -1.0))
+    weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
+    # A drive that overshoots has no play: this is part of the error.
+    half = max(float(np.average((down - up) / 2.0, weights=weight**2)), 0.0)
+    law = Law(quartic(q, (up + down) / 2.0, weight), half, _largest_load(at, active.site))
+    held = law.at(at.q[:, index], _approach(at, index))
+    moved = at.command_jacobian[:, :6, index] * held[:, None]
+    whole = by_effect(active, at)
+    return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
+
+
+def _largest_load(at: Situation, site: str) -> float:
+    """Bound of the load on a drive in the fit, N or N m: its mean and ``SPREADS`` standard deviations, of all rods together."""
+    if not at.robot.rods:
+        mean, spread = own_load(at, site)[1]
+        return abs(mean) + SPREADS * spread
+    rods = rods_of(at, site)
+    middle, spreads = (values[rods] for values in at.references.force)
+    return float((np.abs(middle) + SPREADS * spreads).sum())
+
+
+def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
+    """The same conditions with an actuator's commands over its whole range."""
+    robot = model.robot
+    lower, upper = (
+        float(end[index]) if np.isfinite(end[index]) else side
+        for end, side in ((robot.lower, -np.pi), (robot.upper, np.pi))
+    )
+    q = at.q.copy()
+    q[:, index] = np.linspace(lower, upper, len(q))
+    poses = model.kinematics.forward(q)
+    rows = np.flatnonzero(poses.reached)
+    known = {name: values[rows] for name, values in at.covariates.items()}
+    return Situation(model.kinematics, q[rows], poses[rows], known, fixed=at.fixed, temperature=at.temperature)
+
+
+def _travel(active: ActiveEffect, at: Situation, index: int, approach: float) -> Floats:
+    """(N,) deviation of the actuator's travel, coming from one direction."""
+    name = f"approach{index + 1}"
+    if name in at.covariates:
+        at = at.with_covariate(name, np.full(len(at), approach))
+    command = active.basis(at).command
+    assert command is not None
+    return np.asarray(command[1] @ active.coefficients)
+
+
+def _approach(at: Situation, index: int) -> Floats:
+    name = f"approach{index + 1}"
+    return at.covariate(name) if name in at.covariates else np.zeros(len(at))
+
+
+def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law]) -> Mechanism:
+    """The mechanism with one drive's scale, laws and play."""
+    body = mechanism.carrying(drive.joint)
+    joint = next(own for own in body.joints if own.name == drive.joint)
+    command = Polynomial([0.0, 1.0])
+    travel = scale * sum((law.along for law in laws), command)
+    half = scale * sum(law.half_width for law in laws)
+    ends = np.array([drive.lower, drive.upper])
+    ends = np.where(np.isfinite(ends), ends, [-np.pi, np.pi])
+    gear = float(travel(ends[1]) - travel(ends[0])) / float(ends[1] - ends[0])
+    there = np.linspace(ends[0], ends[1], 101)
+    joints = {own.name: own for own in body.joints}
+    if np.abs(travel(there) - gear * there).max() <= STRAIGHT:
+        joints[joint.name] = replace(joint, lower=joint.lower * gear, upper=joint.upper * gear)
+        mechanism = _with_drive(mechanism, drive, replace(drive, scale=gear))
+    else:
+        mechanism = _with_motor(mechanism, drive, joint, travel)
+        limits = [float(travel(x)) if np.isfinite(x) else x for x in (joint.lower, joint.upper)]
+        joints[joint.name] = replace(joint, lower=limits[0], upper=limits[1])
+    if half > LEAST_PLAY:
+        play = replace(joint, name=f"{drive.site}_play", home=0.0, lower=-half, upper=half, play=True)
+        mechanism = replace(
+            mechanism,
+            guides=(*mechanism.guides, Guide(drive.site, (joint.name, play.name), max(law.load for law in laws))),
+        )
+        order = list(joints.values())
+        order.insert(order.index(joints[joint.name]) + 1, play)
+        return mechanism.with_joints(body.name, order)
+    return mechanism.with_joints(body.name, list(joints.values()))
+
+
+def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Polynomial) -> Mechanism:
+    """A motor that turns by the command, and the actuator's joint coupled to it.
+
+    It turns, by a radian for a metre, where the actuator slides too: of such a joint that slides, MuJoCo 4.0 leaves the
+    reflected inertia out of the firmness of the coupling (``dof_invweight0``).
+    """
+    home, slope = joint.home, travel.deriv()
+    for _ in range(NEWTON):
+        home -= float(travel(home) - joint.home) / float(slope(home))
+    motor = Joint(f"{drive.site}_motor", "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), home)
+    base = mechanism.bodies[0].name
+    body = Body(motor.name, base, pin.SE3.Identity(), (motor,), pin.Inertia.Zero())
+    about_home = travel(Polynomial([home, 1.0])) - joint.home
+    coefficients = tuple(float(c) for c in np.pad(about_home.coef, (0, DEGREE + 1))[: DEGREE + 1])
+    mechanism = replace(mechanism, bodies=(*mechanism.bodies, body))
+    mechanism = mechanism.with_couplings([Coupling(joint.name, motor.name, coefficients)])
+    return _with_drive(mechanism, drive, replace(drive, joint=motor.name, home=home))
+
+
+def _with_drive(mechanism: Mechanism, old: Drive, new: Drive) -> Mechanism:
+    return replace(mechanism, drives=tuple(new if drive is old else drive for drive in mechanism.drives))

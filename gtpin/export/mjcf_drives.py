@@ -1,0 +1,82 @@
+"""Drives in MJCF: position actuators, what follows their motors, and the friction beyond a play."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from gtpin.export.mechanism import Guide, Joint, Mechanism, Spring
+from gtpin.export.text import numbers
+
+DRIVE = 2000.0
+"""Natural frequency of drives, rad/s, which the time step allows; reflected inertia brings it down to this."""
+SAG = 3e-7
+"""m by which a drive gives way under the weight of everything that moves."""
+GRIP = 2.0
+"""Friction of a guide beyond a play, over the machine's weight (times its reach, where the actuator turns), and over the
+largest load of the fit."""
+STIFF = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
+"""As stiff as the time step allows."""
+
+
+def add_guides(root: Element, mechanism: Mechanism) -> None:
+    """Friction of the guides beyond a play, as tendons over the joints whose sum it holds."""
+    if not mechanism.guides:
+        return
+    tendons = SubElement(root, "tendon")
+    joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
+    for guide in mechanism.guides:
+        friction = {"frictionloss": numbers(_friction(mechanism, guide, joints[guide.joints[0]]))}
+        stiff = {"solreffriction": STIFF["solref"], "solimpfriction": STIFF["solimp"]}
+        tendon = SubElement(tendons, "fixed", {"name": f"{guide.site}_guide"} | friction | stiff)
+        for name in guide.joints:
+            SubElement(tendon, "joint", joint=name, coef="1")
+
+
+def _friction(mechanism: Mechanism, guide: Guide, joint: Joint) -> float:
+    """N, or N m."""
+    return max(GRIP * _weight(mechanism) * _reach(mechanism, joint), GRIP * guide.load)
+
+
+def _weight(mechanism: Mechanism) -> float:
+    """N, of everything that moves."""
+    mass = sum(body.inertia.mass for body in mechanism.bodies)
+    return max(float(mass * np.linalg.norm(mechanism.gravity)), 1.0)
+
+
+def _reach(mechanism: Mechanism, joint: Joint) -> float:
+    """m by which a joint's travel moves the machine: the machine's size where the joint turns."""
+    return 1.0 if joint.kind == "slide" else mechanism.reach
+
+
+def add_actuators(root: Element, mechanism: Mechanism) -> None:
+    """A position actuator for each drive."""
+    actuators = SubElement(root, "actuator")
+    joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
+    elements = {str(element.get("name")): element for element in root.iter("joint") if element.get("name")}
+    guides = {guide.site: guide for guide in mechanism.guides}
+    follower = {coupling.other: coupling.joint for coupling in mechanism.couplings if coupling.other.endswith("_motor")}
+    for coupling in mechanism.couplings:
+        # Reflected inertia, also of what follows a motor and of play: it makes couplings and friction firm.
+        stiffness = _weight(mechanism) * _reach(mechanism, joints[coupling.joint]) ** 2 / SAG
+        elements[coupling.joint].set("armature", numbers(stiffness / DRIVE**2))
+    for drive in mechanism.drives:
+        moved = follower.get(drive.joint, drive.joint)
+        reach = _reach(mechanism, joints[moved])
+        guide = guides.get(drive.site)
+        friction = 0.0 if guide is None else _friction(mechanism, guide, joints[moved])
+        spring = Spring((_weight(mechanism) * reach + friction) * reach / SAG)
+        for name in {drive.joint, moved, *(() if guide is None else guide.joints)}:
+            elements[name].set("armature", numbers(spring.stiffness / DRIVE**2))
+        # A gear turns commands into travel, and the force of the drive with it.
+        attributes = {
+            "name": drive.site,
+            "joint": drive.joint,
+            "kp": numbers(spring.stiffness),
+            "kv": numbers(2.0 * spring.stiffness / DRIVE),
+            "gear": numbers(1.0 / drive.scale),
+        }
+        if np.isfinite([drive.lower, drive.upper]).all():
+            attributes["ctrlrange"] = numbers(drive.lower, drive.upper)
+        SubElement(actuators, "position", attributes)

@@ -1,0 +1,136 @@
+"""Commands with which a simulator of the nominal robot shows what the diagnosed machine would do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.compensation.compensate import machine_of
+from gtpin.effects.situation import Column
+from gtpin.errors import ModelError, UnreachableError
+from gtpin.kinematics.kinematics import Kinematics, kinematics
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+
+STEPS = 25
+CLOSE = 1e-12
+"""Step of the commands, m or rad, that ends the iteration."""
+SINGULAR = 1e-2
+"""Singular values of the Jacobian, relative to the largest, below which no command is changed: near a singular posture, the
+commands would otherwise leave the machine's for an error of micrometres. The offset of the TCP takes what is left. A value of
+0.01 limits the change of commands to 0.1 rad per mm of an arm of 1 m."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatorCommands:
+    """Commands for a simulator of the nominal robot, and the offset of the TCP that commands can't show, N rows each.
+
+    In the simulator, the machine's TCP is at ``nominal TCP * offset``: with commands ``q``, the pose of the simulator's TCP
+    followed by ``offset`` is ``poses``.
+
+    Parameters
+    ----------
+    q
+        (N, n) commands for the simulator, m or rad.
+    poses
+        (N) poses of the machine's TCP, base frame, m.
+    offset
+        (N) poses of the machine's TCP in the simulator's TCP frame, m. Identity up to rounding where the robot has six
+        actuators and is not near a singular posture.
+    residual
+        (N, 6) position, m, and rotation vector, rad, base frame: the machine's TCP less the simulator's at ``q``. It is the
+        error where a simulator can't apply ``offset``.
+    """
+
+    q: Floats
+    poses: Poses
+    offset: Poses
+    residual: Floats
+
+
+def commands_for_simulator(
+    model: Model,
+    q: npt.ArrayLike,
+    covariates: Mapping[str, Column] | None = None,
+    *,
+    simulator: Model | None = None,
+) -> SimulatorCommands:
+    """Commands, and offsets of the TCP, with which a nominal simulator shows what a diagnosed machine does at commands q.
+
+    With six actuators or more, the commands bring the simulator's TCP to the machine's pose; with three to five, to its
+    position; with fewer, as near to its position as they can. ``offset`` has what is left. Commands and offset together are
+    exact: geometry and effects are solved with the complete kinematics, nothing is linearised.
+
+    Parameters
+    ----------
+    model
+        The machine. Its instrument, and effects of the measurement, are ignored, with a warning where it has some: see
+        :func:`~gtpin.compensation.machine_of`.
+    q
+        (N, n) commands of the machine, m or rad.
+    covariates
+        By name, (N,) each: conditions at the commands (payload, temperatures, approaches, ...), as for ``Model.predict``.
+    simulator
+        The geometry that the simulator has, without effects; by default the robot's nominal geometry.
+
+    Raises
+    ------
+    ModelError
+        If a covariate that an effect needs is missing, q is not of that shape, or the simulator's model has effects.
+    UnreachableError
+        If the machine or the simulator can't close its loops at a command.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtpin
+    >>> from gtpin.sim import commands_for_simulator
+    >>> machine = gtpin.read_model("ur5").sample(1, np.random.default_rng(0))[0]
+    >>> found = commands_for_simulator(machine, [[0.1, -1.2, 1.0, 0.3, 0.8, 0.0]])
+    >>> bool(np.abs(found.residual).max() < 1e-9)
+    True
+    """
+    commands = np.array(q, dtype=float)
+    robot = model.robot
+    if commands.ndim != 2 or commands.shape[1] != robot.n_actuators or not np.isfinite(commands).all():
+        raise ModelError(
+            f"commands of shape {commands.shape} for {robot.n_actuators} actuators", hint="give finite numbers, (N, n)"
+        )
+    if simulator is not None and simulator.effects:
+        raise ModelError("the simulator's model has effects", hint="give the geometry alone: simulator.without(...)")
+    machine = machine_of(model)
+    poses = machine.predict(commands, covariates)
+    _all_there(poses, robot.name)
+    shown = kinematics(Geometry.nominal(robot)) if simulator is None else simulator.kinematics
+    commands, simulated = _nearest(shown, commands, poses)
+    _all_there(simulated, f"the simulated {robot.name}")
+    inverse = np.swapaxes(simulated.R, 1, 2)
+    offset = Poses(np.einsum("nij,nj->ni", inverse, poses.T - simulated.T), inverse @ poses.R)
+    return SimulatorCommands(commands, poses, offset, poses.minus(simulated))
+
+
+def _nearest(shown: Kinematics, q: Floats, wanted: Poses) -> tuple[Floats, Poses]:
+    """Gauss-Newton on the commands, from those of the machine; the simulator's poses there."""
+    rows = 6 if q.shape[1] >= 6 else 3
+    poses = shown.forward(q)
+    for _ in range(STEPS):
+        _all_there(poses, "the simulated robot")
+        inverse = np.linalg.pinv(shown.command_jacobian(q, poses)[:, :rows], rcond=SINGULAR)
+        step = np.einsum("nij,nj->ni", inverse, wanted.minus(poses)[:, :rows])
+        q = q + step
+        poses = shown.forward(q)
+        if np.abs(step).max(initial=0.0) <= CLOSE:
+            break
+    return q, poses
+
+
+def _all_there(poses: Poses, name: str) -> None:
+    lost = np.flatnonzero(~poses.reached)
+    if lost.size:
+        raise UnreachableError(f"{name} can't reach command {lost[0] + 1}", hint="stay inside the workspace")

@@ -1,0 +1,183 @@
+"""MJCF: effects of a model, brought to rest in MuJoCo; and the error that the export prints where it holds one in part."""
+
+from __future__ import annotations
+
+import re
+import sys
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from with_effects import active
+
+import gtpin
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.situation import Situation
+from gtpin.errors import GtpinWarning
+from gtpin.export import export
+
+pytest.importorskip("mujoco")
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "simulator"))
+from mujoco_machine import MujocoMachine
+
+HELD = [
+    ("gantry_tau", "backlash", "cart1", -5e-5),
+    ("gantry_tau", "linearity", "cart2", 5e-5),
+    ("gantry_tau", "encoder_scale", "cart3", 2e-4),
+    ("gantry_tau", "straightness", "cart1", 5e-5),
+    ("gantry_tau", "cart_rotation", "cart3", 2e-4),
+    ("gantry_tau", "cart_compliance", "cart3", 2e-7),
+    ("gantry_tau", "link_compliance", "arm", 1e-7),
+    ("linear_delta", "backlash", "cart1", -5e-5),
+    ("linear_delta", "link_compliance", "link2a", 4e-6),
+    ("stewart", "backlash", "leg2", -5e-5),
+    ("stewart", "linearity", "leg1", 5e-5),
+    ("ur5", "backlash", "shoulder_lift_joint", -1e-4),
+    ("ur5", "joint_compliance", "shoulder_lift_joint", 3e-6),
+    ("ur5", "bearing_compliance", "shoulder_pan_joint", 1e-5),
+    ("ur5", "link_compliance", "arm", 2e-6),
+    ("panda", "joint_compliance", "panda_joint2", 5e-6),
+]
+
+
+def commands(name: str, n: int) -> tuple[gtpin.Model, np.ndarray, dict[str, np.ndarray]]:
+    """A nominal model, commands (n, k) that it reaches, and directions of approach."""
+    rng = np.random.default_rng(len(name))
+    model = gtpin.read_model(name)
+    robot = model.robot
+    lower, upper = np.maximum(robot.lower, -1.5), np.minimum(robot.upper, 1.5)
+    q = lower + (upper - lower) * rng.uniform(0.1, 0.9, (20 * n, robot.n_actuators))
+    q = q[model.kinematics.forward(q).reached][:n]
+    return model, q, {f"approach{i + 1}": rng.choice([-1.0, 1.0], n) for i in range(robot.n_actuators)}
+
+
+def in_mujoco(
+    model: gtpin.Model, file: Path, q: np.ndarray, covariates: dict[str, np.ndarray], session: str | None = None
+) -> tuple[gtpin.Poses, list[str]]:
+    """Poses at rest, and what the export told."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", GtpinWarning)
+        export(model, file, session=session)
+    words = [str(warning.message) for warning in told if "mesh" not in str(warning.message)]
+    return MujocoMachine(file, model.robot.tcp_frame).poses(q, covariates), words
+
+
+def rms(one: gtpin.Poses, other: gtpin.Poses) -> float:
+    return 1e6 * float(np.sqrt(((one.T - other.T) ** 2).sum(axis=1).mean()))
+
+
+def printed(words: Sequence[str], pattern: str) -> float:
+    (size,) = [float(found) for word in words for found in re.findall(pattern, word)]
+    return size
+
+
+@pytest.mark.parametrize(("robot", "effect", "site", "first"), HELD)
+def test_the_core_of_an_effect_is_held_to_two_micrometres(
+    robot: str, effect: str, site: str, first: float, tmp_path: Path
+) -> None:
+    nominal, q, approach = commands(robot, 60)
+    model = replace(nominal, effects=(active(nominal, q, effect, site, covariates=approach, first=first),))
+    some = {name: values[:8] for name, values in approach.items()}
+    poses, words = in_mujoco(model, tmp_path / "robot.xml", q[:8], some)
+    expected = model.predict(q[:8], some)
+    assert rms(expected, nominal.predict(q[:8])) > 5.0
+    assert rms(poses, expected) < 2.0
+    assert not [word for word in words if "does not hold" in word]
+
+
+PARTLY = [
+    ("gantry_tau", "linearity", "cart1"),
+    ("gantry_tau", "backlash", "cart2"),
+    ("gantry_tau", "cart_compliance", "cart2"),
+    ("linear_delta", "straightness", "cart2"),
+    ("ur5", "joint_compliance", "shoulder_lift_joint"),
+    ("ur5", "link_compliance", "arm"),
+]
+
+
+@pytest.mark.parametrize(("robot", "effect", "site"), PARTLY)
+def test_the_error_that_is_printed_is_the_error_in_mujoco(robot: str, effect: str, site: str, tmp_path: Path) -> None:
+    """All coefficients, the modulation five times as large as usual so that the error stands out."""
+    nominal, q, approach = commands(robot, 60)
+    kind, rng = effects_by_id()[effect], np.random.default_rng(3)
+    at = Situation(nominal.kinematics, q, nominal.kinematics.forward(q), approach)
+    sigma = kind.basis(at, site).sigma
+    coefficients = sigma * rng.normal(size=len(sigma)) * np.where(sigma < sigma[0], 2.0, 0.5)
+    coefficients[0] = sigma[0] * (-2.0 if effect == "backlash" else 2.0)
+    one = ActiveEffect(kind, site, None, coefficients, np.zeros((len(sigma),) * 2), at.references)
+    model = replace(nominal, effects=(one,))
+    some = {name: values[:30] for name, values in approach.items()}
+    poses, words = in_mujoco(model, tmp_path / "robot.xml", q[:30], some)
+    told = printed(words, r"to within (\S+) um")
+    assert told > 1.0
+    assert rms(poses, model.predict(q[:30], some)) == pytest.approx(told, rel=0.5)
+
+
+def test_play_is_in_the_middle_where_a_command_is_reached_from_rest(tmp_path: Path) -> None:
+    nominal, q, approach = commands("gantry_tau", 60)
+    model = replace(nominal, effects=(active(nominal, q, "backlash", "cart1", covariates=approach, first=-5e-5),))
+    home = nominal.robot.home_q[None]
+    poses, _ = in_mujoco(model, tmp_path / "robot.xml", home, {})
+    assert rms(poses, nominal.predict(home)) < 1.0
+
+
+def test_a_drive_that_overshoots_is_left_out_with_its_size(tmp_path: Path) -> None:
+    nominal, q, approach = commands("gantry_tau", 60)
+    model = replace(nominal, effects=(active(nominal, q, "backlash", "cart1", covariates=approach, first=5e-5),))
+    poses, words = in_mujoco(model, tmp_path / "robot.xml", q[:12], {name: v[:12] for name, v in approach.items()})
+    lost = printed(words, r"does not hold backlash@cart1 \((\S+) um\)")
+    off = rms(poses, model.predict(q[:12], {name: v[:12] for name, v in approach.items()}))
+    assert lost == pytest.approx(off, rel=0.2)
+
+
+def test_zero_shifts_are_held_for_a_session_that_is_named(tmp_path: Path) -> None:
+    nominal, q, _ = commands("gantry_tau", 60)
+    sessions = np.array(["a", "b"] * 30, dtype=object)
+    model = replace(
+        nominal, effects=(active(nominal, q, "zero_shift", "cart2", covariates={"session": sessions}, first=8e-5),)
+    )
+    for session in ("a", "b"):
+        poses, words = in_mujoco(model, tmp_path / f"{session}.xml", q[:4], {}, session)
+        expected = model.predict(q[:4], {"session": np.array([session] * 4, dtype=object)})
+        assert rms(poses, expected) < 1.0
+        assert not words
+    _, words = in_mujoco(model, tmp_path / "none.xml", q[:1], {})
+    assert printed(words, r"does not hold zero_shift@cart2 \((\S+) um\)") > 10.0
+
+
+def test_several_effects_of_one_machine_are_held_together_under_a_payload(tmp_path: Path) -> None:
+    nominal, q, approach = commands("ur5", 60)
+    payload = np.linspace(0.0, 4.0, 60)
+    known = {**approach, "payload": payload}
+    parts = [
+        ("backlash", "shoulder_lift_joint", -1e-4),
+        ("encoder_scale", "shoulder_lift_joint", 1e-4),
+        ("joint_compliance", "shoulder_lift_joint", 2e-6),
+        ("bearing_compliance", "elbow_joint", 5e-6),
+        ("link_compliance", "arm", 1e-6),
+        ("link_compliance", "forearm_link", 1e-6),
+    ]
+    effects = tuple(active(nominal, q, name, site, covariates=known, first=first) for name, site, first in parts)
+    model = replace(nominal, effects=effects)
+    some = {name: values[::8] for name, values in known.items()}
+    poses, words = in_mujoco(model, tmp_path / "robot.xml", q[::8], some)
+    assert not words
+    assert rms(poses, model.predict(q[::8], some)) < 2.0
+
+
+def test_joints_that_follow_others_do_so_in_mujoco(tmp_path: Path) -> None:
+    """The hand's second finger is a ``<mimic>`` of the first."""
+    nominal, q, _ = commands("panda", 4)
+    poses, _ = in_mujoco(nominal, tmp_path / "robot.xml", q, {})
+    assert rms(poses, nominal.predict(q)) < 1.0
+
+
+def test_a_link_called_world_does_not_collide_with_mujocos_own(tmp_path: Path) -> None:
+    nominal, q, _ = commands("ur5", 2)
+    assert "world" in {frame.name for frame in nominal.robot.model.frames}
+    poses, _ = in_mujoco(nominal, tmp_path / "robot.xml", q, {})
+    assert rms(poses, nominal.predict(q)) < 1.0

@@ -1,0 +1,119 @@
+"""Commands and offsets with which a nominal simulator shows a diagnosed machine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import gtpin
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.situation import Situation
+from gtpin.kinematics.poses import Poses
+from gtpin.sim import commands_for_simulator
+
+RNG = np.random.default_rng(5)
+
+
+def machine(name: str, effects: dict[tuple[str, str], float], q: np.ndarray, covariates: dict) -> gtpin.Model:
+    """A machine with a geometry of its own, and effects of so many typical sizes."""
+    model = gtpin.read_model(name).sample(1, np.random.default_rng(len(name)))[0]
+    active = []
+    for (effect, site), size in effects.items():
+        kind = effects_by_id()[effect]
+        at = Situation(model.kinematics, q, model.kinematics.forward(q), covariates)
+        sigma = kind.basis(at, site).sigma
+        zero = np.zeros((len(sigma), len(sigma)))
+        active.append(ActiveEffect(kind, site, None, size * sigma * RNG.normal(size=len(sigma)), zero, at.references))
+    return replace(model, effects=tuple(active))
+
+
+def followed(simulated: Poses, offset: Poses) -> tuple[np.ndarray, np.ndarray]:
+    return simulated.T + np.einsum("nij,nj->ni", simulated.R, offset.T), simulated.R @ offset.R
+
+
+CASES = {
+    "gantry_tau": {("linearity", "cart1"): 1.0, ("backlash", "cart2"): 1.0, ("straightness", "cart3"): 1.0},
+    "linear_delta": {("linearity", "cart1"): 1.0, ("link_compliance", "arm"): 1.0},
+    "stewart": {("linearity", "leg1"): 1.0, ("backlash", "leg2"): 1.0},
+    "ur5": {("joint_compliance", "shoulder_lift_joint"): 1.0, ("backlash", "elbow_joint"): 1.0},
+}
+
+
+@pytest.fixture(params=CASES)
+def shown(request: pytest.FixtureRequest) -> tuple[gtpin.Model, np.ndarray, dict[str, np.ndarray]]:
+    robot = gtpin.load_robot(request.param)
+    lower, upper = np.maximum(robot.lower, -1.5), np.minimum(robot.upper, 1.5)
+    q = robot.home_q + 0.6 * RNG.uniform(lower - robot.home_q, upper - robot.home_q, (40, robot.n_actuators))
+    covariates = {f"approach{i + 1}": RNG.choice([-1.0, 1.0], len(q)) for i in range(robot.n_actuators)}
+    return machine(request.param, CASES[request.param], q, covariates), q, covariates
+
+
+def test_the_nominal_robot_with_the_commands_and_the_offset_is_where_the_machine_is(shown) -> None:
+    model, q, covariates = shown
+    found = commands_for_simulator(model, q, covariates)
+    T, R = followed(gtpin.read_model(model.robot.name).predict(found.q), found.offset)
+    expected = model.predict(q, covariates)
+    assert np.abs(T - expected.T).max() < 1e-12
+    assert np.abs(R - expected.R).max() < 1e-12
+    assert np.abs(gtpin.read_model(model.robot.name).predict(q).T - expected.T).max() > 1e-5
+
+
+def test_the_residual_is_what_the_commands_alone_leave(shown) -> None:
+    model, q, covariates = shown
+    found = commands_for_simulator(model, q, covariates)
+    simulated, expected = gtpin.read_model(model.robot.name).predict(found.q), model.predict(q, covariates)
+    turn = Rotation.from_matrix(expected.R @ np.swapaxes(simulated.R, 1, 2)).as_rotvec()
+    np.testing.assert_allclose(found.residual, np.hstack([expected.T - simulated.T, turn]), rtol=0, atol=1e-12)
+
+
+def test_with_six_actuators_commands_show_the_pose_and_with_three_the_position(shown) -> None:
+    model, q, covariates = shown
+    residual = np.abs(commands_for_simulator(model, q, covariates).residual)
+    if model.robot.name != "ur5":  # some of whose postures are near singular ones
+        assert residual[:, : 6 if model.robot.n_actuators == 6 else 3].max() < 1e-10
+    else:
+        assert np.median(residual.max(axis=1)) < 1e-10
+
+
+def test_rows_do_not_depend_on_each_other(shown) -> None:
+    model, q, covariates = shown
+    all_rows = commands_for_simulator(model, q, covariates)
+    one = commands_for_simulator(model, q[7:8], {name: values[7:8] for name, values in covariates.items()})
+    np.testing.assert_allclose(one.q[0], all_rows.q[7], rtol=0, atol=1e-12)
+
+
+def test_near_a_singular_posture_the_commands_stay_near_and_the_offset_takes_the_rest() -> None:
+    model = gtpin.read_model("ur5").sample(1, np.random.default_rng(3))[0]
+    q = np.array([[0.2, -1.1, 1.3, 0.4, 1e-9, 0.3]])  # two axes of the wrist in line
+    found = commands_for_simulator(model, q)
+    assert np.abs(found.q - q).max() < 0.1
+    T, R = followed(gtpin.read_model("ur5").predict(found.q), found.offset)
+    np.testing.assert_allclose(T, model.predict(q).T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(R, model.predict(q).R, rtol=0, atol=1e-12)
+
+
+def test_a_simulator_may_have_a_geometry_of_its_own() -> None:
+    first, second = gtpin.read_model("gantry_tau").sample(2, np.random.default_rng(1))
+    q = np.zeros((1, 3))
+    found = commands_for_simulator(first, q, simulator=second)
+    T, _ = followed(second.predict(found.q), found.offset)
+    np.testing.assert_allclose(T, first.predict(q).T, rtol=0, atol=1e-12)
+
+
+def test_what_is_wrong_is_an_error_of_one_line() -> None:
+    model = gtpin.read_model("gantry_tau")
+    with pytest.raises(gtpin.GtpinError, match="shape"):
+        commands_for_simulator(model, [[0.0, 0.0]])
+    with pytest.raises(gtpin.GtpinError, match="command 2"):
+        commands_for_simulator(model, [[0.0, 0.0, 0.0], [9.0, -9.0, 9.0]])
+    q = np.zeros((2, 3))
+    played = machine("gantry_tau", {("backlash", "cart1"): 1.0}, q, {"approach1": np.array([-1.0, 1.0])})
+    with pytest.raises(gtpin.GtpinError, match="approach1"):
+        commands_for_simulator(played, q)
+    soft = machine("gantry_tau", {("linearity", "cart1"): 1.0}, np.zeros((2, 3)), {})
+    with pytest.raises(gtpin.GtpinError, match="has effects"):
+        commands_for_simulator(model, np.zeros((1, 3)), simulator=soft)
