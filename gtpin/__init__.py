@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from gtpin.calibration.result import Calibration
     from gtpin.data import Commands, Dataset
     from gtpin.data.instrument_tables import InstrumentTable
-    from gtpin.diagnosis.diagnose import diagnose
     from gtpin.diagnosis.result import Diagnosis
     from gtpin.effects.catalogue import catalogue
     from gtpin.errors import GtpinError, GtpinWarning
     from gtpin.estimate import Estimate
+    from gtpin.health.diagnose import diagnose
     from gtpin.instruments.instrument import Component, Instrument, Unknown
     from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
@@ -37,7 +37,7 @@ _HOME = {
     "Commands": "gtpin.data",
     "Component": "gtpin.instruments.instrument",
     "Dataset": "gtpin.data",
-    "diagnose": "gtpin.diagnosis.diagnose",
+    "diagnose": "gtpin.health.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
     "catalogue": "gtpin.effects.catalogue",
     "Estimate": "gtpin.estimate",

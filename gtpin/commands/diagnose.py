@@ -1,7 +1,8 @@
-"""``gtpin diagnose``: where the gap is, its causes, and its explained fraction."""
+"""``gtpin diagnose``: where the gap is, its causes, and its explained fraction; or what has changed since a model."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -24,10 +25,14 @@ from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.health.check import check
+from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.files import DIAGNOSIS, write_diagnosis
+from gtpin.report.health_files import CHECK, write_check
+from gtpin.report.health_text import health_summary
 
 
 def diagnose(
@@ -48,12 +53,24 @@ def diagnose(
     hold_out: Annotated[
         HoldOut, typer.Option("--hold-out", help="What is left out together to compute the gap on poses not fitted.")
     ] = "region",
+    against: Annotated[
+        str | None,
+        typer.Option(
+            "--against",
+            metavar="MODEL",
+            help="An earlier model: find what has changed since, from as few as ten poses.",
+            show_default=False,
+        ),
+    ] = None,
     tcp: Tcp = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Diagnose the gap between a calibrated geometry and measured poses: where it is, its causes, its explained fraction."""
+    if against is not None:
+        changed_since(dataset, against, output, exclude or (), false_alarm, seed, force, as_json)
+        return
     with results_folder(output, DIAGNOSIS, force=force) as folder:
         read = with_tcp(Dataset.read(dataset), tcp)
         with progress_of("diagnosing") as progress:
@@ -74,6 +91,27 @@ def diagnose(
         f"Open {output / 'report.html'}",
     )
     tell(result, text, as_json)
+
+
+def changed_since(
+    dataset: Path,
+    model: str,
+    output: Path,
+    exclude: Collection[str],
+    false_alarm: float,
+    seed: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Find what has changed since an earlier model, and write the results."""
+    with results_folder(output, CHECK, force=force) as folder:
+        earlier = read_model(model)
+        read = Dataset.read(dataset)
+        with progress_of("checking") as progress:
+            found = check(read, earlier, exclude=exclude, false_alarm=false_alarm, seed=seed, progress=progress)
+        result = write_check(found, folder)
+    written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
+    tell(result, rendered(health_summary(found), f"Written: {written}", f"Open {output / 'report.html'}"), as_json)
 
 
 def corrections_hint(found: Diagnosis, output: Path) -> list[str]:

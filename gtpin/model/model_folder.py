@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,13 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
+from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Frame, Model
 from gtpin.model.model_file import (
     AGAIN,
     SCHEMA,
+    FitRecord,
     FrameRecord,
     InstrumentRecord,
     ModelFile,
@@ -37,6 +40,8 @@ from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
+
+Floats = npt.NDArray[np.float64]
 
 FILES = ("model.json", "robot.urdf", "nominal.urdf")
 """Files that ``write_model`` writes."""
@@ -106,6 +111,8 @@ def _content(model: Model) -> ModelFile:
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
         covariance=None if model.covariance is None else model.covariance.tolist(),
+        joint_covariance=None if model.joint_covariance is None else model.joint_covariance.tolist(),
+        fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
         base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
         effects=[record(active) for active in model.effects],
         instruments=[_instrument_record(one) for one in model.instruments],
@@ -184,7 +191,13 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
     instruments = tuple(_instrument(i, one, file) for i, one in enumerate(content.instruments))
-    return Model(geometry, frame, _effects(content, geometry, file, own), covariance, instruments=instruments)
+    effects = _effects(content, geometry, file, own)
+    try:
+        joint = _joint_covariance(geometry, effects, content)
+    except GtpinError as error:
+        raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
+    fit = None if content.fit is None else FitConditions(**content.fit.model_dump())
+    return Model(geometry, frame, effects, covariance, instruments=instruments, joint_covariance=joint, fit=fit)
 
 
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
@@ -223,20 +236,41 @@ def _track(record: TrackRecord) -> MeasuredTrack:
     return MeasuredTrack(np.array(record.q), np.array(record.path), turns, np.array(record.origin))
 
 
-def _covariance(geometry: Geometry, content: ModelFile) -> npt.NDArray[np.float64] | None:
+def _covariance(geometry: Geometry, content: ModelFile) -> Floats | None:
     if content.covariance is None:
         return None
-    count = len(geometry.parameters)
-    if len(content.covariance) != count or any(len(row) != count for row in content.covariance):
-        raise ModelError(f"the covariance is not {count} x {count}")
-    # In the order of the file's parameters, as it was written.
-    order = [list(content.parameters).index(name) for name in geometry.names]
-    covariance = np.array(content.covariance)[np.ix_(order, order)]
+    covariance = _square(content.covariance, len(geometry.parameters), "covariance")
+    order = _order(geometry, content)
     sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
-    if (covariance.diagonal() < 0.0).any() or (sigma > MOST_UNCERTAIN).any():
+    if (sigma > MOST_UNCERTAIN).any():
         raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column="covariance")
+    return covariance[np.ix_(order, order)]
+
+
+def _joint_covariance(geometry: Geometry, effects: Sequence[ActiveEffect], content: ModelFile) -> Floats | None:
+    if content.joint_covariance is None:
+        return None
+    p, m = len(geometry.parameters), sum(len(active.coefficients) for active in effects)
+    covariance = _square(content.joint_covariance, p + m, "joint_covariance")
+    order = [*_order(geometry, content), *range(p, p + m)]
+    return covariance[np.ix_(order, order)]
+
+
+def _order(geometry: Geometry, content: ModelFile) -> list[int]:
+    """Places of the geometry's parameters among the file's, whose order is that of its covariance."""
+    return [list(content.parameters).index(name) for name in geometry.names]
+
+
+def _square(rows: list[list[float]], count: int, key: str) -> Floats:
+    """A covariance (count, count) of a file."""
+    if len(rows) != count or any(len(row) != count for row in rows):
+        raise ModelError(f"the covariance is not {count} x {count}", column=key)
+    covariance = np.array(rows).reshape(count, count)
+    if (covariance.diagonal() < 0.0).any():
+        raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column=key)
+    sigma = np.sqrt(covariance.diagonal())
     if (np.abs(covariance) > (1.0 + NOT_TURNED) * np.outer(sigma, sigma)).any():
-        raise ModelError("a covariance larger than the variances allow", column="covariance")
+        raise ModelError("a covariance larger than the variances allow", column=key)
     return covariance
 
 

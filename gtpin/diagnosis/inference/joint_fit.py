@@ -18,7 +18,9 @@ from gtpin.effects.situation import References, Situation
 from gtpin.errors import ConvergenceError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 
@@ -49,6 +51,12 @@ def fit_together(
             "geometry and causes have not settled together", hint="exclude the causes one by one"
         ) from error
     covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
+    joint = problem.joint_covariance(covariance) if causes else None
+    fitted = start.fit
+    if isinstance(observed.noise, Noise):
+        dof = max(found.residual.size - found.taken, 1.0)
+        misfit = float(np.sqrt(found.weight @ (found.residual**2).sum(axis=1) / dof))
+        fitted = FitConditions.of(observed.noise, misfit, observed.covariates)
     plain = problem.calibration
     instruments = start.instruments
     if isinstance(plain, ReadingsProblem):
@@ -58,6 +66,8 @@ def fit_together(
         effects=problem.active(found.point.x, covariance),
         covariance=covariance[:p, :p] * np.outer(tolerance, tolerance),
         instruments=instruments,
+        joint_covariance=joint,
+        fit=fitted,
     )
 
 
@@ -136,6 +146,13 @@ class JointProblem:
         moved = [cause.basis(at).displacement(at) * size for cause, size in zip(self.causes, self.sizes, strict=True)]
         columns = [self.calibration.columns(point, J, rows, weight) for J in moved]
         return np.concatenate([self.calibration.jacobian(point, rows, weight), *columns], axis=2)
+
+    def joint_covariance(self, covariance: Floats) -> Floats:
+        """(p + m, p + m) of geometry and coefficients, from that of x (size, size)."""
+        tolerance, after = self.calibration.start.geometry.tolerance, self.calibration.size
+        kept = [*range(len(tolerance)), *range(after, self.size)]
+        sizes = np.concatenate([tolerance, *self.sizes])
+        return np.asarray(covariance[np.ix_(kept, kept)] * np.outer(sizes, sizes))
 
     def active(self, x: Floats, covariance: Floats) -> tuple[ActiveEffect, ...]:
         """The causes with their coefficients at x, and their covariance from that of x (size, size)."""

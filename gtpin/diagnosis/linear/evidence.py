@@ -193,6 +193,13 @@ def best_scales(
     values, vectors = np.linalg.eigh(grams)
     values = np.maximum(values, 0.0)
     along = (vectors.swapaxes(1, 2) @ moments[..., None])[..., 0]
+    return gains_along(values, vectors, along, core, priors)
+
+
+def gains_along(
+    values: Floats, vectors: Floats, along: Floats, core: Sequence[int] = (), priors: Priors = PRIORS
+) -> tuple[Floats, Floats]:
+    """The same from eigenvalues (S, c), eigenvectors (S, c, c), and moments (S, c) along these."""
     s2 = (SCALES**2)[:, None, None]
     shrunk = s2 / (1.0 + s2 * values)
     gain = 0.5 * (shrunk * along**2 - np.log1p(s2 * values)).sum(axis=2)
