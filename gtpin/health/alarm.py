@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import gains_along
+from gtpin.diagnosis.linear.evidence import gains_of_draws
 
 Floats = npt.NDArray[np.float64]
 
@@ -61,10 +61,7 @@ class Bench:
 
     def gains(self, axes: Axes, moments: Floats) -> Floats:
         """(draws,) gains of a hypothesis, for moments (draws, c) along its axes."""
-        S = len(moments)
-        values, vectors = np.broadcast_to(axes.values, (S, len(axes.values))), axes.vectors
-        own = np.broadcast_to(vectors, (S, *vectors.shape)) if axes.core else vectors[None]
-        return gains_along(values, own, moments, axes.core, self.hypotheses.priors)[0]
+        return gains_of_draws(axes.values, axes.vectors, moments, axes.core, self.hypotheses.priors)
 
     def largest(self, y: Floats) -> Floats:
         """(draws,) largest gain of any hypothesis, for residuals y (N c, draws)."""

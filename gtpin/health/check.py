@@ -41,8 +41,8 @@ Floats = npt.NDArray[np.float64]
 
 FALSE_ALARM, POWER = 0.01, 0.95
 """Chance of an alarm where nothing has changed; and of finding the smallest changes that are reported."""
-DRAWS, POWER_DRAWS = 4000, 400
-"""Draws behind the alarm's threshold: 1 in 100 is known to 0.16 %; and behind each smallest change: 95 % to 1 %."""
+DRAWS, POWER_DRAWS = 10_000, 800
+"""Draws behind the alarm's threshold: 1 in 100 is known to 0.1 %; and behind each smallest change: 95 % to 0.8 %."""
 REGIONS, TOGETHER = 4, 3
 """Boxes of the workspace at most, and poses in each at least."""
 

@@ -14,8 +14,10 @@ Floats = npt.NDArray[np.float64]
 
 LARGEST = 1e3
 """Size of a change, over its typical size, at which the search for the smallest one ends."""
-STEPS = 18
-"""Halvings of the logarithm of the size: to 0.01 %."""
+STEPS = 12
+"""Halvings of the logarithm of the size: to 0.4 %."""
+NAMED = 60
+"""Shapes from which the median of a parameter is taken."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ def smallest_changes(
         shape = shapes(axes, draws, rng)
         size = _size(bench, axes, bench.moments(axes, y), shape, threshold, power)
         sigma = hypothesis.basis(at).sigma
-        named = [hypothesis.effect.parameters_of(at.robot, hypothesis.site, u * sigma, ()) for u in shape[:200]]
+        named = [hypothesis.effect.parameters_of(at.robot, hypothesis.site, u * sigma, ()) for u in shape[:NAMED]]
         name, (_, unit) = next(iter(named[0].items()))
         typical = float(np.median([abs(found[name][0]) for found in named]))
         yield Smallest(*hypothesis.place, name, None if size is None else size * typical, unit)

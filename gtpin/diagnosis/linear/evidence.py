@@ -193,13 +193,6 @@ def best_scales(
     values, vectors = np.linalg.eigh(grams)
     values = np.maximum(values, 0.0)
     along = (vectors.swapaxes(1, 2) @ moments[..., None])[..., 0]
-    return gains_along(values, vectors, along, core, priors)
-
-
-def gains_along(
-    values: Floats, vectors: Floats, along: Floats, core: Sequence[int] = (), priors: Priors = PRIORS
-) -> tuple[Floats, Floats]:
-    """The same from eigenvalues (S, c), eigenvectors (S, c, c), and moments (S, c) along these."""
     s2 = (SCALES**2)[:, None, None]
     shrunk = s2 / (1.0 + s2 * values)
     gain = 0.5 * (shrunk * along**2 - np.log1p(s2 * values)).sum(axis=2)
@@ -214,6 +207,33 @@ def gains_along(
         gain = np.where(unsuited, -np.inf, gain)
     best = np.argmax(gain, axis=0)
     return np.take_along_axis(gain, best[None], axis=0)[0], SCALES[best]
+
+
+def gains_of_draws(
+    values: Floats, vectors: Floats, along: Floats, core: Sequence[int] = (), priors: Priors = PRIORS
+) -> Floats:
+    """(S,) largest log evidence of one group over the scales, as :func:`best_scales`, for S residuals.
+
+    Parameters
+    ----------
+    values, vectors
+        (c,) eigenvalues and (c, c) eigenvectors of the group's inner products.
+    along
+        (S, c) moments along the eigenvectors.
+    """
+    s2 = (SCALES**2)[:, None]
+    shrunk = s2 / (1.0 + s2 * values)
+    gain = 0.5 * (shrunk @ (along**2).T - np.log1p(s2 * values).sum(axis=1)[:, None])
+    gain -= 0.5 * (np.log(SCALES)[:, None] / priors.scale_spread) ** 2
+    if len(core):
+        part = vectors[list(core)]
+        mean = np.stack([(along * row) @ part.T for row in shrunk])
+        variance = shrunk @ (part**2).T
+        square = (mean**2 + variance[:, None]).mean(axis=2) / s2
+        unsuited = square < priors.least_core**2
+        unsuited[0] = False
+        gain = np.where(unsuited, -np.inf, gain)
+    return np.asarray(gain.max(axis=0))
 
 
 def tuned(groups: Groups[K], terms: Sequence[K], scale: Sequence[float], sweeps: int = 2) -> Posterior[K]:
