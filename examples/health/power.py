@@ -1,7 +1,8 @@
 """How often a check of ten planned poses raises an alarm, where nothing and where something has changed: docs/health.md.
 
-Machines of the plant are calibrated at 140 poses. Then ten poses are planned, and measured again on the same machine: unchanged,
-with the zero of a drive shifted by 30 um, and with a backlash of 50 um. The plant's kinematics shares no code with gtpin's.
+Machines of the plant are calibrated at 140 poses. Then ten poses are planned, and measured again on the same machine:
+unchanged, with the zero of a drive shifted by 30 um, and with a backlash of 50 um. The plant's kinematics shares no code
+with gtpin's.
 ``python examples/pages/refresh.py --measure health`` measures the table of the page again.
 """
 

@@ -66,7 +66,7 @@ def candidates(
     if moving:
         passed = rng.random(count) < 0.5
         covariates |= {f"speed{i + 1}": SPEED * passed * ways[:, i] for i in range(n)}
-        covariates["payload"] = PAYLOAD * (rng.random(count) < 0.5)
+        covariates["payload"] = np.where(rng.random(count) < 0.5, PAYLOAD, 0.0)
     own = tuple(covariates)
     return Candidates(q, {**_usual(model, own, count), **covariates}, own)
 
@@ -78,5 +78,5 @@ def _usual(model: Model, given: Collection[str], count: int) -> dict[str, Column
         for name in active.references.covariates:
             if name not in given and name not in ("session", "time"):
                 value = active.references.temperature if name.startswith("temp_") else 0.0
-                found[name] = np.zeros(count) + value
+                found[name] = np.full(count, value)
     return found

@@ -173,6 +173,7 @@ def _result(
         power=POWER,
         smallest=tuple(smallest_changes(tried.bench, hypotheses.threshold, POWER, POWER_DRAWS, rng)),
         assumed=tried.changes.assumed,
+        noise=float(np.sqrt(_floor(tried).mean())),
         free_frame=data.how.free_frame,
         effects=scope.effects,
         dataset=dataset,
@@ -201,11 +202,16 @@ def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:
 
 def _gaps(tried: _Tried, rng: np.random.Generator) -> tuple[Gap, dict[tuple[str, str], Gap]]:
     """How far the gap shrinks with all changes, and with all but each; every pose is left out in turn."""
-    design, how = tried.design, tried.data.how
-    covariance = how.noise.covariance(design.command_jacobian, design.components)
-    floor = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
+    design, floor = tried.design, _floor(tried)
     blocks = list(np.eye(len(floor), dtype=bool))
     places = [c.place for c in tried.conclusion.classes]
     whole = gap(design, tried.columns(), floor, blocks, rng)
     others = {p: gap(design, tried.columns([o for o in places if o != p]), floor, blocks, rng) for p in places}
     return whole, others
+
+
+def _floor(tried: _Tried) -> Floats:
+    """(N,) expected squared length of each pose's position noise, m^2."""
+    design = tried.design
+    covariance = tried.data.how.noise.covariance(design.command_jacobian, design.components)
+    return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))

@@ -38,6 +38,8 @@ class HealthCheck(Shown):
         The smallest change of each tested effect that poses like these show with that probability.
     assumed
         Covariates that were not recorded or did not vary, whose change since the model is possible all the same.
+    noise
+        Expected position error of the earlier model at these poses if nothing has changed, RMS, m: noise alone.
     free_frame
         Whether the instrument may stand anywhere.
     effects
@@ -63,6 +65,7 @@ class HealthCheck(Shown):
     power: float
     smallest: tuple[Smallest, ...]
     assumed: tuple[str, ...]
+    noise: float
     free_frame: bool
     effects: tuple[Effect, ...]
     dataset: Dataset
