@@ -121,16 +121,31 @@ def concluded(hypotheses: Tested, scope: Scope) -> Conclusion:
 
 
 def _without_gross(tried: _Tried, earlier: Earlier, scope: Scope, rng: np.random.Generator) -> _Tried:
-    """The same without poses that are far from what all others, changed as they are, predict of them."""
-    priors, count = scope.priors, len(tried.data.dataset)
-    for _ in range(int(priors.gross_share * count)):
-        chi = pose_chi2(tried.design, tried.columns())
-        worst = int(chi.argmax())
-        chance = float(chi2.sf(chi[worst], tried.design.components)) * len(chi)
-        if chance >= priors.gross or chi[worst] < priors.gross_alone * float(np.median(chi)):
-            break
-        tried = _Tried.of(earlier, tried.data.without(worst), scope, rng)
+    """The same without gross errors: poses that are far from what the others predict of them, changed as these are.
+
+    Also a pose that alone makes a change: far from what the others predict without a change, where these show none.
+    """
+    for _ in range(int(scope.priors.gross_share * len(tried.data.dataset))):
+        none = tried.columns(())
+        for columns, alone in ((tried.columns(), False), (none, True)):
+            worst = _gross(tried.design, columns, scope.priors)
+            if worst is None:
+                continue
+            trial = _Tried.of(earlier, tried.data.without(worst), scope, rng)
+            if not alone or (trial.conclusion.verdict == "none" and tried.conclusion.verdict != "none"):
+                break
+        else:
+            return tried
+        tried = trial
     return tried
+
+
+def _gross(design: Design, columns: Floats, priors: Priors) -> int | None:
+    """The row of a gross error, given whitened displacements (N c, m) of changes; None where there is none."""
+    chi = pose_chi2(design, columns)
+    worst = int(chi.argmax())
+    chance = float(chi2.sf(chi[worst], design.components)) * len(chi)
+    return None if chance >= priors.gross or chi[worst] < priors.gross_alone * float(np.median(chi)) else worst
 
 
 def _result(

@@ -35,6 +35,7 @@ AGAIN = {
     "imitators": 1,
     "priors": 1,
     "instruments": 6,
+    "health": 2,
 }
 """Jobs that are measured again, spread over all; a whole measurement takes minutes."""
 SAME = 0.75
