@@ -88,6 +88,14 @@ class PosePlan(Shown):
         For discrimination: how well each effect is told from all others.
     information
         For calibration.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> model = gtpin.calibrate(gtpin.Dataset.read("measured")).model
+    >>> found = gtpin.plan(model, "health", 10)
+    >>> found.to_dataframe().columns.tolist()
+    ['q1', 'q2', 'q3', 'approach1', 'approach2', 'approach3']
     """
 
     purpose: Purpose

@@ -46,6 +46,15 @@ class HealthCheck(Shown):
         Those that were tried.
     dataset, seed
         The data, and the seed of the draws.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> dataset = gtpin.Dataset.read("measured")
+    >>> model = gtpin.calibrate(dataset).model
+    >>> check = gtpin.diagnose(dataset.take(slice(0, 10)), against=model)
+    >>> check.poses, check.power
+    (10, 0.95)
     """
 
     verdict: Verdict

@@ -246,8 +246,9 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
 
 def _needed(effect: Effect, robot: Robot, stored: EffectRecord) -> tuple[str, ...]:
     """Covariates without which a stored effect can't be applied."""
-    needed = effect.covariates(robot, stored.site)
-    return () if effect.since_a_model and not set(needed) & set(stored.references.covariates) else needed
+    if effect.since_a_model and not stored.references.sessions:
+        return ()  # a change since an earlier model
+    return effect.covariates(robot, stored.site)
 
 
 def _covariance(stored: EffectRecord) -> Floats:

@@ -20,6 +20,7 @@ from gtpin.health.changes import Since, changes
 from gtpin.health.earlier import Earlier
 from gtpin.health.expectation import expectation
 from gtpin.health.measured import usable
+from gtpin.plant import make_case
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
 KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment"}
@@ -203,3 +204,41 @@ def alarm(model, dataset, size, rng):
         orientation=(turns * Rotation.from_matrix(poses.R)).as_quat(scalar_first=True),
     )
     return gtpin.diagnose(measured, against=model, seed=int(rng.integers(1000))).verdict != "none"
+
+
+def test_a_model_with_effects_is_checked_with_them_in():
+    """A backlash that the model has is no change; that it has grown is one."""
+    case = make_case(41, effects=[("backlash", "cart1")], energy=3000.0, poses=140, held_out=10, background=False)
+    model = gtpin.diagnose(case.dataset).model
+    assert [active.name for active in model.effects] == ["backlash@cart1"]
+    same = gtpin.diagnose(later(case, 1), against=model)
+    grown = gtpin.diagnose(later(case, 2, reversal={0: 6e-5}), against=model)
+    assert same.verdict == "none"
+    assert ("backlash", "cart1") in classes(grown)[0]
+
+
+def test_an_arm_is_checked_too():
+    case, model = machine(51, robot="ur5")
+    assert gtpin.diagnose(later(case, 1), against=model).verdict == "none"
+    found = gtpin.diagnose(later(case, 2, shift={2: 1e-3}), against=model)  # 1 mrad of the elbow
+    assert any(site == "elbow_joint" for members in classes(found) for _, site in members)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d.take(slice(0, 2)), "2 usable poses"),
+        (lambda d: replace(d, q=d.q[:, :2], covariates={}), "2 commands a pose"),
+        (lambda d: replace(d, position=1e3 * d.position), "millimetres"),
+    ],
+)
+def test_data_that_can_be_no_check_of_a_model_are_refused(change, words):
+    case, model = machine(21)
+    with pytest.raises(gtpin.GtpinError, match=words):
+        gtpin.diagnose(change(later(case, 1)), against=model)
+
+
+def test_a_robot_beside_an_earlier_model_is_refused():
+    case, model = machine(21)
+    with pytest.raises(gtpin.GtpinError, match="against alone"):
+        gtpin.diagnose(later(case, 1), model.robot, against=model)  # type: ignore[call-overload]
