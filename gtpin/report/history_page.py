@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gtpin.health.history import Changed, Entry
 from gtpin.report.embedded import Plot
-from gtpin.report.figure import figure
+from gtpin.report.figure import Drawing
 from gtpin.report.page import Table, render
 from gtpin.report.palette import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN
 from gtpin.report.words import counted, length, quantity
-
-if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
 
 COLORS = {"none": GOOD, "explained": ACCENT, "ambiguous": WARN, "unknown": MYSTERY}
 WORDS = {
@@ -32,14 +29,14 @@ def history_page(entries: Sequence[Entry]) -> str:
     return render(
         "history.html",
         title=f"{last.robot}: checks",
-        plots={"errors": Plot("errors", "Position error of each check over time", partial(history_figure, entries))},
+        plots={"errors": Plot("errors", "Position error of each check over time", partial(history_drawing, entries))},
         robot=last.robot,
         headline=f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}.",
         table=_table(entries),
     )
 
 
-def history_figure(entries: Sequence[Entry]) -> Figure:
+def history_drawing(entries: Sequence[Entry]) -> Drawing:
     """Position error of the earlier model at each check, µm, in the colour of the verdict, and the noise."""
     dates = [entry.date for entry in entries]
     noise: dict[str, Any] = {
@@ -78,7 +75,7 @@ def history_figure(entries: Sequence[Entry]) -> Figure:
         "yaxis": {"title": {"text": "position error, RMS (µm)"}, "rangemode": "tozero"},
         "xaxis": {"type": "date"},
     }
-    return figure(traces, layout)
+    return Drawing(traces, layout)
 
 
 def _table(entries: Sequence[Entry]) -> Table:
