@@ -135,7 +135,7 @@ class Calibration(Shown):
                 final.point.model,
                 covariance=covariance,
                 solver="arrays",
-                fit=FitConditions.of(settled.noise, enlarged, dataset.covariates),
+                fit=FitConditions.of(settled.noise, settled.chi2, settled.dof, dataset.covariates),
             ),
             covariance=covariance,
             observability=observability(np.sqrt(settled.tails.kept(components)) * final.factor, p, final.residual.size),

@@ -12,6 +12,8 @@ from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
 from gtpin.data.sane import sane_rows
+from gtpin.diagnosis.priors import PRIORS
+from gtpin.effects.drives import RIM
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.health.expectation import Conditions
 from gtpin.model.model import Model
@@ -78,14 +80,20 @@ def noise_of(dataset: Dataset, model: Model) -> Noise:
                 column="instrument.position_sigma" if position is None else "instrument.orientation_sigma",
                 hint="declare position_sigma and orientation_sigma under [instrument], or calibrate the model again",
             )
-        warn("the model states no noise of its fit: scatter of the drives is taken as none; calibrate it again")
-        return Noise(position, 1.0 if turns is None else turns)
+        warn("the model states no noise of its fit: scatter of the drives is taken as the smallest; calibrate it again")
+        return Noise(position, 1.0 if turns is None else turns, least_scatter(model))
     noise = Noise(
         known.position_sigma if position is None else position,
         known.orientation_sigma if turns is None else turns,
-        known.drives,
+        max(known.drives, least_scatter(model)),
     )
     return noise.scaled(known.misfit)
+
+
+def least_scatter(model: Model) -> float:
+    """Smallest scatter of each drive, m or rad, that a check expects."""
+    least = PRIORS.least_scatter
+    return least / RIM if not model.robot.rods and bool(np.any(model.robot.revolute)) else least
 
 
 def _free_frame(dataset: Dataset, model: Model) -> bool:

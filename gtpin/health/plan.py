@@ -25,7 +25,7 @@ from gtpin.health.check import DRAWS, FALSE_ALARM, POWER, POWER_DRAWS
 from gtpin.health.choice import Choice
 from gtpin.health.earlier import Earlier
 from gtpin.health.expectation import Conditions, expectation
-from gtpin.health.measured import FEWEST
+from gtpin.health.measured import FEWEST, least_scatter
 from gtpin.health.power import Smallest, smallest_changes
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
@@ -207,7 +207,7 @@ def plan(
 def _noise_of(model: Model) -> Noise:
     if model.fit is None:
         raise ModelError("the noise of the measurement is not known", hint="give it: Noise(1.5e-5, 5e-5), m and rad")
-    noise = Noise(model.fit.position_sigma, model.fit.orientation_sigma, model.fit.drives)
+    noise = Noise(model.fit.position_sigma, model.fit.orientation_sigma, max(model.fit.drives, least_scatter(model)))
     return noise.scaled(model.fit.misfit)
 
 

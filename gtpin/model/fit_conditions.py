@@ -25,7 +25,8 @@ class FitConditions:
     drives
         Of every actuator, m or rad: repeatability, and what the model lacks along the motions of single drives.
     misfit
-        Ratio of the residuals to this noise, where they are larger, else 1.
+        Largest ratio of the residuals to this noise that the fit allows: sqrt(chi-square per degree of freedom), one standard
+        deviation up, and 1 at least. A small scatter of the drives may not show in a fit, but adds to the noise of a check.
     temp_frame, temp_link
         Mean temperatures, degC; None where they were not recorded.
     """
@@ -38,13 +39,14 @@ class FitConditions:
     temp_link: float | None = None
 
     @staticmethod
-    def of(noise: Noise, misfit: float, covariates: Mapping[str, Column]) -> FitConditions:
-        """Those of a fit with a noise, a ratio of the residuals to it, and covariates (N,) by name."""
+    def of(noise: Noise, chi2: float, dof: float, covariates: Mapping[str, Column]) -> FitConditions:
+        """Those of a fit with a noise, chi-square of the residuals with its degrees of freedom, and covariates (N,) by name."""
+        power = chi2 / dof * (1.0 + np.sqrt(2.0 / dof))
         mean = {n: float(np.mean(np.asarray(covariates[n], dtype=float))) for n in TEMPERATURES if n in covariates}
         return FitConditions(
             position_sigma=float(noise.position_sigma),
             orientation_sigma=float(noise.orientation_sigma),
             drives=noise.along_drives,
-            misfit=max(float(misfit), 1.0),
+            misfit=float(np.sqrt(max(power, 1.0))),
             **mean,
         )

@@ -55,8 +55,8 @@ def fit_together(
     fitted = start.fit
     if isinstance(observed.noise, Noise):
         dof = max(found.residual.size - found.taken, 1.0)
-        misfit = float(np.sqrt(found.weight @ (found.residual**2).sum(axis=1) / dof))
-        fitted = FitConditions.of(observed.noise, misfit, observed.covariates)
+        chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
+        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates)
     plain = problem.calibration
     instruments = start.instruments
     if isinstance(plain, ReadingsProblem):
