@@ -77,5 +77,5 @@ FIGURES = (
     Figure("priors", "diagnosis/priors.py", 16),
     Figure("imitators", "effects/confusable.py", 1),
     Figure("instruments", "instruments/smallest_shown.py", 3),
-    Figure("health", "health/power.py", 16),
+    Figure("health", "health/power.py", 8),
 )

@@ -189,8 +189,8 @@ class Priors:
     """Share of a check's false alarms that named changes may raise; the chi-square of what is left may raise the others.
     Assumed: most changes are in the catalogue."""
     least_scatter: float = 3e-6
-    """Smallest scatter of each drive in a check, m (of a joint without rods, over 0.1 m, rad). Assumed: a fit of 100 poses shows
-    less than this as none, and drives repeat to a few micrometres at best; the whole Gantry-Tau to 13 um."""
+    """Smallest scatter of each drive in a check, m (of a joint without rods, over 0.1 m, rad). Assumed: a fit of 100 poses
+    shows less than this as none, and drives repeat to a few micrometres at best; the whole Gantry-Tau to 13 um."""
     gross: float = 1e-4
     """P-value, over all poses of a check, below which a single pose is a gross error. Assumed: a hundredth of the usual chance
     of a false alarm."""
