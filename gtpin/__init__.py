@@ -12,11 +12,13 @@ if TYPE_CHECKING:
     from gtpin.calibration.result import Calibration
     from gtpin.data import Commands, Dataset
     from gtpin.data.instrument_tables import InstrumentTable
-    from gtpin.diagnosis.diagnose import diagnose
     from gtpin.diagnosis.result import Diagnosis
     from gtpin.effects.catalogue import catalogue
     from gtpin.errors import GtpinError, GtpinWarning
     from gtpin.estimate import Estimate
+    from gtpin.health.diagnose import diagnose
+    from gtpin.health.plan import PosePlan, plan
+    from gtpin.health.result import HealthCheck
     from gtpin.instruments.instrument import Component, Instrument, Unknown
     from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
@@ -37,8 +39,11 @@ _HOME = {
     "Commands": "gtpin.data",
     "Component": "gtpin.instruments.instrument",
     "Dataset": "gtpin.data",
-    "diagnose": "gtpin.diagnosis.diagnose",
+    "diagnose": "gtpin.health.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
+    "HealthCheck": "gtpin.health.result",
+    "plan": "gtpin.health.plan",
+    "PosePlan": "gtpin.health.plan",
     "catalogue": "gtpin.effects.catalogue",
     "Estimate": "gtpin.estimate",
     "Instrument": "gtpin.instruments.instrument",
@@ -98,9 +103,11 @@ __all__ = [
     "Geometry",
     "GtpinError",
     "GtpinWarning",
+    "HealthCheck",
     "Instrument",
     "InstrumentTable",
     "Model",
+    "PosePlan",
     "Poses",
     "Robot",
     "Unknown",
@@ -112,6 +119,7 @@ __all__ = [
     "geometry_jacobian",
     "home",
     "load_robot",
+    "plan",
     "reach",
     "read_model",
     "robot_names",

@@ -78,4 +78,5 @@ FIGURES = (
     Figure("imitators", "effects/confusable.py", 1),
     Figure("instruments", "instruments/smallest_shown.py", 3),
     Figure("closed_circle", "simulator/closed_circle.py", 2),
+    Figure("health", "health/power.py", 8),
 )

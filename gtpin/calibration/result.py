@@ -17,6 +17,7 @@ from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
 from gtpin.estimate import Estimate
 from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.output.results import results_folder
@@ -130,7 +131,12 @@ class Calibration(Shown):
         p, tolerance = problem.n_geometry, geometry.tolerance
         covariance = x_covariance[:p, :p] * np.outer(tolerance, tolerance)
         return Calibration(
-            model=replace(final.point.model, covariance=covariance, solver="arrays"),
+            model=replace(
+                final.point.model,
+                covariance=covariance,
+                solver="arrays",
+                fit=FitConditions.of(settled.noise, settled.chi2, settled.dof, dataset.covariates),
+            ),
             covariance=covariance,
             observability=observability(np.sqrt(settled.tails.kept(components)) * final.factor, p, final.residual.size),
             noise=settled.noise,

@@ -14,6 +14,7 @@ from gtpin.commands.demo import demo
 from gtpin.commands.diagnose import diagnose
 from gtpin.commands.export import export
 from gtpin.commands.importing.app import import_app
+from gtpin.commands.plan import plan
 from gtpin.commands.predict import predict
 from gtpin.commands.robots import robots
 from gtpin.commands.sensitivity import sensitivity
@@ -34,6 +35,7 @@ for command, *examples in (
         diagnose,
         "gtpin diagnose measurements -o diagnosis",
         "gtpin diagnose measurements -o second --exclude backlash --exclude linearity@cart2",
+        "gtpin diagnose today --against calibrated -o check",
     ),
     (calibrate, "gtpin calibrate measurements -o calibrated", "gtpin calibrate measurements -o paper3 --model 3"),
     (compare, "gtpin compare measurements -o compared"),
@@ -41,6 +43,11 @@ for command, *examples in (
         predict,
         "gtpin predict diagnosis commands.csv -o predicted.csv",
         "gtpin predict gantry_tau commands.csv -o nominal.csv",
+    ),
+    (
+        plan,
+        "gtpin plan calibrated --for health --poses 10 -o ten",
+        "gtpin plan gantry_tau --for calibration --poses 40 --position-sigma 15e-6 --orientation-sigma 5e-5 -o forty",
     ),
     (sensitivity, "gtpin sensitivity calibrated --poses commands.csv -o accuracy"),
     (export, "gtpin export calibrated -o robot.xml", "gtpin export diagnosis -o corrections.csv"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,6 +11,7 @@ from gtpin.commands.terminal import AsJson, CartOrientation, DatasetFolder, Forc
 from gtpin.comparison.compare import compare as run_comparison
 from gtpin.comparison.figures import FILES, write_comparison
 from gtpin.data import Dataset
+from gtpin.errors import GtpinError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.results import results_folder
 from gtpin.report.comparison_page import comparison_page
@@ -19,6 +21,7 @@ from gtpin.report.comparison_text import comparison_text
 def compare(
     dataset: DatasetFolder,
     output: Output,
+    newer: Annotated[Path | None, typer.Argument(hidden=True)] = None,
     closure: Annotated[
         bool, typer.Option("--closure", help="Fit by the paper's squared closure residuals instead of pose residuals.")
     ] = False,
@@ -32,6 +35,11 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Compare models 1 to 5 of Dressler et al. 2010 on poses that were not fitted (2, 4 and 5 need carts.csv)."""
+    if newer is not None:
+        raise GtpinError(
+            "compare takes one dataset",
+            hint=f"what has changed since a model: gtpin diagnose {newer} --against {dataset} -o {output}",
+        )
     with results_folder(output, (*FILES, "report.html"), force=force) as folder:
         read = Dataset.read(dataset)
         with progress_of("comparing") as progress:

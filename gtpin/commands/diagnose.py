@@ -1,9 +1,10 @@
-"""``gtpin diagnose``: where the gap is, its causes, and its explained fraction."""
+"""``gtpin diagnose``: where the gap is, its causes, and its explained fraction; or what has changed since a model."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -24,10 +25,17 @@ from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.errors import GtpinError
+from gtpin.health.check import check
+from gtpin.health.history import HistoryFiles
+from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.files import DIAGNOSIS, write_diagnosis
+from gtpin.report.health_files import CHECK, write_check
+from gtpin.report.health_text import health_summary
+from gtpin.report.history_files import history as history_of
 
 
 def diagnose(
@@ -48,12 +56,37 @@ def diagnose(
     hold_out: Annotated[
         HoldOut, typer.Option("--hold-out", help="What is left out together to compute the gap on poses not fitted.")
     ] = "region",
+    against: Annotated[
+        str | None,
+        typer.Option(
+            "--against",
+            metavar="MODEL",
+            help="An earlier model: find what has changed since, from as few as ten poses.",
+            show_default=False,
+        ),
+    ] = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(
+            "--history",
+            metavar="FILE.html|DIR",
+            help="With --against: add this check to a log of checks, a page with a table and a plot over time.",
+            show_default=False,
+        ),
+    ] = None,
     tcp: Tcp = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Diagnose the gap between a calibrated geometry and measured poses: where it is, its causes, its explained fraction."""
+    if against is not None:
+        _refuse_alone(tcp is not None, "--tcp", "the model has its own")
+        _refuse_alone(hold_out != "region", "--hold-out", "each pose is left out in turn")
+        options = {"exclude": exclude or (), "false_alarm": false_alarm, "seed": seed}
+        changed_since(dataset, against, output, history, force, as_json, **options)
+        return
+    _refuse_alone(history is not None, "--history", "it needs --against MODEL")
     with results_folder(output, DIAGNOSIS, force=force) as folder:
         read = with_tcp(Dataset.read(dataset), tcp)
         with progress_of("diagnosing") as progress:
@@ -73,6 +106,34 @@ def diagnose(
         f"Written: {written}",
         f"Open {output / 'report.html'}",
     )
+    tell(result, text, as_json)
+
+
+def _refuse_alone(given: bool, option: str, why: str) -> None:
+    """Refuse an option that has no meaning with the others."""
+    if given:
+        raise GtpinError(f"{option} can't be used here", hint=why)
+
+
+def changed_since(
+    dataset: Path, model: str, output: Path, log: Path | None, force: bool, as_json: bool, **options: Any
+) -> None:
+    """Find what has changed since an earlier model, write the results, and add them to a log of checks."""
+    with ExitStack() as stack:
+        add = None if log is None else stack.enter_context(history_of(log, force=force))
+        folder = stack.enter_context(results_folder(output, CHECK, force=force))
+        earlier = read_model(model)
+        read = Dataset.read(dataset)
+        with progress_of("checking") as progress:
+            found = check(read, earlier, progress=progress, **options)
+        result = write_check(found, folder)
+        if add is not None:
+            add(found)
+    written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
+    text = rendered(health_summary(found), f"Written: {written}", f"Open {output / 'report.html'}")
+    if log is not None:
+        files = HistoryFiles.named(log)
+        text += f"\nAll checks: {files.folder / files.page}"
     tell(result, text, as_json)
 
 

@@ -184,6 +184,22 @@ class Priors:
     """Ratio of the position error to the last digit of the commands, up to which rounding of the commands may cause the error.
     Assumed: rounding of three drives causes less."""
 
+    # Checks against an earlier model.
+    named_alarms: float = 0.8
+    """Share of a check's false alarms that named changes may raise; the chi-square of what is left may raise the others.
+    Assumed: most changes are in the catalogue."""
+    least_scatter: float = 3e-6
+    """Smallest scatter of each drive in a check, m (of a joint without rods, over 0.1 m, rad). Assumed: a fit of 100 poses
+    shows less than this as none, and drives repeat to a few micrometres at best; the whole Gantry-Tau to 13 um."""
+    gross: float = 1e-4
+    """P-value, over all poses of a check, below which a single pose is a gross error. Assumed: a hundredth of the usual chance
+    of a false alarm."""
+    gross_alone: float = 9.0
+    """Ratio of such a pose's chi-square to the median of all poses, above which it is set aside: three times the size of the
+    others. Assumed: what all poses show is no gross error."""
+    gross_share: float = 0.2
+    """Largest share of a check's poses that are set aside. Assumed: with more, the measurement has to be repeated."""
+
 
 PRIORS = Priors()
 """The default values."""

@@ -131,6 +131,8 @@ class Effect(ABC):
     """Largest number of values of the nonlinear parameter that the effect can have at one site: several periods of a gear."""
     between_visits: ClassVar[bool] = False
     """Whether the displacement differs between visits of one pose. The effect then looks like a lack of repeatability."""
+    since_a_model: ClassVar[bool] = False
+    """Whether the effect also is a change since an earlier model: fitted without its covariates, it acts on all poses alike."""
     of_travel: ClassVar[bool] = False
     """Whether the parameters in metres are of an actuator's travel. They are in radians where the actuator turns."""
     stretches_frame: ClassVar[bool] = False

@@ -21,7 +21,8 @@ class FrameShift(Effect):
     a session that was not in the fit has the mean shift.
 
     Parameters: ``shift_x[k]``, ``shift_y[k]``, ``shift_z[k]``, m, and ``turn_x[k]``, ``turn_y[k]``, ``turn_z[k]``, rad: s and w
-    of session k less their means over the sessions. Sessions are sorted by name.
+    of session k less their means over the sessions. Sessions are sorted by name. As a change since an earlier model:
+    ``shift_x`` and so on, of all poses.
 
     Typical size 40 um and 15 urad. This is assumed for a network of a few reference marks, each known to 15 um + 6 um/m
     across the line of sight (Leica Absolute Tracker, user's manual, after ISO 10360-10).
@@ -30,6 +31,7 @@ class FrameShift(Effect):
     id = "frame_shift"
     title = "the measurement frame sits elsewhere in each session"
     clause = "{site} sits elsewhere in each session"
+    since_a_model = True
     remedy = "A fault of the measurement: tie the sessions together by reference nests."
     coefficient = ("shift_x[1]", "m")
 
@@ -51,6 +53,8 @@ class FrameShift(Effect):
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Shifts and turns of the frame in each session, less their means over the sessions."""
         by_session = coefficients.reshape(-1, 6)
+        if len(by_session) == 1:
+            return {name: (float(value), unit) for (name, unit), value in zip(FREEDOMS, by_session[0], strict=True)}
         return {
             f"{name}[{k + 1}]": (float(value), unit)
             for k, values in enumerate(by_session - by_session.mean(axis=0))

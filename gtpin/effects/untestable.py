@@ -15,6 +15,8 @@ Kind = Literal[
     "single_joint",
     "absorbed",
     "unrecorded_payload",
+    "not_searched",
+    "uncertain",
     "other",
 ]
 
@@ -35,6 +37,8 @@ class Untestable:
         ``absorbed``: geometric calibration absorbs it, even at ten times its typical size.
         ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested with the
         recorded loads only. With other loads it could be the cause although that test does not find it.
+        ``not_searched``: a check of few poses does not search for periods and places of steps.
+        ``uncertain``: the uncertainty of the earlier model, and the unknown pose of the instrument, hide it from a check.
         ``other``: the reason that a user's own effect gives, in ``words``.
     covariate
         The column that is missing or insufficient: a covariate, or ``q1``, ``q2``, ... for commands. Empty where there is none.

@@ -237,11 +237,18 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
         stored.setting,
         np.array(stored.coefficients, dtype=float),
         np.zeros((0, 0)),
-        _references(stored.references, robot, effect.covariates(robot, stored.site)),
+        _references(stored.references, robot, _needed(effect, robot, stored)),
         tuple(stored.further_settings),
     )
     _try(active, kinematics)
     return replace(active, covariance=_covariance(stored))
+
+
+def _needed(effect: Effect, robot: Robot, stored: EffectRecord) -> tuple[str, ...]:
+    """Covariates without which a stored effect can't be applied."""
+    if effect.since_a_model and not stored.references.sessions:
+        return ()  # a change since an earlier model
+    return effect.covariates(robot, stored.site)
 
 
 def _covariance(stored: EffectRecord) -> Floats:

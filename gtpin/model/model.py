@@ -15,6 +15,7 @@ from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics, Solver, kinematics
 from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.posterior import block_of, draws, joined
 from gtpin.robot.geometry import Geometry
@@ -66,7 +67,10 @@ class Model:
     instruments
         The instruments of a dataset of schema 2, with the values of their unknowns. With them, ``frame`` is the base frame.
     joint_covariance
-        (p + m, p + m) of the geometry's parameters and of the m coefficients of all effects, where they were fitted together.
+        (p + m, p + m) of the geometry's parameters and of all effects' m coefficients after them, in the order of ``effects``;
+        None where it is not known, or there are no effects.
+    fit
+        Noise and temperatures of the poses that the model was fitted to; None where they are not known.
 
     Examples
     --------
@@ -83,6 +87,7 @@ class Model:
     solver: Solver = "arrays"
     instruments: tuple[FittedInstrument, ...] = ()
     joint_covariance: Floats | None = None
+    fit: FitConditions | None = None
 
     def __repr__(self) -> str:
         effects = ", ".join(active.name for active in self.effects) or "none"

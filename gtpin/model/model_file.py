@@ -15,6 +15,8 @@ from gtpin.robot.parameters import Per
 
 SCHEMA: Final = "gtpin-model/1"
 AGAIN = "write the model again"
+LATER_KEYS = ("joint_covariance", "fit")
+"""Keys that were added after the first version."""
 
 
 class FrameRecord(Record):
@@ -42,6 +44,17 @@ class InstrumentRecord(Record):
     unknowns: dict[str, Finite]
 
 
+class FitRecord(Record):
+    """Noise and temperatures of a fit; see :class:`~gtpin.model.fit_conditions.FitConditions`."""
+
+    position_sigma: Positive
+    orientation_sigma: Positive
+    drives: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    misfit: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 1.0
+    temp_frame: Finite | None = None
+    temp_link: Finite | None = None
+
+
 class ModelFile(Record):
     """The whole of ``model.json``; docs/model.md explains the keys."""
 
@@ -57,14 +70,15 @@ class ModelFile(Record):
     tolerance: dict[str, Positive]
     covariance: list[list[Finite]] | None = None
     joint_covariance: list[list[Finite]] | None = None
+    fit: FitRecord | None = None
     base_in_instrument: FrameRecord | None
     effects: list[EffectRecord] = Field(default_factory=list)
     instruments: list[InstrumentRecord] = Field(default_factory=list)
 
     @model_serializer(mode="wrap")
-    def _without_joint(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The covariance with effects is written where there are some."""
-        return {key: value for key, value in write(self).items() if key != "joint_covariance" or value is not None}
+    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Keys that older versions do not know are written where there is something to say."""
+        return {key: value for key, value in write(self).items() if key not in LATER_KEYS or value is not None}
 
 
 def read_model_file(file: Path) -> ModelFile:

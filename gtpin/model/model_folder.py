@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,13 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
+from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Frame, Model
 from gtpin.model.model_file import (
     AGAIN,
     SCHEMA,
+    FitRecord,
     FrameRecord,
     InstrumentRecord,
     ModelFile,
@@ -37,6 +40,8 @@ from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
+
+Floats = npt.NDArray[np.float64]
 
 FILES = ("model.json", "robot.urdf", "nominal.urdf")
 """Files that ``write_model`` writes."""
@@ -107,6 +112,7 @@ def _content(model: Model) -> ModelFile:
         tolerance={p.name: p.tolerance for p in geometry.parameters},
         covariance=None if model.covariance is None else model.covariance.tolist(),
         joint_covariance=None if model.joint_covariance is None else model.joint_covariance.tolist(),
+        fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
         base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
         effects=[record(active) for active in model.effects],
         instruments=[_instrument_record(one) for one in model.instruments],
@@ -187,7 +193,8 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
     effects = _effects(content, geometry, file, own)
-    return Model(geometry, frame, effects, covariance, instruments=instruments, joint_covariance=joint)
+    fit = None if content.fit is None else FitConditions(**content.fit.model_dump())
+    return Model(geometry, frame, effects, covariance, instruments=instruments, joint_covariance=joint, fit=fit)
 
 
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
@@ -226,7 +233,7 @@ def _track(record: TrackRecord) -> MeasuredTrack:
     return MeasuredTrack(np.array(record.q), np.array(record.path), turns, np.array(record.origin))
 
 
-def _covariance(geometry: Geometry, content: ModelFile) -> npt.NDArray[np.float64] | None:
+def _covariance(geometry: Geometry, content: ModelFile) -> Floats | None:
     if content.covariance is None:
         return None
     return _checked(content.covariance, _order(geometry, content), "covariance", len(geometry.parameters))

@@ -9,11 +9,12 @@ import numpy as np
 from gtpin.diagnosis.linear.cross_validation import ASKED, Gap
 from gtpin.diagnosis.linear.hold_out import TOGETHER
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.health.result import HealthCheck
 from gtpin.report.reasons import reason_words
 from gtpin.report.words import number_word
 
 
-def diagnosis_json(d: Diagnosis) -> dict[str, Any]:
+def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     """The content of ``diagnosis.json``."""
     none = d.verdict == "none"
     return {
@@ -125,7 +126,7 @@ def gap_method(gap: Gap) -> str:
 ONE_SESSION = "the data are of one session, as far as they tell, so that the interval ignores what another day brings"
 
 
-def _turns(d: Diagnosis) -> dict[str, float]:
+def _turns(d: Diagnosis | HealthCheck) -> dict[str, float]:
     """Orientation errors on left-out poses, rad, of robots without rods: their wrists turn the tool, and hardly shift it."""
     if d.gap.turns is None or d.model.robot.rods:
         return {}

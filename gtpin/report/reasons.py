@@ -14,6 +14,8 @@ WORDS = {
     "single_joint": "the cart carries a single joint, about which it turns unseen",
     "absorbed": "geometric calibration absorbs it",
     "unrecorded_payload": "the payload may have varied without being recorded",
+    "not_searched": "a check does not search for periods and steps: diagnose the poses of a calibration",
+    "uncertain": "the uncertainty of the earlier model and of the instrument's pose hides it",
     "other": "{words}",
 }
 

@@ -36,6 +36,7 @@ AGAIN = {
     "priors": 1,
     "instruments": 6,
     "closed_circle": 2,
+    "health": 2,
 }
 """Jobs that are measured again, spread over all; a whole measurement takes minutes."""
 NEEDS = {"closed_circle": "mujoco"}

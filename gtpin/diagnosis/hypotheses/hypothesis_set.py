@@ -70,6 +70,8 @@ class HypothesisSet:
         Its chance of a false alarm, and the priors.
     untestable
         Effects that can't be tested: those that lack a covariate may have a proxy.
+    threshold
+        Log prior odds against a first named cause; by default from the number of hypotheses and the scope's false alarms.
     """
 
     def __init__(
@@ -80,6 +82,7 @@ class HypothesisSet:
         smooth: Iterable[tuple[SmoothTerm, Basis]],
         scope: Scope,
         untestable: Sequence[Hypothesis] = (),
+        threshold: float | None = None,
     ) -> None:
         self.design, self.linear, self.scanned = design, tuple(linear), tuple(scanned)
         self.untestable, self.priors = tuple(untestable), scope.priors
@@ -91,7 +94,8 @@ class HypothesisSet:
             found.append(term)
             self.groups.add(term, design.columns(basis))
         self.smooth = tuple(found)
-        self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
+        usual = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
+        self.threshold = usual if threshold is None else threshold
         self._scans: dict[Hypothesis, Scan] = {}
         self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
         """Models with all lines of a periodic error, by the model without it and its first line."""

@@ -110,7 +110,9 @@ class Unexplained:
     could_be: tuple[tuple[str, str], ...] = ()
 
 
-Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_groups", "two_valued", "scatter"]
+Reason = Literal[
+    "smooth_term", "restless", "impossible", "held_out", "two_groups", "two_valued", "scatter", "chi_square"
+]
 """Why something unknown is inferred:
 
 ``smooth_term``
@@ -128,6 +130,8 @@ Reason = Literal["smooth_term", "restless", "impossible", "held_out", "two_group
     What passes for scatter of a drive takes two values (``two_valued.py``).
 ``scatter``
     Visits scatter, and the columns that would tell why contradict each other (``scatter.py``).
+``chi_square``
+    Poses of a check are farther from the earlier model than noise and its uncertainty allow (``gtpin/health/check.py``).
 """
 
 

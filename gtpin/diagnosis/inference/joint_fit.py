@@ -18,7 +18,9 @@ from gtpin.effects.situation import References, Situation
 from gtpin.errors import ConvergenceError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 
@@ -49,19 +51,23 @@ def fit_together(
             "geometry and causes have not settled together", hint="exclude the causes one by one"
         ) from error
     covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
+    joint = problem.joint_covariance(covariance) if causes else None
+    fitted = start.fit
+    if isinstance(observed.noise, Noise):
+        dof = max(found.residual.size - found.taken, 1.0)
+        chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
+        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates)
     plain = problem.calibration
     instruments = start.instruments
     if isinstance(plain, ReadingsProblem):
         instruments = plain.readings.at(plain.unknowns(found.point.x)).fitted
-    # Of the model: the poses of instruments, between geometry and causes, are left out.
-    kept = np.r_[:p, plain.size : problem.size]
-    size = np.concatenate([tolerance, *problem.sizes])
     return replace(
         found.point.model,
         effects=problem.active(found.point.x, covariance),
         covariance=covariance[:p, :p] * np.outer(tolerance, tolerance),
         instruments=instruments,
-        joint_covariance=covariance[np.ix_(kept, kept)] * np.outer(size, size) if problem.sizes else None,
+        joint_covariance=joint,
+        fit=fitted,
     )
 
 
@@ -140,6 +146,13 @@ class JointProblem:
         moved = [cause.basis(at).displacement(at) * size for cause, size in zip(self.causes, self.sizes, strict=True)]
         columns = [self.calibration.columns(point, J, rows, weight) for J in moved]
         return np.concatenate([self.calibration.jacobian(point, rows, weight), *columns], axis=2)
+
+    def joint_covariance(self, covariance: Floats) -> Floats:
+        """(p + m, p + m) of geometry and coefficients, from that of x (size, size)."""
+        tolerance, after = self.calibration.start.geometry.tolerance, self.calibration.size
+        kept = [*range(len(tolerance)), *range(after, self.size)]
+        sizes = np.concatenate([tolerance, *self.sizes])
+        return np.asarray(covariance[np.ix_(kept, kept)] * np.outer(sizes, sizes))
 
     def active(self, x: Floats, covariance: Floats) -> tuple[ActiveEffect, ...]:
         """The causes with their coefficients at x, and their covariance from that of x (size, size)."""

@@ -55,7 +55,7 @@ def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...
     """Smooth terms that are likelier than a cause and everything that could be in its place."""
     found = []
     for cause in causes(named):
-        if sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
+        if hypotheses.smooth and sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
             rest = without(hypotheses.groups, named, cause, sweeps=1)
             gains = hypotheses.gains(rest, unnamed(hypotheses, cause))
             found.append(max(gains, key=lambda s: gains[s].value))

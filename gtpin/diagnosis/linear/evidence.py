@@ -249,6 +249,33 @@ def best_scales(
     return np.take_along_axis(gain, best[None], axis=0)[0], SCALES[best]
 
 
+def gains_of_draws(
+    values: Floats, vectors: Floats, along: Floats, core: Sequence[int] = (), priors: Priors = PRIORS
+) -> Floats:
+    """(S,) largest log evidence of one group over the scales, as :func:`best_scales`, for S residuals.
+
+    Parameters
+    ----------
+    values, vectors
+        (c,) eigenvalues and (c, c) eigenvectors of the group's inner products.
+    along
+        (S, c) moments along the eigenvectors.
+    """
+    s2 = (SCALES**2)[:, None]
+    shrunk = s2 / (1.0 + s2 * values)
+    gain = 0.5 * (shrunk @ (along**2).T - np.log1p(s2 * values).sum(axis=1)[:, None])
+    gain -= 0.5 * (np.log(SCALES)[:, None] / priors.scale_spread) ** 2
+    if len(core):
+        part = vectors[list(core)]
+        mean = np.stack([(along * row) @ part.T for row in shrunk])
+        variance = shrunk @ (part**2).T
+        square = (mean**2 + variance[:, None]).mean(axis=2) / s2
+        unsuited = square < priors.least_core**2
+        unsuited[0] = False
+        gain = np.where(unsuited, -np.inf, gain)
+    return np.asarray(gain.max(axis=0))
+
+
 def tuned(groups: Groups[K], terms: Sequence[K], scale: Sequence[float], sweeps: int = 2) -> Posterior[K]:
     """The model of some groups with the scales that suit best, by coordinate ascent."""
     scales = list(scale)

@@ -1,0 +1,1 @@
+"""What has changed since a model was identified: checks from a few poses, which poses to measure, and a log of checks."""

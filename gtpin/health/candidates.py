@@ -1,0 +1,82 @@
+"""Poses that could be measured, each in conditions of its own, from which a plan chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy.chain_workspace import chain_commands
+from gtpin.accuracy.workspace import default_commands
+from gtpin.effects.situation import Column
+from gtpin.errors import ModelError
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+COUNT = 300
+"""Poses to choose from, where none are given."""
+RESOLUTION = 1e-6
+"""Commands are rounded to this, m or rad."""
+SPEED, PAYLOAD = 0.2, 5.0
+"""Speed, m/s or rad/s, and payload, kg, that a plan for discrimination may ask for: what most machines allow. Assumed."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Commands q (N, n), m or rad, covariates (N,) by name, and which of these a plan writes down."""
+
+    q: Floats
+    covariates: dict[str, Column]
+    set_by_plan: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+def candidates(
+    model: Model, q: Floats | None, rng: np.random.Generator, *, moving: bool = False, seed: int = 0
+) -> Candidates:
+    """Poses to choose from, approached from either side at random.
+
+    Parameters
+    ----------
+    q
+        (N, n) commands; by default some that fill the workspace. Obstacles are not known: give those that are free.
+    moving
+        Whether half of the poses are passed at a speed, and half are with a payload.
+
+    Raises
+    ------
+    ModelError
+        If none of the commands can be reached.
+    """
+    robot = model.robot
+    if q is None:
+        q = default_commands(model, COUNT) if robot.rods else chain_commands(model, COUNT, seed)
+    q = np.round(np.asarray(q, dtype=float), 6)
+    q = q[model.kinematics.forward(q).reached]
+    if not len(q):
+        raise ModelError(f"{robot.name} reaches none of the candidates", hint="give commands that it can reach")
+    n, count = robot.n_actuators, len(q)
+    ways = rng.choice([-1.0, 1.0], (count, n))
+    covariates: dict[str, Column] = {f"approach{i + 1}": ways[:, i] for i in range(n)}
+    if moving:
+        passed = rng.random(count) < 0.5
+        covariates |= {f"speed{i + 1}": SPEED * passed * ways[:, i] for i in range(n)}
+        covariates["payload"] = np.where(rng.random(count) < 0.5, PAYLOAD, 0.0)
+    own = tuple(covariates)
+    return Candidates(q, {**_usual(model, own, count), **covariates}, own)
+
+
+def _usual(model: Model, given: Collection[str], count: int) -> dict[str, Column]:
+    """What the model's effects need beside what is given: at rest, without load, at the temperature of the fit."""
+    found: dict[str, Column] = {}
+    for active in model.effects:
+        for name in active.references.covariates:
+            if name not in given and name not in ("session", "time"):
+                value = active.references.temperature if name.startswith("temp_") else 0.0
+                found[name] = np.full(count, value)
+    return found

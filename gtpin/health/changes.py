@@ -1,0 +1,136 @@
+"""What may have changed since an earlier model: effects at their sites, and why some of them can't be told by a check."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.hypotheses.proxies import Proxy
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.evidence import Marginal
+from gtpin.diagnosis.priors import Priors
+from gtpin.effects.situation import Column, Situation
+from gtpin.effects.untestable import Untestable, as_untestable
+from gtpin.health.earlier import Earlier
+from gtpin.model.fit_conditions import TEMPERATURES
+
+Floats = npt.NDArray[np.float64]
+
+
+class Tested(HypothesisSet):
+    """The hypotheses of a check: named effects alone, and no guesses of what was not recorded."""
+
+    @property
+    def proxies(self) -> tuple[Proxy, ...]:
+        """None."""
+        return ()
+
+    def at_threshold(self, threshold: float, scope: Scope) -> Tested:
+        """The same, each of which must gain so much."""
+        return Tested(self.design, self.linear, (), (), scope, (), threshold)
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a check may name.
+
+    Parameters
+    ----------
+    hypotheses
+        What it tests.
+    untested
+        What it can't test, and why.
+    assumed
+        Covariates whose change since the model is assumed, because they were not recorded or did not vary.
+    """
+
+    hypotheses: Tested
+    untested: tuple[Untested, ...]
+    assumed: tuple[str, ...]
+
+    def is_assumed(self, hypothesis: Hypothesis) -> bool:
+        """Whether a hypothesis depends on a covariate whose change is assumed."""
+        robot = self.hypotheses.design.situation.robot
+        return bool(set(hypothesis.covariates(robot)) & set(self.assumed))
+
+
+@dataclass(frozen=True)
+class Since:
+    """Covariates as changes since a model depend on them.
+
+    Parameters
+    ----------
+    covariates
+        By name, (N,) each. Sessions are left out: all poses of a check are after the model. Temperatures are those of the check
+        less that at which the model holds, plus the reference temperature.
+    assumed
+        Temperatures whose change since the model is not known. Each is assumed to have risen, and its coefficients may have
+        either sign.
+    """
+
+    covariates: Mapping[str, Column]
+    assumed: tuple[str, ...]
+
+    @staticmethod
+    def of(covariates: Mapping[str, Column], earlier: Earlier, reference: float, count: int, warmer: float) -> Since:
+        """Covariates of a check of N poses, after a model.
+
+        Parameters
+        ----------
+        reference
+            degC at which the geometry holds, where the model has an effect of that temperature.
+        warmer
+            Assumed rise of temperatures, K.
+        """
+        since = {name: values for name, values in covariates.items() if name != "session"}
+        assumed = []
+        for name in TEMPERATURES:
+            then = earlier.temperature(name, reference)
+            now = np.asarray(covariates[name], dtype=float) if name in covariates else np.zeros(count)
+            if then is None or name not in covariates:
+                assumed.append(name)
+                since[name] = now - now.mean() + reference + warmer
+            else:
+                since[name] = now - then + reference
+        return Since(since, tuple(assumed))
+
+
+def changes(design: Design, scope: Scope, assumed: tuple[str, ...] = ()) -> Changes:
+    """Sort the effects of a scope, at all their sites, into those that a check can show and those that it can't."""
+    at, marginal = design.situation, Marginal(design.B)
+    tested: list[Hypothesis] = []
+    untested: list[Untested] = []
+    for hypothesis in scope.hypotheses(at.robot):
+        reason = _reason(at, hypothesis)
+        if reason is None and not _shows(design, marginal, hypothesis, scope.priors):
+            reason = Untestable("uncertain")
+        if reason is None:
+            tested.append(hypothesis)
+        else:
+            untested.append(Untested(hypothesis, reason))
+    return Changes(Tested(design, tested, (), (), scope), tuple(untested), assumed)
+
+
+def _reason(at: Situation, hypothesis: Hypothesis) -> Untestable | None:
+    effect, site = hypothesis.effect, hypothesis.site
+    if effect.since_a_model:
+        return None
+    if effect.has_nonlinear:
+        return Untestable("not_searched")
+    reason = as_untestable(effect.untestable(at, site))
+    if reason is not None and reason.kind == "constant" and reason.covariate in TEMPERATURES:
+        return None
+    return reason
+
+
+def _shows(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> bool:
+    """Whether an effect far beyond its usual size shows, whatever the model's uncertainty and the instrument's pose."""
+    X = design.columns(hypothesis.basis(design.situation)) * priors.large
+    return float(np.trace(marginal.product(X, X))) > priors.shows

@@ -1,0 +1,74 @@
+"""Choice of the poses that determine some effects best, given everything else that is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+
+WORTH = 1e-6
+"""Smallest gain, nats, for which poses are exchanged."""
+PASSES = 2
+"""Rounds of exchanges at most."""
+
+
+class Choice:
+    """Poses with the derivatives of their whitened measurements; some unknowns are wanted, in groups, the others are nuisances.
+
+    The score of some rows is the sum over the groups of -log det(C_g) / size of g, where C_g is the group's block of the
+    covariance (1 / prior + J'J)^-1 after these rows are measured (Ds-optimality, one value for each group).
+
+    Parameters
+    ----------
+    J
+        (N, c, D) derivatives by unknowns in prior sigmas, of mean zero.
+    prior
+        (D,) prior variances.
+    groups
+        Indices of the wanted unknowns, by group.
+    """
+
+    def __init__(self, J: Floats, prior: Floats, groups: Sequence[Sequence[int]]) -> None:
+        self.J, self.prior = J, prior
+        self.groups = [np.array(group, dtype=np.intp) for group in groups]
+
+    def covariance(self, rows: Sequence[int] | Rows) -> Floats:
+        """(D, D) of all unknowns after some rows are measured."""
+        J = self.J[np.asarray(rows, dtype=np.intp)].reshape(-1, self.J.shape[2])
+        # By the prior's side of the matrix inversion lemma: few rows, many unknowns.
+        CJ = self.prior[:, None] * J.T
+        return np.asarray(np.diag(self.prior) - CJ @ np.linalg.solve(np.eye(len(J)) + J @ CJ, CJ.T))
+
+    def scores(self, rows: Sequence[int]) -> Floats:
+        """(N,) score of some rows and each one more; minus infinity for these rows."""
+        C = self.covariance(rows)
+        CJ = self.J @ C
+        S = np.eye(self.J.shape[1]) + CJ @ self.J.swapaxes(1, 2)
+        total = np.zeros(len(self.J))
+        for group in self.groups:
+            own = CJ[:, :, group]
+            block = C[np.ix_(group, group)] - own.swapaxes(1, 2) @ np.linalg.solve(S, own)
+            total -= np.linalg.slogdet(block)[1] / len(group)
+        total[list(rows)] = -np.inf
+        return total
+
+    def best(self, count: int) -> Rows:
+        """(count,) ascending rows: greedy, then single exchanges until none gains."""
+        chosen: list[int] = []
+        for _ in range(count):
+            chosen.append(int(self.scores(chosen).argmax()))
+        for _ in range(PASSES):
+            before = list(chosen)
+            for place, row in enumerate(chosen):
+                others = chosen[:place] + chosen[place + 1 :]
+                scores = self.scores(others)
+                best = int(scores.argmax())
+                if scores[best] > scores[row] + WORTH:
+                    chosen[place] = best
+            if chosen == before:
+                break
+        return np.array(sorted(chosen), dtype=np.intp)

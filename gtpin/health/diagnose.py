@@ -1,0 +1,141 @@
+"""``gtpin.diagnose``: a diagnosis of data by themselves, or of what has changed since an earlier model."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import overload
+
+from gtpin.calibration.reweighting import Progress
+from gtpin.data import Dataset
+from gtpin.diagnosis.diagnose import FALSE_ALARM
+from gtpin.diagnosis.diagnose import diagnose as diagnose_alone
+from gtpin.diagnosis.linear.hold_out import HoldOut
+from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.effects.effect import Effect
+from gtpin.errors import ModelError
+from gtpin.health.check import check
+from gtpin.health.result import HealthCheck
+from gtpin.model.model import Model
+from gtpin.robot.robot import Robot
+
+
+@overload
+def diagnose(
+    dataset: Dataset,
+    robot: Robot | Model | None = None,
+    *,
+    against: None = None,
+    effects: Iterable[Effect] | None = None,
+    exclude: Collection[str] = (),
+    false_alarm: float = FALSE_ALARM,
+    priors: Priors = PRIORS,
+    hold_out: HoldOut = "region",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis: ...
+
+
+@overload
+def diagnose(
+    dataset: Dataset,
+    robot: None = None,
+    *,
+    against: Model,
+    effects: Iterable[Effect] | None = None,
+    exclude: Collection[str] = (),
+    false_alarm: float = FALSE_ALARM,
+    priors: Priors = PRIORS,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> HealthCheck: ...
+
+
+def diagnose(
+    dataset: Dataset,
+    robot: Robot | Model | None = None,
+    *,
+    against: Model | None = None,
+    effects: Iterable[Effect] | None = None,
+    exclude: Collection[str] = (),
+    false_alarm: float = FALSE_ALARM,
+    priors: Priors = PRIORS,
+    hold_out: HoldOut = "region",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis | HealthCheck:
+    """Find the causes of the error that remains after geometric calibration; or, with ``against``, of what has changed.
+
+    Without ``against``, five steps: prepare the data and calibrate; propose hypotheses, and re-estimate noise and outliers;
+    infer which hypotheses are causes; fit them together with the geometry; plan what to measure next. See docs/diagnosis.md.
+
+    With ``against``, nothing is calibrated: the earlier model, with its uncertainty, is what is known, and the causes are what
+    has changed since. Ten poses are enough. See docs/health.md.
+
+    Parameters
+    ----------
+    dataset
+        Measured poses, with all covariates that were recorded.
+    robot
+        The nominal robot, or a model of it; the one that the dataset names by default. Not with ``against``.
+    against
+        An earlier model of the machine.
+    effects
+        The effects to try; by default the whole catalogue. To add your own effects: ``[*gtpin.catalogue(), MyEffect()]``.
+        The dataset's drivers are tried beside them, without ``against``.
+    exclude
+        ``effect`` or ``effect@site``: effects, or sites of an effect, that are not tried.
+    false_alarm
+        Chance of naming a cause where there is none.
+    priors
+        The numbers that move verdicts, each with its source: docs/priors.md.
+    hold_out
+        What is left out together to compute the gap: ``region`` (neighbouring poses), ``session``, ``time`` (stretches of it)
+        or ``random`` (any poses). Nothing but ``gap`` and the causes' shrinkages depends on it. Against a model, each pose is
+        left out in turn.
+    seed
+        Seed of the random numbers: subsets of large datasets, and the draws from which intervals and thresholds are computed.
+    progress
+        Called with a message, a count and a misfit at each stage; None: no calls.
+
+    Returns
+    -------
+    diagnosis
+        A :class:`~gtpin.diagnosis.result.Diagnosis`; with ``against`` a :class:`~gtpin.health.result.HealthCheck`.
+
+    Raises
+    ------
+    GtpinError
+        If the dataset does not match this robot, an excluded effect is not known, or the data can't be held out so.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> diagnosis = gtpin.diagnose(gtpin.Dataset.read("measured"), exclude=["backlash@cart1"])
+    >>> any((cause.effect, cause.site) == ("backlash", "cart1") for cause in diagnosis.causes)
+    False
+    """
+    if against is None:
+        return diagnose_alone(
+            dataset,
+            robot,
+            effects=effects,
+            exclude=exclude,
+            false_alarm=false_alarm,
+            priors=priors,
+            hold_out=hold_out,
+            seed=seed,
+            progress=progress,
+        )
+    if robot is not None:
+        raise ModelError("a robot and an earlier model of it", hint="give against alone: the model has its robot")
+    return check(
+        dataset,
+        against,
+        effects=effects,
+        exclude=exclude,
+        false_alarm=false_alarm,
+        priors=priors,
+        seed=seed,
+        progress=progress,
+    )

@@ -1,0 +1,144 @@
+"""An earlier model as the prior of a check: what it predicts of new commands, and how uncertain that is."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.situation import Column, Situation
+from gtpin.errors import GtpinWarning, ModelError
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+OF_ITS_DAY = frozenset(("session", "time"))
+"""Covariates that say nothing of another day."""
+SINCE = "since the model"
+"""Session of all rows of a check: none of the model's."""
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """A model with what lasts of it: an instrument's drift or shift between sessions is of the day on which it was measured.
+
+    Parameters
+    ----------
+    model
+        As it was read.
+    """
+
+    model: Model
+
+    @cached_property
+    def effects(self) -> tuple[ActiveEffect, ...]:
+        """Its effects, without those of the instrument's frame that depend on time or session."""
+        return tuple(active for active, kept in zip(self.model.effects, self._lasts, strict=True) if kept)
+
+    @cached_property
+    def _lasts(self) -> list[bool]:
+        robot = self.model.robot
+        return [
+            not (active.site == "frame" and OF_ITS_DAY & set(active.effect.covariates(robot, active.site)))
+            for active in self.model.effects
+        ]
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """(p + m, p + m) of the geometry and the coefficients of the lasting effects.
+
+        Without an identified geometry the tolerances squared; without a joint covariance, each effect's by itself.
+        """
+        model, p = self.model, len(self.model.geometry.parameters)
+        blocks = [model.covariance if model.covariance is not None else np.diag(model.geometry.tolerance**2)]
+        blocks += [active.covariance for active in model.effects]
+        kept = [np.ones(p, dtype=bool)]
+        kept += [np.full(len(a.coefficients), lasts) for a, lasts in zip(model.effects, self._lasts, strict=True)]
+        some = np.flatnonzero(np.concatenate(kept))
+        whole = model.joint_covariance
+        if whole is None:
+            whole = np.zeros((len(np.concatenate(kept)),) * 2)
+            start = 0
+            for block in blocks:
+                own = slice(start, start + len(block))
+                whole[own, own] = block
+                start = own.stop
+        return np.asarray(whole[np.ix_(some, some)])
+
+    @cached_property
+    def root(self) -> Floats:
+        """(p + m, k) with root @ root' the covariance: the uncertainty as k standard normal unknowns."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        kept = values > 1e-14 * max(float(values.max()), 1e-300)
+        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+    def predicted(self, q: Floats, covariates: Mapping[str, Column], plain: Poses) -> Poses:
+        """Poses (N) that it predicts at commands, base frame; ``plain`` are those of its geometry alone.
+
+        Raises
+        ------
+        ModelError
+            If a covariate is missing that an effect needs.
+        """
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", GtpinWarning)  # sessions of a check are never those of the model
+            try:
+                return with_effects(self.model.kinematics, q, self._then(covariates, len(q)), self.effects, plain)
+            except ModelError as error:
+                hint = f"record {error.column or 'it'} in the check too, as at the poses of the model"
+                raise ModelError(error.what, column=error.column, hint=hint) from None
+
+    def jacobian(self, q: Floats, covariates: Mapping[str, Column], poses: Poses) -> Floats:
+        """(N, 6, p + m) derivative of its poses, base frame, by its geometry and its effects' coefficients."""
+        kinematics = self.model.kinematics
+        columns = [kinematics.geometry_jacobian(q, poses)]
+        then = self._then(covariates, len(q))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", GtpinWarning)
+            for active in self.effects:
+                at = Situation(kinematics, q, poses, then, fixed=active.references)
+                columns.append(active.basis(at).displacement(at))
+        return np.concatenate(columns, axis=2)
+
+    def _then(self, covariates: Mapping[str, Column], count: int) -> dict[str, Column]:
+        """Covariates as the model's effects take them: no session of its fit, and the middle of its time."""
+        then = dict(covariates) | {"session": np.full(count, SINCE, dtype=object)}
+        for active in self.effects:
+            start, span = active.references.time
+            then["time"] = np.full(count, start + span / 2.0)
+        return then
+
+    def temperature(self, name: str, reference: float) -> float | None:
+        """Temperature, degC, at which its geometry holds; None where it is not known.
+
+        The reference, where it has an effect of that temperature; else the mean over the poses of its fit.
+        """
+        robot, fit = self.model.robot, self.model.fit
+        if any(name in active.effect.covariates(robot, active.site) for active in self.effects):
+            return reference
+        return None if fit is None else {"temp_frame": fit.temp_frame, "temp_link": fit.temp_link}[name]
+
+    def moved(self, deviation: Floats, covariance: Floats) -> Model:
+        """The model with its geometry and lasting effects changed by a deviation (p + m,), and a covariance (p + m, p + m)."""
+        geometry, place = self.model.geometry, len(self.model.geometry.parameters)
+        moved = geometry.with_values(geometry.values + deviation[:place])
+        p, effects = place, []
+        for active in self.effects:
+            own = slice(place, place + len(active.coefficients))
+            effects.append(
+                replace(active, coefficients=active.coefficients + deviation[own], covariance=covariance[own, own])
+            )
+            place = own.stop
+        return replace(
+            self.model,
+            geometry=moved,
+            effects=tuple(effects),
+            covariance=covariance[:p, :p],
+            joint_covariance=covariance if effects else None,
+        )

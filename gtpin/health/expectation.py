@@ -1,0 +1,72 @@
+"""The linear problem of a check: new poses less what an earlier model predicts, whitened, and how uncertain that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import Measured, in_frame, rough_frame
+from gtpin.diagnosis.linear.design import Design
+from gtpin.effects.situation import Column, Situation
+from gtpin.health.earlier import Earlier
+from gtpin.noise.noise import Noise
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How a check is measured.
+
+    Parameters
+    ----------
+    noise
+        Of its poses.
+    free_frame
+        Whether the instrument may stand anywhere.
+    temperature
+        degC at which the geometry holds.
+    """
+
+    noise: Noise
+    free_frame: bool
+    temperature: float = 20.0
+
+
+def expectation(
+    earlier: Earlier, measured: Measured, covariates: Mapping[str, Column], how: Conditions, since: Mapping[str, Column]
+) -> Design:
+    """The linear problem about an earlier model.
+
+    y ~ N(0, I + B B'): B has the derivative by the model's unknowns, scaled by their posterior, and by the pose of the
+    instrument where it is free.
+
+    Parameters
+    ----------
+    covariates
+        As they were recorded.
+    since
+        The same as changes depend on them: see :class:`~gtpin.health.changes.Since`.
+
+    Raises
+    ------
+    ModelError
+        If a covariate is missing that an effect of the model needs.
+    """
+    kinematics, q = earlier.model.kinematics, measured.q
+    plain = kinematics.forward(q)
+    poses = earlier.predicted(q, covariates, plain)
+    model = earlier.model
+    if how.free_frame:
+        model = replace(model, frame=rough_frame(poses, measured))
+    at = Situation(kinematics, q, plain, since, temperature=how.temperature)
+    c = measured.components
+    W = how.noise.whitening(in_frame(at.command_jacobian, model.frame), c)
+    by_model = measured.seen(earlier.jacobian(q, covariates, plain) @ earlier.root, model, poses)
+    unknowns, free = measured.unknown_columns(model, poses, how.free_frame, None)
+    B = (W @ np.concatenate([by_model, unknowns], axis=2)).reshape(len(q) * c, -1)
+    y = np.einsum("nij,nj->ni", W, measured.minus(model.seen(poses))).ravel()
+    return Design(at, W, model, y, np.asarray(B), B.shape[1] - free, measured.taken(how.free_frame), measured)

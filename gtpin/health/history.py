@@ -1,0 +1,148 @@
+"""A log of checks over time: one line of JSON a check, in a file that is only ever added to."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gtpin.diagnosis.inference.findings import Verdict
+from gtpin.errors import GtpinError
+from gtpin.health.result import HealthCheck
+
+SCHEMA: Final = "gtpin-history/1"
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Part(BaseModel):
+    """A part of a line. Unknown keys, and text in place of numbers, are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True, frozen=True)
+
+
+class Changed(Part):
+    """A change that a check named: its leader, and by how much."""
+
+    effect: str
+    site: str
+    probability: Finite
+    parameter: str
+    value: Finite
+    unit: str
+
+
+class Entry(Part):
+    """One check. Lengths in m; ``date`` is UTC, as in ISO 8601."""
+
+    schema_: Literal["gtpin-history/1"] = Field(alias="schema", default=SCHEMA)
+    date: str
+    robot: str
+    dataset: str
+    poses: int
+    verdict: Verdict
+    position_rms: Finite
+    noise_floor: Finite
+    changes: list[Changed]
+
+    @staticmethod
+    def of(check: HealthCheck, now: datetime) -> Entry:
+        """The line of a check."""
+        changes = []
+        for cause in check.causes:
+            name, e = next(iter(cause.parameters.items()))
+            changes.append(
+                Changed(
+                    effect=cause.effect,
+                    site=cause.site,
+                    probability=cause.probability,
+                    parameter=name,
+                    value=e.value,
+                    unit=e.unit,
+                )
+            )
+        return Entry(
+            date=now.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            robot=check.baseline.robot.name,
+            dataset="" if check.dataset.path is None else str(check.dataset.path),
+            poses=check.poses,
+            verdict=check.verdict,
+            position_rms=check.gap.before,
+            noise_floor=check.noise,
+            changes=changes,
+        )
+
+    @property
+    def time(self) -> datetime:
+        """The date as a date."""
+        return datetime.strptime(self.date, "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=UTC)
+
+
+@dataclass(frozen=True)
+class HistoryFiles:
+    """Where a history lies: a folder, and the names of its lines and of its page."""
+
+    folder: Path
+    lines: str
+    page: str
+
+    @staticmethod
+    def named(path: Path) -> HistoryFiles:
+        """``FILE.html``, with the lines in ``FILE.jsonl`` beside it; or a folder, which has ``history.html``."""
+        if path.suffix == ".html":
+            return HistoryFiles(path.parent, f"{path.stem}.jsonl", path.name)
+        return HistoryFiles(path, "history.jsonl", "history.html")
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Both names."""
+        return self.lines, self.page
+
+
+def read_history(files: HistoryFiles) -> tuple[Entry, ...]:
+    """The checks so far, the earliest first; none where there is no history yet.
+
+    Raises
+    ------
+    GtpinError
+        If a line is damaged, or the lines are missing beside their page.
+    """
+    file = files.folder / files.lines
+    if not file.exists():
+        if (files.folder / files.page).exists():
+            raise GtpinError(
+                f"the history is lost: {files.page} is here, but not its lines",
+                file=file,
+                hint=f"restore it, or move {files.page} aside to begin anew",
+            )
+        return ()
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise GtpinError(f"the history can't be read ({error})", file=file, hint="restore it from a copy") from None
+    return tuple(_entry(line, number, file) for number, line in enumerate(lines, 1))
+
+
+def _entry(line: str, number: int, file: Path) -> Entry:
+    hint = "restore it from a copy, or move it aside to begin anew"
+    try:
+        entry = Entry.model_validate(json.loads(line))
+        entry.time  # noqa: B018  (a date that is none is an error)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise GtpinError(
+            f"the history is damaged ({first['msg']})", file=file, row=number, column=key, hint=hint
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise GtpinError(f"the history is damaged ({str(error)[:80]})", file=file, row=number, hint=hint) from None
+    return entry
+
+
+def written_history(entries: Sequence[Entry]) -> str:
+    """The lines of a history."""
+    return "".join(entry.model_dump_json(by_alias=True) + "\n" for entry in entries)

@@ -1,0 +1,313 @@
+"""Which poses to measure: for a calibration, to tell effects apart, or to see whether a machine has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy.planning import plan_poses
+from gtpin.calibration.problem import Measured
+from gtpin.data import Commands
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.priors import PRIORS
+from gtpin.effects.catalogue import catalogue
+from gtpin.errors import ModelError
+from gtpin.health.alarm import Bench, threshold
+from gtpin.health.candidates import Candidates, candidates
+from gtpin.health.changes import Changes, Since, changes
+from gtpin.health.check import DRAWS, FALSE_ALARM, POWER, POWER_DRAWS
+from gtpin.health.choice import Choice
+from gtpin.health.earlier import Earlier
+from gtpin.health.expectation import Conditions, expectation
+from gtpin.health.measured import FEWEST, least_scatter
+from gtpin.health.power import Smallest, smallest_changes
+from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
+from gtpin.output.shown import Presentation, Shown
+from gtpin.threads import in_one_thread
+
+Floats = npt.NDArray[np.float64]
+Purpose = Literal["calibration", "discrimination", "health"]
+Place = Literal["robot", "free"]
+
+WANTED = ("zero_shift", "backlash")
+"""Changes for which the poses of a check are chosen: what crashes and wear do first. Assumed."""
+RANDOM = 20
+"""Random choices of as many poses that a plan is compared with."""
+VAGUE = 100.0
+"""Prior variance of what a check looks for, in typical sizes squared: ten times the typical size. Of effects that are to be
+told apart it is 1: one of them acts, and the others are no larger than usual."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Standard deviation of an effect's first parameter after the planned poses, and after as many random ones.
+
+    Everything else that the plan may name is unknown too. Of several coefficients: that of the first core coefficient.
+    """
+
+    effect: str
+    site: str
+    parameter: str
+    sigma: float
+    sigma_random: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Information:
+    """What the poses of a calibration tell, nats, and the error, m, that the calibrated model leaves; and random poses."""
+
+    nats: float
+    nats_random: float
+    error: float
+    error_random: float
+
+
+@dataclass(frozen=True, repr=False)
+class PosePlan(Shown):
+    """Poses to measure.
+
+    Parameters
+    ----------
+    purpose
+        What they are for.
+    commands
+        With the conditions to set, in the order in which they are to be measured.
+    model, noise, frame
+        What they are planned for.
+    smallest, false_alarm, power, threshold
+        For health: the smallest changes that a check of these poses finds with that power, at these false alarms.
+    told
+        For discrimination: how well each effect is told from all others.
+    information
+        For calibration.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> model = gtpin.calibrate(gtpin.Dataset.read("measured")).model
+    >>> found = gtpin.plan(model, "health", 10)
+    >>> found.to_dataframe().columns.tolist()
+    ['q1', 'q2', 'q3', 'approach1', 'approach2', 'approach3']
+    """
+
+    purpose: Purpose
+    commands: Commands
+    model: Model
+    noise: Noise
+    frame: Place
+    smallest: tuple[Smallest, ...] = ()
+    false_alarm: float = FALSE_ALARM
+    power: float = POWER
+    threshold: float | None = None
+    told: tuple[Told, ...] = ()
+    information: Information | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``plan.json``."""
+        from gtpin.report.plan_json import plan_json
+
+        return plan_json(self)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.plan import PlanPresentation
+
+        return PlanPresentation(self)
+
+
+@in_one_thread
+def plan(
+    model: Model,
+    purpose: Purpose,
+    poses: int,
+    *,
+    noise: Noise | None = None,
+    q: Floats | None = None,
+    frame: Place | None = None,
+    orientation: bool = True,
+    between: Collection[str] = (),
+    false_alarm: float = FALSE_ALARM,
+    seed: int = 0,
+) -> PosePlan:
+    """Choose poses to measure.
+
+    Parameters
+    ----------
+    model
+        A model of the machine; its uncertainty is what is known. A nominal one has its tolerances.
+    purpose
+        ``calibration``: the poses that tell most about the geometry (D-optimal). ``health``: those that show shifted zeros and
+        backlash of every actuator best, for ``gtpin.diagnose(data, against=model)``. ``discrimination``: those that tell the
+        effects of the catalogue, or those in ``between``, from each other and from the geometry.
+    poses
+        How many.
+    noise
+        Of the measurement; by default that of the model's fit.
+    q
+        (N, n) commands to choose from, m or rad; by default some that fill the workspace. Obstacles are not known.
+    frame
+        ``free``: the instrument may stand anywhere. By default, as it was for the model.
+    orientation
+        Whether orientations are measured.
+    between
+        For discrimination: ``effect`` or ``effect@site``.
+    false_alarm
+        For health: chance of an alarm where nothing has changed.
+    seed
+        Of the candidates and the draws; same seed, same plan.
+
+    Raises
+    ------
+    ModelError
+        If the noise is not known, there are fewer candidates than poses, or an effect is not known.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> from gtpin.noise.noise import Noise
+    >>> found = gtpin.plan(gtpin.read_model("gantry_tau"), "calibration", 12, noise=Noise(1.5e-5, 5e-5))
+    >>> len(found.commands)
+    12
+    """
+    if purpose not in get_args(Purpose):
+        raise ModelError(f"no plan is called {purpose!r}", hint=f"use {', '.join(get_args(Purpose))}")
+    noise = noise if noise is not None else _noise_of(model)
+    where: Place = frame or ("robot" if model.frame.is_base else "free")
+    rng = np.random.default_rng(seed)
+    some = candidates(model, q, rng, moving=purpose == "discrimination", seed=seed)
+    if not FEWEST <= poses <= len(some):
+        hint = f"ask for {FEWEST} at least, and no more than there are candidates"
+        raise ModelError(f"{poses} poses out of {len(some)}", hint=hint)
+    if purpose == "calibration":
+        return _for_calibration(model, some, poses, noise, where, orientation, seed)
+    how = Conditions(noise, where == "free")
+    scope = Scope.of(catalogue(), (), false_alarm, model.robot)
+    design, possible = _possible(Earlier(model), some, how, scope, orientation)
+    wanted = _wanted(possible, WANTED if purpose == "health" else tuple(between), model)
+    choice = _choice(design, wanted, VAGUE if purpose == "health" else 1.0)
+    rows = choice.best(poses)
+    commands = _commands(some, rows, purpose)
+    if purpose == "discrimination":
+        random = [rng.choice(len(some), poses, replace=False) for _ in range(RANDOM)]
+        return PosePlan(purpose, commands, model, noise, where, told=tuple(_told(design, choice, wanted, rows, random)))
+    _, chosen = _possible(Earlier(model), _taken(some, rows), how, scope, orientation)
+    bench = Bench(chosen.hypotheses)
+    level = threshold(bench, PRIORS.named_alarms * false_alarm, DRAWS, rng)
+    smallest = tuple(smallest_changes(bench, level, POWER, POWER_DRAWS, rng))
+    return PosePlan(purpose, commands, model, noise, where, smallest, false_alarm, POWER, level)
+
+
+def _noise_of(model: Model) -> Noise:
+    if model.fit is None:
+        raise ModelError("the noise of the measurement is not known", hint="give it: Noise(1.5e-5, 5e-5), m and rad")
+    noise = Noise(model.fit.position_sigma, model.fit.orientation_sigma, max(model.fit.drives, least_scatter(model)))
+    return noise.scaled(model.fit.misfit)
+
+
+def _for_calibration(
+    model: Model, some: Candidates, poses: int, noise: Noise, frame: Place, orientation: bool, seed: int
+) -> PosePlan:
+    found = plan_poses(
+        model,
+        some.q,
+        poses,
+        noise,
+        at=some.q,
+        orientation=orientation,
+        free_frame=frame == "free",
+        draws=RANDOM,
+        seed=seed,
+    )
+    information = Information(
+        found.nats, float(found.random_nats.mean()), found.error, float(found.random_error.mean())
+    )
+    commands = _commands(some, found.rows, "calibration")
+    return PosePlan("calibration", commands, model, noise, frame, information=information)
+
+
+def _possible(
+    earlier: Earlier, some: Candidates, how: Conditions, scope: Scope, orientation: bool
+) -> tuple[Design, Changes]:
+    """The linear problem of measuring candidates, and what could be told by it."""
+    kinematics = earlier.model.kinematics
+    seen = earlier.model.seen(earlier.predicted(some.q, some.covariates, kinematics.forward(some.q)))
+    measured = Measured(some.q, seen.T, seen.R if orientation else None)
+    since = Since.of(some.covariates, earlier, how.temperature, len(some), PRIORS.warmer)
+    design = expectation(earlier, measured, some.covariates, how, since.covariates)
+    return design, changes(design, scope, since.assumed)
+
+
+def _wanted(possible: Changes, words: Sequence[str], model: Model) -> list[Hypothesis]:
+    """The hypotheses that words name, ``effect`` or ``effect@site``; all, where there are no words."""
+    tested = possible.hypotheses.linear
+    found = [h for h in tested if not words or h.effect.id in words or str(h) in words]
+    for word in words:
+        if not any(word in (h.effect.id, str(h)) for h in tested):
+            known = ", ".join(dict.fromkeys(h.effect.id for h in tested))
+            raise ModelError(f"no poses of {model.robot.name} tell {word}", hint=f"what they can tell: {known}")
+    return found
+
+
+def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Choice:
+    """The choice that determines the cores of some effects, of a prior variance, everything else unknown."""
+    N, c = len(design.whitening), design.components
+    columns, prior, groups = [design.B], [np.ones(design.B.shape[1])], []
+    place = design.B.shape[1]
+    for hypothesis in wanted:
+        own = design.columns(hypothesis.basis(design.situation))
+        core = hypothesis.effect.core or tuple(range(own.shape[1]))
+        columns.append(own)
+        prior.append(np.where(np.isin(np.arange(own.shape[1]), core), variance, 1.0))
+        groups.append([place + i for i in core if i < own.shape[1]])
+        place += own.shape[1]
+    return Choice(np.hstack(columns).reshape(N, c, -1), np.concatenate(prior), groups)
+
+
+def _told(
+    design: Design,
+    choice: Choice,
+    wanted: Sequence[Hypothesis],
+    rows: npt.NDArray[np.intp],
+    random: Sequence[npt.NDArray[np.intp]],
+) -> list[Told]:
+    planned = np.sqrt(np.diag(choice.covariance(rows)))
+    others = np.mean([np.sqrt(np.diag(choice.covariance(drawn))) for drawn in random], axis=0)
+    robot, found = design.situation.robot, []
+    for hypothesis, group in zip(wanted, choice.groups, strict=True):
+        sigma = hypothesis.basis(design.situation).sigma
+        first = hypothesis.effect.core[0] if hypothesis.effect.core else 0
+        one = np.where(np.arange(len(sigma)) == first, sigma, 0.0)
+        name, (value, unit) = next(iter(hypothesis.effect.parameters_of(robot, hypothesis.site, one, ()).items()))
+        typical = abs(float(value))
+        at = int(group[0])
+        found.append(Told(*hypothesis.place, name, float(planned[at]) * typical, float(others[at]) * typical, unit))
+    return found
+
+
+def _taken(some: Candidates, rows: npt.NDArray[np.intp]) -> Candidates:
+    return Candidates(some.q[rows], {n: v[rows] for n, v in some.covariates.items()}, some.set_by_plan)
+
+
+def _commands(some: Candidates, rows: npt.NDArray[np.intp], purpose: str) -> Commands:
+    """The chosen poses as a table, in an order with short ways between them."""
+    rows = rows[_short_way(some.q[rows])]
+    ids = np.array([f"{purpose}{k + 1}" for k in range(len(rows))], dtype=object)
+    known = {} if purpose == "calibration" else {name: some.covariates[name][rows] for name in some.set_by_plan}
+    return Commands(ids, some.q[rows], known)
+
+
+def _short_way(q: Floats) -> npt.NDArray[np.intp]:
+    """Order of commands, each time the nearest next."""
+    span = np.maximum(np.ptp(q, axis=0), 1e-12)
+    left, order = list(range(1, len(q))), [0]
+    while left:
+        off = np.linalg.norm((q[left] - q[order[-1]]) / span, axis=1)
+        order.append(left.pop(int(off.argmin())))
+    return np.array(order, dtype=np.intp)

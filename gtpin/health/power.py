@@ -1,0 +1,87 @@
+"""The smallest change that a check finds: what it could not have seen is smaller, or is not in its list at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.health.alarm import Axes, Bench, unchanged
+
+Floats = npt.NDArray[np.float64]
+
+LARGEST = 1e3
+"""Size of a change, over its typical size, at which the search for the smallest one ends."""
+STEPS = 12
+"""Halvings of the logarithm of the size: to 0.4 %."""
+NAMED = 60
+"""Shapes from which the median of a parameter is taken."""
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """The smallest change of an effect at a site that a check finds with a given power.
+
+    Parameters
+    ----------
+    parameter, value, unit
+        Its first parameter. Of several coefficients: the median over changes of random shape. The value is None where no size
+        up to 1,000 times the typical one is found.
+    """
+
+    effect: str
+    site: str
+    parameter: str
+    value: float | None
+    unit: str
+
+
+def smallest_changes(
+    bench: Bench, threshold: float, power: float, draws: int, rng: np.random.Generator
+) -> Iterator[Smallest]:
+    """For each hypothesis, the smallest change whose own evidence exceeds the alarm's threshold with a power.
+
+    Another hypothesis, or the sum of squares, may raise the alarm as well: the power is this or more.
+    """
+    at = bench.hypotheses.design.situation
+    y = unchanged(bench.hypotheses.design, draws, rng)
+    for axes in bench.axes:
+        hypothesis = axes.hypothesis
+        shape = shapes(axes, draws, rng)
+        size = _size(bench, axes, bench.moments(axes, y), shape, threshold, power)
+        sigma = hypothesis.basis(at).sigma
+        named = [hypothesis.effect.parameters_of(at.robot, hypothesis.site, u * sigma, ()) for u in shape[:NAMED]]
+        name, (_, unit) = next(iter(named[0].items()))
+        typical = float(np.median([abs(found[name][0]) for found in named]))
+        yield Smallest(*hypothesis.place, name, None if size is None else size * typical, unit)
+
+
+def shapes(axes: Axes, draws: int, rng: np.random.Generator) -> Floats:
+    """(draws, c) coefficients of a change of typical size: of the core alone, of random sign and shape, mean square 1."""
+    c = len(axes.values)
+    own = list(axes.core) or list(range(c))
+    drawn = rng.standard_normal((draws, len(own)))
+    found = np.zeros((draws, c))
+    found[:, own] = drawn * np.sqrt(len(own) / (drawn**2).sum(axis=1, keepdims=True))
+    return found
+
+
+def found_share(bench: Bench, axes: Axes, null: Floats, shape: Floats, size: float, threshold: float) -> float:
+    """Share of changes of a size that exceed the threshold."""
+    moments = null + size * (shape @ axes.vectors) * axes.values
+    return float((bench.gains(axes, moments) >= threshold).mean())
+
+
+def _size(bench: Bench, axes: Axes, null: Floats, shape: Floats, threshold: float, power: float) -> float | None:
+    low, high = np.log(1e-3), np.log(LARGEST)
+    if not found_share(bench, axes, null, shape, LARGEST, threshold) >= power:
+        return None
+    for _ in range(STEPS):
+        middle = (low + high) / 2.0
+        if found_share(bench, axes, null, shape, float(np.exp(middle)), threshold) >= power:
+            high = middle
+        else:
+            low = middle
+    return float(np.exp(high))

@@ -1,0 +1,94 @@
+"""An earlier model brought up to date: geometry, its effects, the instrument's pose, and the changes, by the check's poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.linear.design import Design
+from gtpin.effects.active import ActiveEffect
+from gtpin.health.earlier import Earlier
+from gtpin.kinematics.rotations import exp
+from gtpin.model.model import Frame, Model
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The Gaussian posterior of everything that is unknown, over its prior sizes.
+
+    Parameters
+    ----------
+    mean, covariance
+        (k,) and (k, k): the model's unknowns, the instrument's pose, then the changes' coefficients.
+    left
+        (N, c) whitened residuals of the mean.
+    """
+
+    mean: Floats
+    covariance: Floats
+    left: Floats
+
+    @staticmethod
+    def of(design: Design, changes: Floats) -> Linear:
+        """For whitened displacements (N c, m) of the changes, of the sizes that their priors have."""
+        J = np.hstack([design.B, changes])
+        prior = np.concatenate([design.prior, np.ones(changes.shape[1])])
+        covariance = np.linalg.inv(J.T @ J + np.diag(prior))
+        mean = covariance @ (J.T @ design.y)
+        return Linear(mean, covariance, (design.y - J @ mean).reshape(-1, design.components))
+
+
+def pose_chi2(design: Design, changes: Floats) -> Floats:
+    """(N,) chi-square of each pose as all others predict it, with as many degrees of freedom as it has numbers.
+
+    r' Q^-1 r, where r are the pose's rows of K^-1 y, and Q its block of K^-1, with K the covariance of y.
+    """
+    J, c = np.hstack([design.B, changes]), design.components
+    found = Linear.of(design, changes)
+    half = J.reshape(-1, c, J.shape[1])
+    Q = np.eye(c) - half @ found.covariance @ half.swapaxes(1, 2)
+    return np.asarray(np.einsum("ni,ni->n", found.left, np.linalg.solve(Q, found.left[..., None])[..., 0]))
+
+
+def updated(
+    earlier: Earlier, design: Design, causes: Sequence[Hypothesis], scale: Sequence[float], columns: Floats
+) -> tuple[Model, tuple[ActiveEffect, ...]]:
+    """The model with the changes in, and the changes with their coefficients.
+
+    Parameters
+    ----------
+    scale, columns
+        Of each change over its typical size, and (N c, m) the whitened displacements of all of them at these scales.
+    """
+    found, k = Linear.of(design, columns), design.n_prior
+    after = design.B.shape[1]
+    sizes = [cause.basis(design.situation).sigma * s for cause, s in zip(causes, scale, strict=True)]
+    whole = np.zeros((len(earlier.root) + sum(map(len, sizes)), len(found.mean)))
+    whole[: len(earlier.root), :k] = earlier.root
+    whole[len(earlier.root) :, after:] = np.diag(np.concatenate([np.zeros(0), *sizes]))
+    moved, covariance = whole @ found.mean, whole @ found.covariance @ whole.T
+    active, place, known = [], len(earlier.root), design.situation.references
+    for cause, size in zip(causes, sizes, strict=True):
+        own = slice(place, place + len(size))
+        place = own.stop
+        active.append(ActiveEffect(cause.effect, cause.site, None, moved[own], covariance[own, own], known))
+    n = len(earlier.root)
+    model = replace(earlier.moved(moved[:n], covariance[:n, :n]), frame=_frame(design, found.mean[k:after]))
+    effects = (*model.effects, *active)
+    return replace(model, effects=effects, joint_covariance=covariance if effects else None), tuple(active)
+
+
+def _frame(design: Design, change: Floats) -> Frame:
+    """The instrument's pose with a change of shift, m, and turn, rad, about the middle of the poses."""
+    frame = design.model.frame
+    if not change.size:
+        return frame
+    pivot = design.model.seen(design.situation.poses).T.mean(axis=0)
+    turn = exp(change[3:])
+    return Frame(pivot + change[:3] + turn @ (frame.T - pivot), turn @ frame.R)

@@ -1,0 +1,52 @@
+"""The conditions of the fit of a model: what a later check of the same machine is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtpin.data.table import Column
+from gtpin.noise.noise import Noise
+
+TEMPERATURES = ("temp_frame", "temp_link")
+"""Covariates of which a model keeps the mean over its fit."""
+
+
+@dataclass(frozen=True)
+class FitConditions:
+    """Noise and temperatures of the poses that a model was fitted to; sigmas are one standard deviation.
+
+    Parameters
+    ----------
+    position_sigma, orientation_sigma
+        The instrument's, per axis, m and rad, declared or estimated.
+    drives
+        Of every actuator, m or rad: repeatability, and what the model lacks along the motions of single drives.
+    misfit
+        Largest ratio of the residuals to this noise that the fit allows: sqrt(chi-square per degree of freedom), one standard
+        deviation up, and 1 at least. A small scatter of the drives may not show in a fit, but adds to the noise of a check.
+    temp_frame, temp_link
+        Mean temperatures, degC; None where they were not recorded.
+    """
+
+    position_sigma: float
+    orientation_sigma: float
+    drives: float
+    misfit: float = 1.0
+    temp_frame: float | None = None
+    temp_link: float | None = None
+
+    @staticmethod
+    def of(noise: Noise, chi2: float, dof: float, covariates: Mapping[str, Column]) -> FitConditions:
+        """Those of a fit with a noise, chi-square of the residuals with its degrees of freedom, and covariates (N,) by name."""
+        power = chi2 / dof * (1.0 + np.sqrt(2.0 / dof))
+        mean = {n: float(np.mean(np.asarray(covariates[n], dtype=float))) for n in TEMPERATURES if n in covariates}
+        return FitConditions(
+            position_sigma=float(noise.position_sigma),
+            orientation_sigma=float(noise.orientation_sigma),
+            drives=noise.along_drives,
+            misfit=float(np.sqrt(max(power, 1.0))),
+            **mean,
+        )

@@ -1,0 +1,29 @@
+"""A check against an earlier model as ``diagnosis.json`` holds it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gtpin.health.result import HealthCheck
+from gtpin.report.diagnosis_json import diagnosis_json
+
+
+def health_json(check: HealthCheck) -> dict[str, Any]:
+    """The content of ``diagnosis.json``: that of a diagnosis, and ``against``."""
+    found = diagnosis_json(check)
+    found["gap"]["method"] = "each pose left out in turn, and predicted by the earlier model and all other poses"
+    found["against"] = {
+        "robot": check.baseline.robot.name,
+        "poses": check.poses,
+        "set_aside": list(check.set_aside),
+        "frame": "free" if check.free_frame else "robot",
+        "false_alarm": check.false_alarm,
+        "threshold": check.threshold,
+        "power": check.power,
+        "assumed": list(check.assumed),
+        "smallest": [
+            {"effect": s.effect, "site": s.site, "parameter": s.parameter, "value": s.value, "unit": s.unit}
+            for s in check.smallest
+        ],
+    }
+    return found

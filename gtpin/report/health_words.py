@@ -1,0 +1,124 @@
+"""A check against an earlier model in sentences: what has changed, what to do, and what could not have been seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from gtpin.diagnosis.inference.findings import Cause
+from gtpin.health.power import Smallest
+from gtpin.health.result import HealthCheck
+from gtpin.report.doubts import doubt_words
+from gtpin.report.gap_words import gap_words
+from gtpin.report.phrases import clause, remedy, sentence
+from gtpin.report.reasons import reason_words
+from gtpin.report.sure_causes import sure_and_doubtful
+from gtpin.report.words import chance, counted, joined, number_word, percent, quantity, site_words
+
+SINCE = {
+    "zero_shift": "the zero of {site} has moved",
+    "frame_shift": "{site} sits elsewhere",
+    "backlash": "{site} has another backlash",
+    "target_offset": "the target sits elsewhere",
+}
+"""Changes whose usual clause says something else; the others are said as in a diagnosis."""
+FIRST = ("zero_shift", "backlash")
+"""Effects whose smallest changes are named in the summary; the page has all."""
+
+
+def change(check: HealthCheck, effect: str, site: str) -> str:
+    """A change as a clause."""
+    if effect in SINCE:
+        return SINCE[effect].replace("{site}", site_words(site))
+    return clause(check.effect(effect), site, check.model.robot)
+
+
+def headline(check: HealthCheck) -> str:
+    """What has changed, in one sentence or two."""
+    if check.verdict == "none":
+        return "Nothing has changed since the model was identified, as far as these poses show."
+    sure, doubtful = sure_and_doubtful(check.causes)
+    known = sentence(joined([change(check, c.effect, c.site) for c in sure])) if sure else ""
+    if check.verdict == "unknown":
+        also = f" Also certain: {known}" if sure else ""
+        return f"Something has changed that no known effect explains.{also}"
+    if doubtful:
+        either = " ".join(sentence(_either(check, c)) for c in doubtful)
+        return f"Changed since the model was identified: {either}{f' Certain: {known}' if sure else ''}"
+    several = f"{number_word(len(sure))} changes since the model was identified: " if len(sure) > 1 else ""
+    return sentence(several + joined([change(check, c.effect, c.site) for c in sure]))
+
+
+def _either(check: HealthCheck, cause: Cause) -> str:
+    named = [f"{change(check, m.effect, m.site)} ({chance(m.probability)})" for m in cause.members]
+    if len(named) == 1:
+        return f"probably {named[0]}, but these poses don't decide it"
+    more = f", or one of {len(named) - 3} others" if len(named) > 4 else ", or another" if len(named) == 4 else ""
+    return f"{joined(named[:3], 'or')}{more}: these poses can't tell"
+
+
+def advice(check: HealthCheck) -> list[str]:
+    """What to do, and what limits the check."""
+    size = gap_words(check.gap)
+    found = [
+        f"Position error of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; noise alone: {size.floor}."
+    ]
+    if check.causes:
+        found[0] = (
+            f"Position error of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; with the changes: "
+            f"{size.after}; noise alone: {size.floor}."
+        )
+    for cause in check.causes:
+        found.append(
+            f"{cause.effect} at {site_words(cause.site)}: {remedy(check.effect(cause.effect), check.model.robot)}"
+        )
+    if check.verdict == "unknown":
+        found += [*doubt_words(check.doubts), "Calibrate again with enough poses, and diagnose these."]
+    if check.set_aside:
+        found.append(f"Set aside as gross errors: {joined(list(check.set_aside))}. Measure them again.")
+    if check.assumed and any(_thermal(check, m.effect, m.site) for c in check.causes for m in c.members):
+        found.append(
+            f"{joined(list(check.assumed))} could have changed: record it at the model's poses and at the check's."
+        )
+    if check.free_frame:
+        found.append(
+            "The instrument stood anywhere: changes that look like another place of the instrument are hidden."
+        )
+    return found
+
+
+def _thermal(check: HealthCheck, effect: str, site: str) -> bool:
+    return bool(set(check.effect(effect).covariates(check.model.robot, site)) & set(check.assumed))
+
+
+def power_words(check: HealthCheck) -> str:
+    """What such poses show with the check's power, of the commonest changes."""
+    parts = [
+        f"{effect.replace('_', ' ')} {_largest(rows)}"
+        for effect in FIRST
+        if (rows := [s for s in check.smallest if s.effect == effect])
+    ]
+    if not parts:
+        return "These poses show neither shifted zeros nor backlash of any size."
+    return f"Changes that such poses show in {percent(check.power)} of cases, from: {joined(parts)} at the worst site."
+
+
+def _largest(rows: Sequence[Smallest]) -> str:
+    if any(row.value is None for row in rows):
+        return "of no size"
+    worst = max(rows, key=lambda row: row.value or 0.0)
+    return quantity(worst.value or 0.0, worst.unit)
+
+
+def unseen(check: HealthCheck) -> list[str]:
+    """Changes that these poses could not have shown, by reason."""
+    by_reason: dict[str, list[str]] = {}
+    for c in check.candidates:
+        if not c.testable:
+            # The reason of a site is that of its column: one sentence for all sites of an effect.
+            reason = reason_words(c.reason, "the site").rstrip("0123456789")
+            by_reason.setdefault(reason, []).append(c.effect)
+    return [f"{joined(list(_once(effects)))}: {reason}." for reason, effects in by_reason.items()]
+
+
+def _once(words: Iterable[str]) -> Iterable[str]:
+    return dict.fromkeys(words)

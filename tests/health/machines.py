@@ -1,0 +1,52 @@
+"""Machines of the plant, measured on one day for a model and on a later day for a check."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+import gtpin
+from gtpin.plant import Case, make_case, measure_at
+from gtpin.plant.tracker import Noise
+
+POSES = 10
+
+
+@cache
+def machine(seed: int, *, free: bool = False, robot: str = "gantry_tau") -> tuple[Case, gtpin.Model]:
+    """A machine without an effect, and the model of its calibration; not to be changed."""
+    noise = Noise(free=free)
+    case = make_case(seed, effects=[], poses=140, held_out=40, noise=noise, background=False, robot=robot)
+    return case, gtpin.calibrate(case.dataset).model
+
+
+def later(
+    case: Case,
+    seed: int,
+    *,
+    shift: dict[int, float] | None = None,
+    reversal: dict[int, float] | None = None,
+    poses: int = POSES,
+) -> gtpin.Dataset:
+    """The machine measured again at some of its poses, approached from both sides.
+
+    The drives are off by what the controller does not know: a shift of the zero, m, or a reversal error, m, by actuator.
+    """
+    rng = np.random.default_rng([seed, 11])
+    q = case.dataset.q[rng.choice(len(case.dataset), poses, replace=False)]
+    ways = np.column_stack([rng.permutation(np.resize([-1.0, 1.0], poses)) for _ in range(q.shape[1])])
+    off = np.zeros_like(q)
+    for actuator, size in (shift or {}).items():
+        off[:, actuator] += size
+    for actuator, size in (reversal or {}).items():
+        off[:, actuator] -= size / 2.0 * ways[:, actuator]
+    ids = np.array([f"check{i}" for i in range(poses)], dtype=object)
+    approaches = {f"approach{i + 1}": ways[:, i] for i in range(q.shape[1])}
+    return replace(measure_at(case, gtpin.Commands(ids, q + off, approaches), seed), q=q)
+
+
+def classes(found: gtpin.HealthCheck) -> list[set[tuple[str, str]]]:
+    """The classes of a check's causes."""
+    return [{(m.effect, m.site) for m in cause.members} for cause in found.causes]

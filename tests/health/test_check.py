@@ -1,0 +1,244 @@
+"""What has changed since a model: what is found from ten poses, how often without a change, and what is said of the rest."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machines import classes, later, machine
+from scipy.spatial.transform import Rotation
+from scipy.stats import binom
+
+import gtpin
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.priors import PRIORS
+from gtpin.effects.catalogue import catalogue
+from gtpin.health.alarm import Bench, threshold
+from gtpin.health.changes import Since, changes
+from gtpin.health.earlier import Earlier
+from gtpin.health.expectation import expectation
+from gtpin.health.measured import usable
+from gtpin.plant import make_case
+
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
+KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment"}
+
+
+@pytest.mark.parametrize("actuator", [0, 1, 2])
+def test_a_zero_shifted_by_30_um_is_found_with_ten_poses(actuator):
+    case, model = machine(21)
+    found = gtpin.diagnose(later(case, actuator, shift={actuator: 3e-5}), against=model)
+    assert found.verdict in ("explained", "ambiguous")
+    assert any(("zero_shift", f"cart{actuator + 1}") in members for members in classes(found))
+
+
+@pytest.mark.parametrize("actuator", [0, 1, 2])
+def test_a_backlash_of_50_um_is_found_and_leads_its_class(actuator):
+    case, model = machine(22)
+    found = gtpin.diagnose(later(case, actuator, reversal={actuator: 5e-5}), against=model)
+    assert [(c.effect, c.site) for c in found.causes] == [("backlash", f"cart{actuator + 1}")]
+    reversal = found.causes[0].parameters["reversal"]
+    assert abs(reversal.value + 5e-5) < 4.0 * reversal.sigma
+
+
+def test_a_change_of_three_tenths_of_a_millimetre_is_measured_to_its_sigma():
+    case, model = machine(23)
+    found = gtpin.diagnose(later(case, 1, shift={1: 3e-4}), against=model)
+    shift = next(c for c in found.causes if c.effect == "zero_shift").parameters["shift"]
+    assert abs(shift.value - 3e-4) < 4.0 * shift.sigma
+    assert found.gap.shrinkage > 0.95
+
+
+def test_machines_without_a_change_raise_no_more_alarms_than_chance_allows():
+    alarms, checks = 0, 0
+    for seed in (24, 25, 26):
+        case, model = machine(seed)
+        for number in range(10):
+            alarms += gtpin.diagnose(later(case, number), against=model, seed=number).verdict != "none"
+            checks += 1
+    assert alarms <= binom.ppf(0.999, checks, 0.01)
+
+
+def test_draws_of_an_unchanged_machine_exceed_the_threshold_as_often_as_asked():
+    """Fresh draws, with the earlier model's error drawn from its covariance by other code."""
+    case, model = machine(21)
+    bench, design, earlier = problem(model, later(case, 3))
+    rng = np.random.default_rng(5)
+    level = threshold(bench, 0.05, 4000, rng)
+    errors = rng.multivariate_normal(np.zeros(len(model.covariance)), model.covariance, 3000, method="eigh")
+    J = earlier.jacobian(design.situation.q, design.situation.covariates, design.situation.poses)
+    moved = (design.whitening @ J).reshape(len(design.y), -1)
+    y = rng.standard_normal((len(design.y), 3000)) + moved @ errors.T
+    share = float((bench.largest(y) > level).mean())
+    assert 0.035 < share < 0.066  # four sigma of both counts
+
+
+def test_gains_of_draws_are_those_of_single_residuals():
+    case, model = machine(21)
+    bench, design, _ = problem(model, later(case, 4))
+    groups = bench.hypotheses.groups
+    for axes in bench.axes:
+        own = bench.gains(axes, bench.moments(axes, design.y[:, None]))[0]
+        alone = bench.hypotheses.alone(axes.hypothesis)
+        assert own == pytest.approx(alone, rel=1e-9, abs=1e-9), groups
+
+
+def problem(model, dataset):
+    """The bench of a check, its linear problem, and the earlier model."""
+    earlier, data = Earlier(model), usable(dataset, model)
+    scope = Scope.of(catalogue(), (), 0.01, model.robot)
+    known = data.dataset.covariates
+    since = Since.of(known, earlier, 20.0, len(data.dataset), PRIORS.warmer)
+    design = expectation(earlier, data.measured, known, data.how, since.covariates)
+    return Bench(changes(design, scope, since.assumed).hypotheses), design, earlier
+
+
+def test_one_gross_error_is_set_aside_and_is_no_change():
+    case, model = machine(22)
+    dataset = later(case, 7)
+    position = dataset.position.copy()
+    position[4] += [2e-3, -1e-3, 5e-4]
+    found = gtpin.diagnose(replace(dataset, position=position), against=model)
+    assert found.set_aside == ("check4",)
+    assert found.verdict == "none"
+
+
+def test_an_instrument_that_stands_elsewhere_is_no_change_where_its_place_is_free():
+    case, model = machine(27, free=True)
+    dataset = later(case, 1)
+    turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    half = np.sqrt(0.5)
+    w, x, y, z = dataset.orientation.T
+    quaternions = half * np.column_stack([w - z, x - y, y + x, z + w])  # a quarter turn about z, before the rotation
+    moved = replace(dataset, position=dataset.position @ turned.T + [3.0, -1.0, 0.2], orientation=quaternions)
+    here, there = (gtpin.diagnose(data, against=model) for data in (dataset, moved))
+    assert here.verdict == there.verdict == "none"
+    assert there.gap.before == pytest.approx(here.gap.before, rel=1e-3)
+
+
+def test_a_check_with_a_free_instrument_says_that_it_hardly_sees_shifted_zeros():
+    known, free = machine(21), machine(27, free=True)
+    smallest = []
+    for case, model in (known, free):
+        found = gtpin.diagnose(later(case, 1), against=model)
+        smallest.append(max(s.value for s in found.smallest if s.effect == "zero_shift"))
+    assert smallest[0] < 3e-5 < 1e-4 < smallest[1]
+
+
+def test_what_can_not_be_seen_is_listed_with_its_reason():
+    case, model = machine(21)
+    dataset = later(case, 2)
+    without = replace(dataset, covariates={n: v for n, v in dataset.covariates.items() if n != "approach2"})
+    found = gtpin.diagnose(without, against=model)
+    untested = {(c.effect, c.site): c.reason.kind for c in found.candidates if not c.testable}
+    assert untested["backlash", "cart2"] == "missing"
+    assert untested["rack_periodic", "cart1"] == "not_searched"
+    assert {(s.effect, s.site) for s in found.smallest} == {(c.effect, c.site) for c in found.candidates if c.testable}
+
+
+def test_the_model_with_the_change_in_predicts_poses_that_were_not_measured():
+    case, model = machine(23)
+    found = gtpin.diagnose(later(case, 1, shift={1: 1e-4}), against=model)
+    assert found.causes[0].effect == "zero_shift"
+    other = later(case, 99, shift={1: 1e-4}, poses=40)
+    errors = [
+        np.linalg.norm(m.predict(other.q, other.covariates).T - other.position, axis=1) for m in (model, found.model)
+    ]
+    assert np.sqrt((errors[1] ** 2).mean()) < 0.5 * np.sqrt((errors[0] ** 2).mean())
+
+
+def test_a_check_against_the_updated_model_finds_nothing_more(tmp_path):
+    case, model = machine(23)
+    first = gtpin.diagnose(later(case, 1, shift={1: 1e-4}), against=model)
+    first.save(tmp_path / "check")
+    read = gtpin.read_model(tmp_path / "check")
+    again = gtpin.diagnose(later(case, 2, shift={1: 1e-4}), against=read)
+    assert again.verdict == "none"
+    back = gtpin.diagnose(later(case, 3), against=read)
+    assert any(("zero_shift", "cart2") in members for members in classes(back))
+
+
+def test_the_json_is_that_of_a_diagnosis_with_one_key_more():
+    case, model = machine(21)
+    dataset = later(case, 1, shift={0: 3e-5})
+    told = [gtpin.diagnose(dataset, against=model, seed=3).to_json() for _ in range(2)]
+    assert set(told[0]) == {*KEYS, "against"}
+    assert told[0]["schema"] == "gtpin-diagnosis/1"
+    assert json.dumps(told[0]) == json.dumps(told[1])
+    assert told[0]["against"]["power"] == 0.95
+    assert all(one["value"] is None or one["value"] > 0.0 for one in told[0]["against"]["smallest"])
+
+
+def test_the_smallest_change_is_found_with_its_power_on_machines_drawn_from_the_model():
+    """The machine is drawn from the model's covariance, and measured by the exact closures and noise of the test's own."""
+    case, model = machine(22)
+    dataset = later(case, 1)
+    size = smallest_zero_shift(model, dataset)
+    rng = np.random.default_rng(8)
+    found = {}
+    for factor in (1.0, 0.5):
+        found[factor] = sum(alarm(model, dataset, factor * size, rng) for _ in range(20))
+    assert found[1.0] >= binom.ppf(0.001, 20, 0.95)
+    assert found[0.5] <= binom.ppf(0.999, 20, 0.75)
+
+
+def smallest_zero_shift(model, dataset):
+    found = gtpin.diagnose(dataset, against=model)
+    return next(s.value for s in found.smallest if (s.effect, s.site) == ("zero_shift", "cart2"))
+
+
+def alarm(model, dataset, size, rng):
+    """Whether a machine drawn from the model, its second zero shifted, raises an alarm."""
+    values = rng.multivariate_normal(model.geometry.values, model.covariance, method="eigh")
+    drawn = gtpin.Model(model.geometry.with_values(values), model.frame)
+    q = dataset.q.copy()
+    q[:, 1] += size
+    poses = drawn.predict(q)
+    noise = model.fit
+    turns = Rotation.from_rotvec(noise.orientation_sigma * rng.standard_normal((len(q), 3)))
+    measured = replace(
+        dataset,
+        position=poses.T + noise.position_sigma * rng.standard_normal(poses.T.shape),
+        orientation=(turns * Rotation.from_matrix(poses.R)).as_quat(scalar_first=True),
+    )
+    return gtpin.diagnose(measured, against=model, seed=int(rng.integers(1000))).verdict != "none"
+
+
+def test_a_model_with_effects_is_checked_with_them_in():
+    """A backlash that the model has is no change; that it has grown is one."""
+    case = make_case(41, effects=[("backlash", "cart1")], energy=3000.0, poses=140, held_out=10, background=False)
+    model = gtpin.diagnose(case.dataset).model
+    assert [active.name for active in model.effects] == ["backlash@cart1"]
+    same = gtpin.diagnose(later(case, 1), against=model)
+    grown = gtpin.diagnose(later(case, 2, reversal={0: 6e-5}), against=model)
+    assert same.verdict == "none"
+    assert ("backlash", "cart1") in classes(grown)[0]
+
+
+def test_an_arm_is_checked_too():
+    case, model = machine(51, robot="ur5")
+    assert gtpin.diagnose(later(case, 1), against=model).verdict == "none"
+    found = gtpin.diagnose(later(case, 2, shift={2: 1e-3}), against=model)  # 1 mrad of the elbow
+    assert any(site == "elbow_joint" for members in classes(found) for _, site in members)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d.take(slice(0, 2)), "2 usable poses"),
+        (lambda d: replace(d, q=d.q[:, :2], covariates={}), "2 commands a pose"),
+        (lambda d: replace(d, position=1e3 * d.position), "millimetres"),
+    ],
+)
+def test_data_that_can_be_no_check_of_a_model_are_refused(change, words):
+    case, model = machine(21)
+    with pytest.raises(gtpin.GtpinError, match=words):
+        gtpin.diagnose(change(later(case, 1)), against=model)
+
+
+def test_a_robot_beside_an_earlier_model_is_refused():
+    case, model = machine(21)
+    with pytest.raises(gtpin.GtpinError, match="against alone"):
+        gtpin.diagnose(later(case, 1), model.robot, against=model)  # type: ignore[call-overload]
