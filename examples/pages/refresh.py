@@ -14,6 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from figures import FIGURES, ROOT
+from installed import extras_table
+from installed import table as installed_table
 from priors_listed import modulation_listed, priors_listed
 from scores import (
     jugglebot,
@@ -41,6 +43,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "real_sign": real_sign,
     "modulation_listed": modulation_listed,
     "priors_listed": priors_listed,
+    "installed": installed_table,
+    "installed_extras": extras_table,
     "speed": speed_table,
     "speed_of_commands": command_table,
     "speed_of_arms": arm_table,

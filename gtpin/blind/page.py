@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from typing import Any
 
 from gtpin.blind.judged import Judged
 from gtpin.blind.plots import plots
 from gtpin.blind.reasons import failure, statement_words, truth_words
 from gtpin.report.page import Table, render
+from gtpin.report.provenance import versions
 
 CONTENTS = (
     ("figures", "Figures"),
@@ -20,7 +19,6 @@ CONTENTS = (
     ("failures", "Failures"),
     ("provenance", "Provenance"),
 )
-PACKAGES = ("gtpin", "pin", "numpy", "scipy")
 
 
 def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
@@ -167,6 +165,6 @@ def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _provenance(result: Mapping[str, Any]) -> Table:
-    rows = [(name, version(name)) for name in PACKAGES] + [("Python", platform.python_version())]
-    rows += [(name, str(value)) for name, value in result.get("check", {}).items() if value is not None]
+    rows = versions()
+    rows += [[name, str(value)] for name, value in result.get("check", {}).items() if value is not None]
     return Table(("what", "which"), rows)

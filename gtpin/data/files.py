@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import stat
 import uuid
@@ -62,11 +63,12 @@ def find_table(folder: Path, stem: str) -> Path | None:
 def read_table(file: Path, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:
     """Read a CSV, or a Parquet file by its suffix; see `read_csv` and `read_parquet`.
 
-    Raises `GtpinError` where the file needs more memory than is free.
+    Raises `GtpinError` where the file needs more memory than is free, and `DatasetError` for a Parquet file without pyarrow.
     """
     with contextlib.suppress(OSError, ValueError):  # which reading names
         require(f"reading {file}", READING + file.stat().st_size * READING_A_BYTE)
     if file.suffix.lower() == ".parquet":
+        _require_pyarrow(file)
         from gtpin.data.parquet_file import read_parquet
 
         return read_parquet(file, read_bytes(file), ignore, ids)
@@ -74,7 +76,12 @@ def read_table(file: Path, ignore: Collection[str] = (), ids: Collection[str] = 
 
 
 def write_table(file: Path, columns: Mapping[str, Column]) -> None:
-    """Write columns as CSV, or as Parquet by the file's suffix, so that reading gives bit-identical values."""
+    """Write columns as CSV, or as Parquet by the file's suffix, so that reading gives bit-identical values.
+
+    Raises `DatasetError` for a Parquet file without pyarrow.
+    """
+    if file.suffix.lower() == ".parquet":
+        _require_pyarrow(file)
     import pandas as pd
 
     frame = pd.DataFrame(dict(columns))
@@ -82,6 +89,12 @@ def write_table(file: Path, columns: Mapping[str, Column]) -> None:
         frame.to_parquet(file, index=False)
     else:
         frame.to_csv(file, index=False, lineterminator="\n", encoding="utf-8")
+
+
+def _require_pyarrow(file: Path) -> None:
+    if importlib.util.find_spec("pyarrow") is None:
+        hint = "pip install 'gtpin[parquet]', or take a CSV file with the same columns"
+        raise DatasetError("Parquet files need pyarrow", file=file, hint=hint)
 
 
 @contextlib.contextmanager

@@ -8,12 +8,23 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
+import pinocchio as pin
+
 from gtpin.data import Dataset
 from gtpin.output.ownership import MARKER
 from gtpin.report.page import Table
 from gtpin.robot.robot import Robot
 
-PACKAGES = ("gtpin", "pin", "numpy", "scipy")
+PACKAGES = ("numpy", "scipy")
+
+
+def versions() -> list[list[str]]:
+    """Name and version of gtpin, of what it computes with, and of Python.
+
+    Pinocchio's is that of its module: the distribution is called ``pin`` on PyPI, and may have another name elsewhere.
+    """
+    packages = [[name, version(name)] for name in PACKAGES]
+    return [["gtpin", version("gtpin")], ["pin", pin.__version__], *packages, ["Python", platform.python_version()]]
 
 
 def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -> Table:
@@ -22,8 +33,7 @@ def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -
     A dataset that was not read from files is identified by the digests of the files that `Dataset.write` makes: who has it
     as a folder can see that it is the same.
     """
-    rows = [[name, version(name)] for name in PACKAGES]
-    rows.append(["Python", platform.python_version()])
+    rows = versions()
     if seed is not None:
         rows.append(["seed", str(seed)])
     rows.append(["robot", robot.name])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
+import pinocchio
 import pytest
 
 from gtpin import load_robot
@@ -11,7 +12,7 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.effects.linearity import Linearity
 from gtpin.report.phrases import clause, sentence
-from gtpin.report.provenance import provenance
+from gtpin.report.provenance import provenance, versions
 from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, site_words, typeset
 
 
@@ -114,3 +115,13 @@ def test_an_effect_of_a_users_own_without_a_clause_is_told_by_its_title_and_site
 def test_a_sentence_begins_with_a_capital_but_keeps_a_machines_own_names():
     assert sentence("the track of cart3 is not straight") == "The track of cart3 is not straight."
     assert sentence("cart2 has backlash") == "cart2 has backlash."
+
+
+def test_versions_are_told_where_pinocchio_has_another_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
+    """conda's package, for one, need not be called ``pin``."""
+    asked: list[str] = []
+    monkeypatch.setattr("gtpin.report.provenance.version", lambda name: asked.append(name) or "1.2.3")
+    told = dict(versions())
+    assert "pin" not in asked
+    assert told["pin"] == pinocchio.__version__
+    assert told["gtpin"] == "1.2.3"

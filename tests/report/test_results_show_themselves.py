@@ -107,9 +107,9 @@ def test_save_does_not_overwrite_what_others_wrote(results, tmp_path):
 
 def test_poses_and_accuracy_are_saved_as_their_commands_write_them(results, tmp_path):
     results["poses"].save(tmp_path / "poses.csv")
-    table = pd.read_csv(tmp_path / "poses.csv")
+    table = pd.read_csv(tmp_path / "poses.csv", dtype=str)  # numbers exactly as written, by any pandas
     assert table.columns.tolist() == ["pose", "x", "y", "z", "qw", "qx", "qy", "qz"]
-    np.testing.assert_array_equal(table[["x", "y", "z"]], results["poses"].T)
+    np.testing.assert_array_equal(table[["x", "y", "z"]].astype(float), results["poses"].T)
     results["accuracy"].save(tmp_path / "accuracy")
     assert {"sensitivity.csv", "accuracy.json", "report.html"} <= {p.name for p in (tmp_path / "accuracy").iterdir()}
 

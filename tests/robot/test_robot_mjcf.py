@@ -74,7 +74,8 @@ def test_inertias_are_mujocos(arm: tuple[gtpin.Robot, mujoco.MjModel]) -> None:
     data.qpos[:] = q
     mujoco.mj_forward(model, data)
     full = np.zeros((4, 4))
-    mujoco.mj_fullM(model, data, full)
+    for row, unit in zip(full, np.eye(4), strict=True):
+        mujoco.mj_mulM(model, data, row, unit)  # as mj_fullM, whose arguments MuJoCo 4 has changed
     configuration = gtpin.home(robot).moved_to(q).configuration
     order = robot.driven
     M = np.array(pin.crba(robot.model, robot.data, configuration))

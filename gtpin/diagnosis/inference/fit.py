@@ -124,7 +124,9 @@ def _scatter(prepared: Prepared, settled: Settled) -> float:
 def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Model, list[Cause]]:
     """The model with the causes in, and the causes with their parameters."""
     named: Sequence[Hypothesis] = list(found.classes)
-    scale = [found.scale[cause] for cause in named]
+    scale = [
+        found.scale[hypothesis] for hypothesis in named
+    ]  # `cause`, as a name here, is unbound below in Python 3.12.1
     references = settled.hypotheses.design.situation.references
     model = fit_together(settled.everything, prepared.baseline.model, named, scale, references)
     return model, [cause(model, c, found.classes[c]) for c in named]
