@@ -18,6 +18,7 @@ from gtpin.diagnosis.linear.evidence import (
     tuned,
     without,
 )
+from gtpin.diagnosis.linear.exchange import exchanged
 
 WIDTHS = {"a": 1, "b": 3, "c": 4, "d": 6, "e": 7, "f": 12}
 SOME = [{"b": 0.7}, {"a": 2.0, "d": 0.3}, {"f": 1.0, "c": 5.0, "b": 0.1}]
@@ -153,3 +154,28 @@ def test_bends_beside_a_form_of_their_size_gain_as_if_all_were_form(seed):
     groups.add("all form", X)
     bound, free = (gain(groups, NOTHING, name)[0] for name in ("with form", "all form"))
     assert_allclose(bound, free, rtol=1e-9)
+
+
+@pytest.mark.parametrize("before", [("a", "c", "d"), ("c", "a"), ("d",)])
+@pytest.mark.parametrize("after", [("a", "c", "d"), ("c", "a"), ("d",), ("a",), ("c", "a", "d"), ("d", "a")])
+def test_a_group_exchanged_for_another_gives_the_model_with_the_other(dense, before, after):
+    groups = dense.groups
+    groups.join("old", before)
+    groups.join("new", after)
+    model = fixed(groups, ("e", "old", "b"), (0.4, 1.7, 0.9))
+    found, direct = exchanged(groups, model, "old", "new"), fixed(groups, ("e", "new", "b"), (0.4, 1.7, 0.9))
+    assert (found.terms, found.widths, found.scale) == (direct.terms, direct.widths, direct.scale)
+    assert_allclose(found.log_evidence, direct.log_evidence, rtol=1e-9, atol=1e-9)
+    assert_allclose(found.mean, direct.mean, rtol=1e-7, atol=1e-9)
+    assert_allclose(found.covariance, direct.covariance, rtol=1e-7, atol=1e-10)
+
+
+def test_a_group_of_several_has_the_evidence_of_their_columns_together(dense):
+    groups = dense.groups
+    groups.join("both", ("a", "c"))
+    groups.add("whole", np.hstack([dense.E["a"], dense.E["c"]]))
+    one, other = (fixed(groups, ("b", name), (0.7, 1.3)) for name in ("both", "whole"))
+    assert_allclose(one.log_evidence, other.log_evidence, rtol=1e-12)
+    assert_allclose(groups.columns("both"), groups.columns("whole"))
+    with pytest.raises(ValueError, match="there already"):
+        groups.join("both", ("a",))

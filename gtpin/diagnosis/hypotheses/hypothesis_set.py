@@ -14,6 +14,7 @@ from gtpin.diagnosis.hypotheses.proxies import Proxy, proxies
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, fixed, tuned
+from gtpin.diagnosis.linear.exchange import exchanged
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
 
@@ -209,7 +210,7 @@ class HypothesisSet:
         """The model with one hypothesis in the place of another, at the same scales."""
         if new not in self.groups:
             self._add(new)
-        return fixed(self.groups, tuple(new if term == old else term for term in model.terms), model.scale)
+        return exchanged(self.groups, model, old, new)
 
     def extended(self, model: Model, term: Term) -> Model:
         """A model with one more explanation, all scales estimated again."""

@@ -15,6 +15,8 @@ from gtpin.diagnosis.linear.evidence import tuned
 FEW_LINES = 3
 """Number of a periodic error's other lines up to which a line is searched for again over all periods; given more of them, its
 period is estimated again near where it was, which takes a hundredth of the time."""
+SAME = 0.1
+"""Change of a period, in standard deviations, below which the line stays as it is. So small a change moves no verdict."""
 SWEEPS, SETTLED = 6, 0.1
 """How often all lines are estimated again at most, and the gain in worth, in nats, below which they are settled."""
 
@@ -89,14 +91,24 @@ def _with_lines(hypotheses: HypothesisSet, model: Model, term: Hypothesis) -> Mo
     for old in term.lines:
         less = term.with_lines([line for line in term.lines if line != old])
         without_it = hypotheses.replaced(model, term, less)
-        if len(less.values) < FEW_LINES:
-            line = hypotheses.scanned_gain(term.template, without_it, less.values).term
-            assert isinstance(line, Hypothesis)
-            again = less.with_lines((*less.lines, *line.lines))
-        else:
-            near = hypotheses.scan(term.template).near(without_it, old[0], less.values)
-            again = less.with_lines((*less.lines, (near.value, near.sigma)))
-        for candidate, trial in ((again, hypotheses.replaced(model, term, again)), (less, without_it)):
-            if len(candidate.values) > 1 and hypotheses.worth(trial) > hypotheses.worth(model) + 1e-6:
+        candidates = [(less, without_it)] if len(less.values) > 1 else []
+        found = _estimated(hypotheses, without_it, less, old)
+        if abs(found[0] - old[0]) > SAME * found[1]:
+            again = less.with_lines((*less.lines, found))
+            candidates.insert(0, (again, hypotheses.replaced(without_it, less, again)))
+        for candidate, trial in candidates:
+            if hypotheses.worth(trial) > hypotheses.worth(model) + 1e-6:
                 model, term = trial, candidate
     return model
+
+
+def _estimated(
+    hypotheses: HypothesisSet, model: Model, others: Hypothesis, old: tuple[float, float]
+) -> tuple[float, float]:
+    """A line's period given its others, and its standard deviation."""
+    if len(others.values) < FEW_LINES:
+        line = hypotheses.scanned_gain(others.template, model, others.values).term
+        assert isinstance(line, Hypothesis)
+        return line.lines[0]
+    near = hypotheses.scan(others.template).near(model, old[0], others.values)
+    return near.value, near.sigma

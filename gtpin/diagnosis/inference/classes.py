@@ -76,7 +76,13 @@ def temperature(evidence: float, priors: Priors) -> float:
 
 
 def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
-    """Smooth terms that are not only a modulation of a cause; all, where the cause is several lines."""
-    if not isinstance(cause, Hypothesis) or cause.further:
+    """Smooth terms that are only a modulation neither of a cause nor, of several lines, of another effect at their drive.
+
+    Several lines follow any smooth function. Where an effect of the catalogue is that function, it competes by itself.
+    """
+    if not isinstance(cause, Hypothesis):
         return list(hypotheses.smooth)
-    return [s for s in hypotheses.smooth if not hypotheses.modulates(s, (cause,))]
+    known: tuple[Hypothesis, ...] = (cause,)
+    if cause.further:
+        known = tuple(h for h in hypotheses.linear if h.site == cause.site)
+    return [s for s in hypotheses.smooth if not hypotheses.modulates(s, known)]

@@ -68,8 +68,13 @@ def _led(hypotheses: HypothesisSet, named: Model) -> Model:
         leader = contenders(hypotheses, named, cause)[0].hypothesis
         if leader.place not in {c.place for c in causes(named)}:
             trial = hypotheses.extended(without(hypotheses.groups, named, cause, sweeps=1), leader)
-            named = trial if trial.log_evidence > named.log_evidence else named
+            named = trial if _evidence(hypotheses, trial) > _evidence(hypotheses, named) else named
     return named
+
+
+def _evidence(hypotheses: HypothesisSet, model: Model) -> float:
+    """Log evidence of a model, less what further lines must be worth."""
+    return model.log_evidence - hypotheses.priors.line * sum(len(cause.further) for cause in causes(model))
 
 
 def _apart(hypotheses: HypothesisSet, model: Model) -> tuple[Hypothesis, ...]:
