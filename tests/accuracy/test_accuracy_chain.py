@@ -113,7 +113,7 @@ def test_the_command_writes_maps_a_page_and_dexterity(
     assert "rod" not in page.split("<h2")[3]
 
 
-@pytest.mark.parametrize("tcp, bounded", [("tool0", True), ("left_far", False)])
+@pytest.mark.parametrize(("tcp", "bounded"), [("tool0", True), ("left_far", False)])
 def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_everywhere(
     tcp: str, bounded: bool, tmp_path: Path
 ) -> None:
