@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,6 +58,11 @@ class Situation:
     def places(self) -> Floats:
         """(N, n) where the carts are in their ranges: see :meth:`~gtpin.plant.machine.Machine.places`."""
         return self.machine.places(self.q)
+
+    def seen(self, read: Sequence[str]) -> Poses:
+        """The platform's poses; no joint of a rod is read."""
+        assert not read
+        return self.poses
 
     def unbent(self) -> Deviation:
         """No deviation, to be filled in."""

@@ -28,7 +28,7 @@ class TrueRobot(Protocol):
         """Its true geometry."""
 
     def predict(self, q: Floats) -> Poses:
-        """Poses at commands q (N, n); NaN where it can't go."""
+        """Poses at commands q (N, n), with the coordinates of joints that follow in loops; NaN where it can't go."""
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the poses by the commands: position and rotation vector."""
@@ -109,15 +109,6 @@ class Looped:
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """See :class:`TrueRobot`."""
         return self._loops.command_jacobian(q)
-
-    @property
-    def passive(self) -> tuple[str, ...]:
-        """Names of the joints that follow."""
-        return tuple(self._loops.joints[j].name for j in self._loops.passive)
-
-    def coordinate(self, joint: str, q: Floats) -> Floats:
-        """(N,) coordinate of a joint at commands q (N, n), rad or m; NaN where it can't go."""
-        return self._loops.coordinate(joint, q)
 
 
 def twists(geometry: Geometry) -> dict[str, Floats]:
