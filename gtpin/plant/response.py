@@ -68,7 +68,7 @@ class Plant:
         """(N, 6 + k, n) derivative of these poses, position and rotation vector, and of the k joints, by the commands."""
         if isinstance(self.machine, ArmMachine):
             return self.machine.command_jacobian(self.visits.q, self.read)
-        return self.machine.kinematics.command_jacobian(self.visits.q, self.there)
+        return self.machine.command_jacobian(self.visits.q, self.there)
 
     def settled(self, active: Active, jitter: Any = None) -> tuple[Any, Any]:
         """The postures reached with some causes, and with ``jitter`` on top that goes by nothing.

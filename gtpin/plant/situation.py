@@ -60,9 +60,8 @@ class Situation:
         return self.machine.places(self.q)
 
     def seen(self, read: Sequence[str]) -> Poses:
-        """The platform's poses; no joint of a rod is read."""
-        assert not read
-        return self.poses
+        """The platform's poses, with the angle of the first rod's universal joint where that is read."""
+        return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
 
     def unbent(self) -> Deviation:
         """No deviation, to be filled in."""

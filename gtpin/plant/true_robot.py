@@ -15,6 +15,7 @@ from gtpin.plant.arms.robot import Arm
 from gtpin.plant.loops import Loops
 from gtpin.plant.poses import Poses
 from gtpin.plant.rods import Rods
+from gtpin.plant.universal import Universal
 from gtpin.robot.geometry import Geometry
 
 Floats = npt.NDArray[np.float64]
@@ -52,9 +53,10 @@ def true_robot(geometry: Geometry) -> TrueRobot:
 
 @dataclass(frozen=True)
 class OnRods:
-    """A platform on six rods."""
+    """A platform on six rods; with ``read``, the angle of the first rod's universal joint comes with its poses."""
 
     geometry: Geometry
+    read: bool = False
 
     @cached_property
     def _rods(self) -> Rods:
@@ -62,7 +64,12 @@ class OnRods:
 
     def predict(self, q: Floats) -> Poses:
         """See :class:`TrueRobot`."""
-        return self._rods.forward(q)
+        poses = self._rods.forward(q)
+        if not self.read:
+            return poses
+        joint, angle, there = Universal.of(self.geometry.robot, 0), np.full(len(q), np.nan), poses.reached
+        angle[there] = joint.coordinate(poses[there], self._rods.ends(q[there]))
+        return poses.with_joints({joint.name: angle})
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """See :class:`TrueRobot`."""

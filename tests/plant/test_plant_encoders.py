@@ -35,14 +35,20 @@ def none(gauge: Gauge, noise: Noise, rng: np.random.Generator) -> Floats:
     return np.zeros(gauge.sigma.shape)
 
 
-def built(effect: str, site: str, instruments: tuple[str, ...], repeatability: tuple[float, float]) -> InstrumentCase:
+def built(
+    effect: str,
+    site: str,
+    instruments: tuple[str, ...],
+    repeatability: tuple[float, float],
+    robot: str = str(FIVE_BAR),
+) -> InstrumentCase:
     recipe = drawn_recipe(
         3,
         effects=[(effect, site)],
         poses=40,
         held_out=6,
         background=False,
-        robot=str(FIVE_BAR),
+        robot=robot,
         energy=500.0,
         conditions=Conditions(),
         noise=Noise(repeatability=repeatability),
@@ -55,14 +61,24 @@ def five_bar() -> gtpin.Robot:
     return gtpin.load_robot(str(FIVE_BAR)).measuring([JOINT])
 
 
-def true_kinematics(case: InstrumentCase):
+def true_kinematics(case: InstrumentCase, robot: gtpin.Robot | None = None):
     """The package's kinematics of the machine's true geometry, without effects."""
-    nominal = gtpin.Geometry.nominal(five_bar())
+    nominal = gtpin.Geometry.nominal(robot or five_bar())
     return kinematics(nominal.with_values(nominal.values + np.array([case.geometry[name] for name in nominal.names])))
 
 
 def turned(difference: Floats) -> Floats:
     return np.asarray(difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi)))
+
+
+def energy_of(model, robot: gtpin.Robot, dataset: gtpin.Dataset, zero: float) -> float:
+    """E of what is left of noise-free readings of one encoder at the true geometry, past geometry and the zero."""
+    poses = model.forward(dataset.q)
+    readings = Readings.of(single(dataset, robot), robot)
+    geometry = model.geometry_jacobian(dataset.q, poses)[:, 6] * gtpin.Geometry.nominal(robot).tolerance
+    B = np.column_stack([geometry, np.full(len(dataset.q), 1e-2)]) / 2e-5
+    d = turned(readings.minus(poses)[:, 0] - zero) / 2e-5
+    return float(d @ np.linalg.solve(np.eye(len(d)) + B @ B.T, d))
 
 
 def followed(case: InstrumentCase, q: Floats, seen: Poses) -> Floats:
@@ -75,6 +91,30 @@ def followed(case: InstrumentCase, q: Floats, seen: Poses) -> Floats:
         q = q + np.einsum("nij,nj->ni", np.linalg.pinv(slope), left)
     assert np.abs(model.forward(q).T - seen.T).max() < 1e-10
     return np.asarray(model.forward(q).joints[JOINT])
+
+
+@pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
+def test_an_encoder_at_a_rod_reads_where_the_rod_points_with_what_the_drives_do(
+    robot: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(build, "errors", none)
+    case = built("backlash", "cart1" if robot == "gantry_tau" else "leg1", ("encoder",), (0.0, 0.0), robot)
+    (read,) = case.dataset.read
+    nominal = gtpin.load_robot(robot).measuring([read.described["joint"]])
+    model = true_kinematics(case, nominal)
+    reading = np.asarray(read.columns["reading"], dtype=float) - case.hidden["encoder.zero"]
+    q, column = case.dataset.q[read.stop], np.asarray(case.dataset.covariates["approach1"])[read.stop]
+    slope = model.command_jacobian(q, model.forward(q))[:, 6, 0]
+    travel = turned(reading - model.forward(q).joints[read.described["joint"]]) / slope
+    sure = np.abs(slope) > 0.2 * np.abs(slope).max()
+    assert sure.sum() > 20
+    assert (np.sign(travel[sure]) == np.sign(column[sure])).all() or (
+        np.sign(travel[sure]) == -np.sign(column[sure])
+    ).all()
+    case.write_dataset(tmp_path)
+    dataset = gtpin.Dataset.read(tmp_path)
+    energy = energy_of(model, nominal, dataset, case.hidden["encoder.zero"])
+    assert case.effects[0].energy == pytest.approx(energy, rel=1e-3)
 
 
 @pytest.mark.parametrize("effect", ["backlash", "joint_compliance", "servo_lag"])
@@ -107,15 +147,7 @@ def test_the_energy_of_an_effect_is_that_of_the_readings_past_geometry_and_the_z
     case.write_dataset(tmp_path)
     dataset = gtpin.Dataset.read(tmp_path)
     model = true_kinematics(case)
-    poses = model.forward(dataset.q)
-    readings = Readings.of(single(dataset, five_bar()), five_bar())
-    (names,) = [one.described["joint"] for one in case.dataset.read]
-    row = 6 + list(poses.joints).index(names)
-    geometry = model.geometry_jacobian(dataset.q, poses)[:, row] * gtpin.Geometry.nominal(five_bar()).tolerance
-    sigma, zero = 2e-5, 1e-2
-    B = np.column_stack([geometry, np.full(len(dataset.q), zero)]) / sigma
-    d = turned(readings.minus(poses)[:, 0] - case.hidden["encoder.zero"]) / sigma
-    energy = d @ np.linalg.solve(np.eye(len(d)) + B @ B.T, d)
+    energy = energy_of(model, five_bar(), dataset, case.hidden["encoder.zero"])
     assert case.effects[0].energy == pytest.approx(energy, rel=1e-3)
     assert case.effects[0].energy == pytest.approx(500.0, rel=1e-2)
 

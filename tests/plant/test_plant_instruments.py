@@ -303,7 +303,6 @@ def test_a_ball_bar_goes_round_circles_both_ways_and_approach_and_speed_follow(r
     [
         (["laser"], "gantry_tau", "no instrument is called 'laser'"),
         (["range", "range"], "gantry_tau", "comes twice"),
-        (["encoder"], "gantry_tau", "can be read by an encoder"),
         (["encoder"], "ur5", "can be read by an encoder"),
         (["socket"], "asr_twodof", "does not get to all"),
         (["ballbar"], "double_pendulum", "go round a ball bar's circles"),

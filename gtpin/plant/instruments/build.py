@@ -222,7 +222,9 @@ def _past(plant: Plant, gauges: Sequence[Gauge], repeatability: Floats) -> PastR
 
 
 def _read(machine: Machine | ArmMachine) -> tuple[str, ...]:
-    """The joint that an encoder reads: the first that follows in a loop, if there is one."""
+    """The joint that an encoder reads: the first that follows in a loop, or of the first rod, if there is one."""
+    if isinstance(machine, Machine):
+        return (machine.universal.name,)
     if not isinstance(machine, LoopedMachine):
         return ()
     return tuple(machine.robot.joints[j].name for j in machine.robot.loops.passive[:1])

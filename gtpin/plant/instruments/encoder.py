@@ -47,7 +47,7 @@ class Encoder(Gauge):
         if not poses.joints:
             raise GtpinError(
                 "no joint of this machine can be read by an encoder",
-                hint="the plant has encoders at passive joints of loops that are no rods",
+                hint="the plant has encoders at joints that follow: of loops, and of rods' universal joints",
             )
         zero = Hidden("encoder.zero", ZERO_SIGMA * rng.standard_normal(), ZERO_SIGMA)
         return Encoder("encoder", stops, (zero,), declared, next(iter(poses.joints)))

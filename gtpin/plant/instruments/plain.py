@@ -24,7 +24,7 @@ from gtpin.plant.instruments.tracker import Tracker
 from gtpin.plant.instruments.way import PlainWay
 from gtpin.plant.simulate import REPEATED, draw_commands, draw_machine
 from gtpin.plant.tracker import Noise
-from gtpin.plant.true_robot import true_robot
+from gtpin.plant.true_robot import OnRods, true_robot
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -71,6 +71,8 @@ def simulate_measured(
         raise GtpinError(what, hint="ask for at least one of each")
     rng = np.random.default_rng(seed)
     machine = draw_machine(robot, rng)
+    if "encoder" in kinds and isinstance(machine, OnRods):
+        machine = replace(machine, read=True)
     pool = draw_commands(machine, POOL, rng)
     layout = Layout.of(machine.predict(pool), np.array(robot.description.gravity), robot.n_actuators)
     pose, q = np.zeros(0, dtype=int), np.zeros((0, robot.n_actuators))
