@@ -12,6 +12,9 @@ from typer.testing import CliRunner
 
 import gtpin
 from gtpin.blind.draw import drafts, measured, truth_of
+from gtpin.blind.judge import judge
+from gtpin.blind.seal import digest_of, seal
+from gtpin.blind.worker import Outcome
 from gtpin.cli import app
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.kinematics import kinematics
@@ -175,3 +178,19 @@ def test_a_scenario_s_five_bar_is_read_by_an_encoder_and_robots_without_such_joi
     result = CliRunner().invoke(app, ["simulate", "--robot", str(FIVE_BAR), *rest])
     assert result.exit_code == 0, result.output
     assert (tmp_path / "data" / "encoder.csv").read_text().startswith("pose,q1,q2,reading,")
+
+
+def test_predicted_readings_that_are_off_by_full_turns_are_right(tmp_path: Path) -> None:
+    draft = next(d for d in drafts(12, 0, str(FIVE_BAR), ("encoder",)) if d.kind == "none")
+    case, place = measured(draft), tmp_path / "it"
+    case.write_dataset(place)
+    truth = truth_of(case, draft.kind)
+    seal(truth, place, tmp_path / "it.json")
+    true, turns = np.array(truth.readings[0].values), 2.0 * np.pi * np.arange(len(case.commands))[:, None]
+    outcome = Outcome(
+        baseline_readings={"encoder": (true + 4e-5).tolist()},
+        model_readings={"encoder": (true + turns + 2e-5).tolist()},
+    )
+    judged = judge(place, tmp_path / "it.json", digest_of((tmp_path / "it.json").read_bytes()), outcome)
+    assert judged.shrunk is not None
+    assert (judged.shrunk.before, judged.shrunk.after) == pytest.approx((2.0, 1.0), rel=1e-6)
