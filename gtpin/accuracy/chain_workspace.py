@@ -88,7 +88,8 @@ class ChainWorkspace:
         good = np.isfinite(values)
         place = np.ravel_multi_index(tuple(self.cell[good].T), table.shape)
         there = np.unique(place)
-        table.flat[there] = median(values[good], place, there)
+        if there.size:
+            table.flat[there] = median(values[good], place, there)
         return table
 
 

@@ -44,11 +44,14 @@ class Analysed(Protocol):
 
 
 def map_figures(found: Analysed) -> dict[str, Figure]:
-    """The maps of an analysis, by name; no map of orientations where these never change."""
+    """The maps of an analysis, by name; none of orientations that never change, and none of what is finite nowhere.
+
+    The condition number is infinite everywhere where the TCP sits on a joint, so that some commands never move it.
+    """
     return {
         f"map_{name}": figures.workspace_map(found.space, values, title, unit)
         for name, (values, unit, title) in _maps(found).items()
-        if name != "orientation" or not found.model.geometry.reduced
+        if (name != "orientation" or not found.model.geometry.reduced) and np.isfinite(values).any()
     }
 
 

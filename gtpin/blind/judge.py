@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +20,11 @@ from gtpin.blind.worker import Outcome
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
+from gtpin.data.instrument_tables import EncoderTable
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
+from gtpin.robot.measured_joints import measured_joint
 from gtpin.threads import in_one_thread
 
 Floats = npt.NDArray[np.float64]
@@ -101,9 +103,11 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     if outcome.baseline is not None and outcome.model is not None and truth.poses is not None:
         changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
     elif truth.readings and outcome.model_readings:
-        changes["shrunk"] = Shrunk(
-            before=_whitened_rms(truth, outcome.baseline_readings), after=_whitened_rms(truth, outcome.model_readings)
+        before, after = (
+            _whitened_rms(truth, predicted, _turning(dataset))
+            for predicted in (outcome.baseline_readings, outcome.model_readings)
         )
+        changes["shrunk"] = Shrunk(before=before, after=after)
     return found.model_copy(update=changes)
 
 
@@ -160,12 +164,22 @@ def _shrunk(
     return found.model_copy(update=changes)
 
 
-def _whitened_rms(truth: Truth, predicted: Mapping[str, list[list[float]]]) -> float:
-    """RMS error of predicted readings, over the instruments' noise."""
-    errors = [
-        (np.array(predicted[true.name]) - np.array(true.values)) / np.array(true.sigma) for true in truth.readings
-    ]
-    return float(np.sqrt((np.concatenate([error.ravel() for error in errors]) ** 2).mean()))
+def _whitened_rms(truth: Truth, predicted: Mapping[str, list[list[float]]], turning: Collection[str]) -> float:
+    """RMS error of predicted readings, over the instruments' noise; of those that are ``turning``, but for full turns."""
+    errors = []
+    for true in truth.readings:
+        error = np.array(predicted[true.name]) - np.array(true.values)
+        if true.name in turning:
+            error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
+        errors.append((error / np.array(true.sigma)).ravel())
+    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
+
+
+def _turning(dataset: Dataset) -> frozenset[str]:
+    """Names of the encoders at joints that turn."""
+    tables = () if dataset.readings is None else dataset.readings.tables
+    encoders = [table for table in tables if isinstance(table, EncoderTable)]
+    return frozenset(table.name for table in encoders if measured_joint(robot_of(dataset), table.joint).turns)
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:

@@ -20,7 +20,7 @@ class Past(Protocol):
     """What measures how hard an effect is to see."""
 
     def energy(self, displacement: Floats) -> float:
-        """E of a displacement (N, 6) of the poses, m and rad, base frame."""
+        """E of a displacement (N, 6) of the poses, m and rad, base frame, and of the joints that are read, if any."""
 
 
 @dataclass(frozen=True)

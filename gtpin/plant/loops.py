@@ -95,12 +95,12 @@ class Loops:
         return tuple(sorted(_closing(self.joints, self.pairs)))
 
     def forward(self, q: Floats) -> Poses:
-        """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close."""
-        return placed(self.joints, self.led(q)).at(self.tcp)
+        """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close.
 
-    def coordinate(self, joint: str, q: Floats) -> Floats:
-        """(N,) coordinate of a joint at commands q (N, n), rad or m; NaN where the loops don't close."""
-        return self.led(q)[:, [one.name for one in self.joints].index(joint)]
+        They come with the coordinates of the passive joints.
+        """
+        x = self.led(q)
+        return placed(self.joints, x).at(self.tcp).with_joints({self.joints[j].name: x[:, j] for j in self.passive})
 
     def led(self, q: Floats) -> Floats:
         """(N, J) coordinates at commands q (N, n), on the assembly mode of home; NaN where the loops don't close."""

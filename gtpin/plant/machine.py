@@ -15,6 +15,7 @@ from gtpin.plant.deviation import Deviation
 from gtpin.plant.poses import Poses
 from gtpin.plant.rods import Rods
 from gtpin.plant.rotations import across, exp
+from gtpin.plant.universal import Universal
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -161,9 +162,28 @@ class Machine:
         deviation.shift[:] = np.einsum("nca,cai->nci", sideways, self.across)
         return deviation
 
+    @cached_property
+    def universal(self) -> Universal:
+        """The universal joint of the first rod, at which an encoder can be."""
+        return Universal.of(self.robot, 0)
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6 + k, n) derivative of the poses, and of the k joints that come with them, by the commands."""
+        J = self.kinematics.command_jacobian(q, poses)
+        return self._with_joint(J, q, poses, self.kinematics.commanded(q)) if poses.joints else J
+
     def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6, p) derivative of the poses by the geometry's parameters, in units of their tolerances."""
-        return np.asarray(self.kinematics.geometry_jacobian(q, poses) * self.geometry.tolerance)
+        """(N, 6 + k, p) derivative of the poses by the geometry's parameters, in units of their tolerances.
+
+        The k joints are those that come with the poses.
+        """
+        J = self.kinematics.geometry_jacobian(q, poses)
+        J = self._with_joint(J, q, poses, self.kinematics.changed(q)) if poses.joints else J
+        return np.asarray(J * self.geometry.tolerance)
+
+    def _with_joint(self, J: Floats, q: Floats, poses: Poses, moved: list[tuple[RodEnds, RodEnds]]) -> Floats:
+        own = self.universal.by_motion(poses, self.kinematics.ends(q), J, moved)
+        return np.concatenate([J, own], axis=1)
 
     def ends(self, q: Floats, deviation: Deviation) -> RodEnds:
         """Where the rods end at commands q (N, n), and how long they are."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,16 +16,20 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Poses:
-    """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a common frame; NaN where there is none."""
+    """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a common frame; NaN where there is none.
+
+    ``joints`` are coordinates (N,), rad or m, of joints that follow and are read there, by name.
+    """
 
     T: Floats
     R: Floats
+    joints: Mapping[str, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.T)
 
     def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> Poses:
-        return Poses(self.T[rows], self.R[rows])
+        return Poses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()})
 
     @property
     def reached(self) -> npt.NDArray[np.bool_]:
@@ -41,6 +46,10 @@ class Poses:
             wxyz[there] = np.where((found @ found[0] < 0.0)[:, None], -found, found)
         return wxyz
 
+    def with_joints(self, joints: Mapping[str, Floats]) -> Poses:
+        """The same poses with the coordinates of some joints."""
+        return replace(self, joints=joints)
+
     def moved(self, T: Floats, R: Floats) -> Poses:
         """The same poses in a frame in which the present one lies at T (3,), turned by R (3, 3)."""
         return Poses(self.T @ R.T + T, R @ self.R)
@@ -52,3 +61,7 @@ class Poses:
         difference[both, :3] = self.T[both] - other.T[both]
         difference[both, 3:] = log(self.R[both] @ np.swapaxes(other.R[both], 1, 2))
         return difference
+
+    def change(self, other: Poses) -> Floats:
+        """(N, 6 + k) as :meth:`minus`, and after it the same of the k joints that are read, rad or m."""
+        return np.column_stack([self.minus(other), *(x - other.joints[name] for name, x in self.joints.items())])

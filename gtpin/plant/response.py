@@ -41,11 +41,14 @@ class Plant:
         Everything depends on the visits before, so that all of them are solved together.
     station
         (3,) where the instrument stands, base frame, m.
+    read
+        Names of the joints that encoders read.
     """
 
     machine: Machine | ArmMachine
     visits: Visits
     station: Floats
+    read: tuple[str, ...] = ()
 
     @cached_property
     def ideal(self) -> Any:
@@ -54,6 +57,18 @@ class Plant:
             kind = LoopedSituation if isinstance(self.machine, LoopedMachine) else ArmSituation
             return kind.of(self.machine, self.visits)
         return Situation.of(self.machine, self.visits)
+
+    @cached_property
+    def there(self) -> Poses:
+        """(N) its poses, base frame, with the joints that are read."""
+        seen: Poses = self.ideal.seen(self.read)
+        return seen
+
+    def by_command(self) -> Floats:
+        """(N, 6 + k, n) derivative of these poses, position and rotation vector, and of the k joints, by the commands."""
+        if isinstance(self.machine, ArmMachine):
+            return self.machine.command_jacobian(self.visits.q, self.read)
+        return self.machine.command_jacobian(self.visits.q, self.there)
 
     def settled(self, active: Active, jitter: Any = None) -> tuple[Any, Any]:
         """The postures reached with some causes, and with ``jitter`` on top that goes by nothing.
@@ -79,13 +94,13 @@ class Plant:
         return total
 
     def seen(self, active: Active, jitter: Any = None) -> Poses:
-        """(N) poses that the instrument would read without noise, base frame."""
+        """(N) poses that the instrument would read without noise, base frame, with the joints that encoders read."""
         now, deviation = self.settled(active, jitter)
         T = now.poses.T + np.einsum("nij,nj->ni", now.poses.R, deviation.target) - self.station
         turn = exp(deviation.frame[:, 3:])
         T = (1.0 + deviation.scale)[:, None] * np.einsum("nij,nj->ni", turn, T) + deviation.frame[:, :3]
-        return Poses(T + self.station, turn @ now.poses.R)
+        return Poses(T + self.station, turn @ now.poses.R, now.seen(self.read).joints)
 
     def displacement(self, active: Active) -> Floats:
-        """(N, 6) what the causes alone do to the poses seen: m and rad, base frame."""
-        return self.seen(active).minus(self.ideal.poses)
+        """(N, 6 + k) what the causes alone do to the poses seen, m and rad, base frame, and to the k joints that are read."""
+        return self.seen(active).change(self.there)

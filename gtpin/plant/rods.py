@@ -135,15 +135,21 @@ class Rods:
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
-        steps = NUDGE * np.eye(q.shape[1])
-        return self._answer(q, poses, [(self.ends(q + step), self.ends(q - step)) for step in steps], NUDGE)
+        return self._answer(q, poses, self.commanded(q), NUDGE)
+
+    def commanded(self, q: Floats) -> list[tuple[RodEnds, RodEnds]]:
+        """The ends with each command larger, and smaller, by ``NUDGE``."""
+        return [(self.ends(q + step), self.ends(q - step)) for step in NUDGE * np.eye(q.shape[1])]
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the pose by the geometry's parameters: position and rotation vector, base frame."""
+        return self._answer(q, poses, self.changed(q), NUDGE)
+
+    def changed(self, q: Floats) -> list[tuple[RodEnds, RodEnds]]:
+        """The ends with each parameter of the geometry larger, and smaller, by ``NUDGE``."""
         values = self.geometry.values
         steps = NUDGE * np.eye(len(values))
-        moved = ((self._with(values + step).ends(q), self._with(values - step).ends(q)) for step in steps)
-        return self._answer(q, poses, list(moved), NUDGE)
+        return [(self._with(values + step).ends(q), self._with(values - step).ends(q)) for step in steps]
 
     def _with(self, values: Floats) -> Rods:
         return replace(self, geometry=self.geometry.with_values(values))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,6 +58,10 @@ class Situation:
     def places(self) -> Floats:
         """(N, n) where the carts are in their ranges: see :meth:`~gtpin.plant.machine.Machine.places`."""
         return self.machine.places(self.q)
+
+    def seen(self, read: Sequence[str]) -> Poses:
+        """The platform's poses, with the angle of the first rod's universal joint where that is read."""
+        return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
 
     def unbent(self) -> Deviation:
         """No deviation, to be filled in."""

@@ -15,6 +15,7 @@ from gtpin.plant.arms.robot import Arm
 from gtpin.plant.loops import Loops
 from gtpin.plant.poses import Poses
 from gtpin.plant.rods import Rods
+from gtpin.plant.universal import Universal
 from gtpin.robot.geometry import Geometry
 
 Floats = npt.NDArray[np.float64]
@@ -28,7 +29,7 @@ class TrueRobot(Protocol):
         """Its true geometry."""
 
     def predict(self, q: Floats) -> Poses:
-        """Poses at commands q (N, n); NaN where it can't go."""
+        """Poses at commands q (N, n), with the coordinates of joints that follow in loops; NaN where it can't go."""
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the poses by the commands: position and rotation vector."""
@@ -52,9 +53,10 @@ def true_robot(geometry: Geometry) -> TrueRobot:
 
 @dataclass(frozen=True)
 class OnRods:
-    """A platform on six rods."""
+    """A platform on six rods; with ``read``, the angle of the first rod's universal joint comes with its poses."""
 
     geometry: Geometry
+    read: bool = False
 
     @cached_property
     def _rods(self) -> Rods:
@@ -62,7 +64,12 @@ class OnRods:
 
     def predict(self, q: Floats) -> Poses:
         """See :class:`TrueRobot`."""
-        return self._rods.forward(q)
+        poses = self._rods.forward(q)
+        if not self.read:
+            return poses
+        joint, angle, there = Universal.of(self.geometry.robot, 0), np.full(len(q), np.nan), poses.reached
+        angle[there] = joint.coordinate(poses[there], self._rods.ends(q[there]))
+        return poses.with_joints({joint.name: angle})
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """See :class:`TrueRobot`."""
@@ -109,15 +116,6 @@ class Looped:
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """See :class:`TrueRobot`."""
         return self._loops.command_jacobian(q)
-
-    @property
-    def passive(self) -> tuple[str, ...]:
-        """Names of the joints that follow."""
-        return tuple(self._loops.joints[j].name for j in self._loops.passive)
-
-    def coordinate(self, joint: str, q: Floats) -> Floats:
-        """(N,) coordinate of a joint at commands q (N, n), rad or m; NaN where it can't go."""
-        return self._loops.coordinate(joint, q)
 
 
 def twists(geometry: Geometry) -> dict[str, Floats]:

@@ -54,7 +54,8 @@ def workspace_map(found: Analysed, quantity: str = "position error") -> Figure:
     Raises
     ------
     ModelError
-        If there is no such quantity; a reduced arm has no orientation error.
+        If there is no such quantity: a reduced arm has no orientation error, and a condition number that is infinite
+        everywhere has no map.
     """
     values = _quantities(found)
     if quantity not in values:
@@ -85,7 +86,7 @@ def _label(name: str, unit: str) -> str:
 
 
 def _quantities(found: Analysed) -> dict[str, tuple[Floats, str]]:
-    """(M,) values at the reachable points, and their units, by name."""
+    """(M,) values at the reachable points, and their units, by name; none of what is finite nowhere."""
     space = found.space
     covariance = response(found.model, space.q, found.uncertainty).covariance
     values: dict[str, tuple[Floats, str]] = {}
@@ -99,7 +100,7 @@ def _quantities(found: Analysed) -> dict[str, tuple[Floats, str]]:
     values["condition number"] = (space.dexterity.condition, "")
     relative = "best posture: 1" if isinstance(space, ChainWorkspace) else "as at home: 1"
     values["distance from singularity"] = (space.dexterity.singularity, relative)
-    return values
+    return {name: (at, unit) for name, (at, unit) in values.items() if np.isfinite(at).any()}
 
 
 def _layers(found: Analysed) -> list[int]:

@@ -14,8 +14,11 @@ import gtpin
 from gtpin.accuracy.chain_sensitivity import chain_sensitivity
 from gtpin.accuracy.chain_workspace import chain_commands, chain_dexterity, chain_workspace
 from gtpin.cli import main
+from gtpin.report.sensitivity_page import sensitivity_page
+from gtpin.report.workspace_maps import slices
 from gtpin.robot.description import Description
 
+FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
 LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
 
 
@@ -108,6 +111,23 @@ def test_the_command_writes_maps_a_page_and_dexterity(
         assert f">{site}</th>" in page
     assert "postures that fill the joints" in page
     assert "rod" not in page.split("<h2")[3]
+
+
+@pytest.mark.parametrize(("tcp", "bounded"), [("tool0", True), ("left_far", False)])
+def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_everywhere(
+    tcp: str, bounded: bool, tmp_path: Path
+) -> None:
+    pytest.importorskip("matplotlib")
+    # The left drive alone moves the elbow, from which the left far link reaches on.
+    text = FIVE_BAR.read_text(encoding="utf-8").replace('<platform link="tool0"/>', f'<platform link="{tcp}"/>')
+    found = chain_sensitivity(gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(text, "five_bar")))))
+    found.write(tmp_path)
+    assert (tmp_path / "map_condition.png").exists() == bounded
+    assert {f"map_{name}.png" for name in ("position", "orientation", "singularity")} <= {
+        f.name for f in tmp_path.iterdir()
+    }
+    assert ("condition number" in [name for name, _ in slices(found)[0].options]) == bounded
+    assert "Expect a position error" in sensitivity_page(found)
 
 
 def test_an_unreachable_pose_is_told() -> None:

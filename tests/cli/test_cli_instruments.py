@@ -49,7 +49,7 @@ def test_a_tracker_s_dataset_takes_the_place_of_one_of_other_instruments(run, tm
     [
         (["--instrument", "laser"], "no instrument is called 'laser'"),
         (["--instrument", "range", "--instrument", "range"], "the instrument range comes twice"),
-        (["--instrument", "encoder"], "can be read by an encoder"),
+        (["--instrument", "encoder", "--robot", "ur5"], "can be read by an encoder"),
         (["--instrument", "socket", "--robot", "asr_twodof"], "does not get to all of cup's sockets"),
     ],
 )

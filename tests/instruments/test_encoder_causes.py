@@ -92,6 +92,17 @@ def test_its_model_predicts_readings_that_were_left_out(cause: str) -> None:
         assert rms > 2.0 * SIGMA if most is None else rms < most, rms
 
 
+@pytest.mark.parametrize("cause", ["none", "backlash"])
+def test_no_experiment_is_offered_for_effects_that_no_encoder_sees(cause: str) -> None:
+    _, found, _, _ = diagnosed(cause, 0)
+    untestable = {(c.effect, c.site) for c in found.candidates if not c.testable}
+    unseen = {pair for pair in untestable if pair[1] == "frame"} | {("target_offset", "platform")}
+    assert {("frame_shift", "frame"), ("tracker_drift", "frame"), ("target_offset", "platform")} <= untestable
+    offered = {pair for experiment in found.next_experiment for pair in experiment.effects}
+    assert not offered & unseen
+    assert ("zero_shift", "drive1") in offered  # lacks the same column as frame_shift, and encoders see it
+
+
 def test_the_gap_is_that_of_the_readings() -> None:
     _, found, _, _ = diagnosed("backlash", 0)
     first, second = found.gap.by_instrument

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,8 @@ EXAMPLES = 2
 """Effects of a group for which poses are chosen: those for one are good for the others."""
 POSES = 12
 """Poses of an experiment at most: to see an effect at all takes fewer than to tell it from another."""
+SEEN = 1e-9
+"""Change of a reading, in sigmas, by an effect of typical size, below which it is rounding."""
 EFFORTS = (1.0, 4.0, 12.0)
 """Times the loads that any machine takes, of which the least are asked for at which most effects would show."""
 
@@ -46,7 +48,11 @@ def make_testable(
     poses: int,
     rng: np.random.Generator,
 ) -> list[Experiment]:
-    """An experiment for every remedy; those that tell most first, those that no poses help last."""
+    """An experiment for every remedy; those that tell most first, those that no poses help last.
+
+    None is for an effect that changes no reading of these instruments, whatever is measured: encoders at joints, for example,
+    never see where the measurement frame sits.
+    """
     found = [
         experiment
         for group in _groups(known.situation, untestable)
@@ -86,6 +92,7 @@ def _experiments(
     tried = [
         possible(known, words, POOL, rng, effort) for effort in (_efforts(known.robot) if "load" in words else (1.0,))
     ]
+    group = replace(group, members=tuple(member for member in group.members if _is_read(member, tried[0])))
     for trials in sorted(tried, key=lambda t: -len(_testable(group, t))):
         shown = _testable(group, trials)
         if not shown:
@@ -132,6 +139,18 @@ def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
     able = [c for c in group.members if not c.effect.has_nonlinear and not c.effect.untestable(at, c.site)]
     seen = [sum(o.effect.id == c.effect.id for o in able[:i]) for i, c in enumerate(able)]
     return [able[i] for i in np.argsort(seen, kind="stable")]
+
+
+def _is_read(hypothesis: Hypothesis, trials: Trials) -> bool:
+    """Whether a hypothesis changes any number that was or could be measured; so taken where that can't be computed."""
+    effect, site, at = hypothesis.effect, hypothesis.site, trials.design.situation
+    if any(name not in at.covariates for name in effect.covariates(at.robot, site)):
+        return True
+    values = effect.nonlinear_values(at, site)
+    if effect.has_nonlinear and not len(values):
+        return True
+    basis = effect.basis(at, site, float(values[len(values) // 2]) if effect.has_nonlinear else None)
+    return bool(np.abs(trials.design.columns(basis)).max(initial=0.0) > SEEN)
 
 
 def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _Group) -> Prediction:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -167,9 +168,18 @@ class ArmMachine:
         whole[:, list(self.robot.counted)] = counted
         return whole
 
-    def forward(self, q: Floats, near: Placed | None = None) -> Poses:
-        """Poses of the target at commands q (N, n), base frame, without any effect; ``near`` as in :meth:`bodies`."""
-        return self.bodies(q, near=near)[0].at(self.seen)
+    def forward(self, q: Floats, near: Placed | None = None, read: Sequence[str] = ()) -> Poses:
+        """Poses of the target at commands q (N, n), base frame, without any effect; ``near`` as in :meth:`bodies`.
+
+        ``read`` names joints whose coordinates come with them.
+        """
+        bodies = self.bodies(q, near=near)[0]
+        return bodies.at(self.seen).with_joints(self.coordinates_of(bodies, read))
+
+    def coordinates_of(self, bodies: Placed, read: Sequence[str]) -> dict[str, Floats]:
+        """(N,) coordinate of each of some joints, rad or m, by name."""
+        names = [joint.name for joint in self.joints]
+        return {name: bodies.x[:, names.index(name)] for name in read}
 
     def unbent(self, visits: int) -> ArmDeviation:
         """A deviation of zero at a number of visits."""
@@ -199,16 +209,19 @@ class ArmMachine:
 
     # ---------------------------------------------------------------------------------------------- derivatives
 
-    def command_jacobian(self, q: Floats) -> Floats:
-        """(N, 6, n) derivative of the target's pose by the commands: position and rotation vector, base frame."""
+    def command_jacobian(self, q: Floats, read: Sequence[str] = ()) -> Floats:
+        """(N, 6 + k, n) derivative of the target's pose, position and rotation vector, base frame, and of the k joints
+        that are read, by the commands.
+        """
         steps, near = NUDGE * np.eye(self.n_carts), self.bodies(q)[0]
-        pairs = [(self.forward(q + step, near), self.forward(q - step, near)) for step in steps]
-        return np.stack([one.minus(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
+        pairs = [(self.forward(q + step, near, read), self.forward(q - step, near, read)) for step in steps]
+        return np.stack([one.change(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
 
     def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6, p) derivative of the target's poses by all that a calibration identifies, in units of its tolerances.
+        """(N, 6 + k, p) derivative of the target's poses by all that a calibration identifies, in units of its tolerances.
 
-        All placements and the tool; where they are free, the instrument's frame and the target.
+        All placements and the tool; where they are free, the instrument's frame and the target. The k joints are those
+        that come with the poses.
         """
         columns, near, count = [], self.bodies(q)[0], len(self.twists) + 1
         for i in range(count):
@@ -216,18 +229,20 @@ class ArmMachine:
                 step = np.zeros((count, 6))
                 step[i, c] = NUDGE
                 pair = [
-                    replace(self, twists=self.twists + s * step[:-1], tool=self.tool + s * step[-1]).forward(q, near)
+                    replace(self, twists=self.twists + s * step[:-1], tool=self.tool + s * step[-1]).forward(
+                        q, near, tuple(poses.joints)
+                    )
                     for s in (1.0, -1.0)
                 ]
-                columns.append(pair[0].minus(pair[1]) / (2.0 * NUDGE) * self.robot.tolerance[c])
+                columns.append(pair[0].change(pair[1]) / (2.0 * NUDGE) * self.robot.tolerance[c])
         found = [np.stack(columns, axis=2)]
         if self.free[0]:
-            turning = np.zeros((len(q), 6, 6))
-            turning[:] = np.eye(6)
+            turning = np.zeros((len(q), found[0].shape[1], 6))
+            turning[:, :6] = np.eye(6)
             turning[:, :3, 3:] = np.cross(np.eye(3), poses.T[:, None]).transpose(0, 2, 1)
             found.append(turning * FRAME_FREE)
         if self.free[1]:
-            own = np.zeros((len(q), 6, 6))
-            own[:, :3, :3] = own[:, 3:, 3:] = poses.R
+            own = np.zeros((len(q), found[0].shape[1], 6))
+            own[:, :3, :3] = own[:, 3:6, 3:] = poses.R
             found.append(own * TARGET_FREE)
         return np.concatenate(found, axis=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -68,6 +69,10 @@ class ArmSituation:
     def places(self) -> Floats:
         """(N, n) where the commands are: see :meth:`~gtpin.plant.arms.machine.ArmMachine.places`."""
         return self.machine.places(self.q)
+
+    def seen(self, read: Sequence[str]) -> Poses:
+        """The target's poses, with the coordinates of the joints that are read."""
+        return self.poses.with_joints(self.machine.coordinates_of(self.bodies, read))
 
     def unbent(self) -> ArmDeviation:
         """No deviation, to be filled in."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
@@ -76,8 +77,8 @@ class Urdf:
         return [joint.name for joint in self.joints].index(name)
 
 
-def read_urdf(xml: str) -> Urdf:
-    """Read the tree of a URDF's text.
+def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
+    """Read the tree of a URDF's text; joints of the types ``still`` count as fixed.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def read_urdf(xml: str) -> Urdf:
             )
             masses.append((0.0, np.zeros(3)))
             frame = Frame(len(bodies) - 1, np.eye(3), np.zeros(3))
-        elif kind != "fixed":
+        elif kind != "fixed" and kind not in still:
             raise RobotError(f"joint {name} is {kind}", hint="the plant moves joints that turn or slide")
         frames[child] = frame
         if frame.joint >= 0:

@@ -28,6 +28,7 @@ from gtpin.plant.instruments.tables import Read, Tables
 from gtpin.plant.instruments.touch import begun, felt
 from gtpin.plant.instruments.tracker import Tracker
 from gtpin.plant.instruments.way import AnArm, DayWay, Moved
+from gtpin.plant.looped.machine import LoopedMachine
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.recipe import Recipe
@@ -93,7 +94,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     visits = visited(machine, q, len(q) - recipe.held_out, n_read, recipe.conditions, streams[1])
     if out.bar:
         visits = _round(visits, len(q) - recipe.held_out - len(out.bar[1]), *out.bar[1:])
-    plant = Plant(machine, visits, np.array(noise.station))
+    plant = Plant(machine, visits, np.array(noise.station), _read(machine) if "encoder" in kinds else ())
     gauges = _gauges(kinds, out, plant, n_read, recipe)
     repeatability = noise.repeatability_of(machine, streams[3])
     past, every = _past(plant, gauges, repeatability), np.arange(len(visits))
@@ -167,7 +168,7 @@ def _gauges(kinds: Sequence[str], out: Outing, plant: Plant, n_read: int, recipe
     order = np.random.default_rng(np.random.SeedSequence([recipe.seed, 7]))
     stops = order.permutation(np.flatnonzero(pose < n_read))
     for kind in (kind for kind in kinds if kind not in (*TOUCHED, BAR)):
-        poses = plant.ideal.poses[stops]
+        poses = plant.there[stops]
         found.append(reading(kind, out.layout, poses, stops, recipe.noise, stream(recipe.seed, kind)))
     own = [*out.touching, *([out.bar[:2]] if out.bar else [])]
     for gauge, q in own:
@@ -211,13 +212,22 @@ def _truths(
     found = []
     for want, (cause, amplitude) in zip(recipe.wanted, causes, strict=True):
         displacement = plant.displacement([(cause, amplitude)])
-        found.append(Truth(want.effect, want.site, past.energy(displacement), amplitude, displacement[rows]))
+        found.append(Truth(want.effect, want.site, past.energy(displacement), amplitude, displacement[rows, :6]))
     return tuple(sorted(found, key=lambda truth: -truth.energy))
 
 
 def _past(plant: Plant, gauges: Sequence[Gauge], repeatability: Floats) -> PastReadings:
-    poses, jitter = plant.ideal.poses, DayWay(plant, [], None).by_command() * repeatability
+    poses, jitter = plant.there, plant.by_command() * repeatability
     return PastReadings.of(gauges, poses, plant.machine.by_tolerance(plant.visits.q, poses), jitter)
+
+
+def _read(machine: Machine | ArmMachine) -> tuple[str, ...]:
+    """The joint that an encoder reads: the first that follows in a loop, or of the first rod, if there is one."""
+    if isinstance(machine, Machine):
+        return (machine.universal.name,)
+    if not isinstance(machine, LoopedMachine):
+        return ()
+    return tuple(machine.robot.joints[j].name for j in machine.robot.loops.passive[:1])
 
 
 def _geometry(machine: Machine | ArmMachine) -> dict[str, float]:

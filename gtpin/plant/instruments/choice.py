@@ -72,7 +72,7 @@ def reading(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, 
     Raises
     ------
     GtpinError
-        For an encoder: the machine must tell its coordinates.
+        For an encoder, if no joint comes with the poses; for a tilt sensor that is never near level.
     """
     if kind == "tracker":
         return Tracker.drawn(poses, stops, noise, rng)
@@ -82,10 +82,7 @@ def reading(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, 
         return Range.drawn(layout, stops, noise.declared, rng)
     if kind == "tilt":
         return Tilt.drawn(layout, poses, stops, noise.declared, rng)
-    raise GtpinError(
-        "no joint of this machine can be read by an encoder",
-        hint="the plant has encoders at passive joints of loops that are no rods, without a scenario",
-    )
+    return Encoder.drawn(poses, stops, noise.declared, rng)
 
 
 def errors(gauge: Gauge, noise: Noise, rng: np.random.Generator) -> Floats:
@@ -102,10 +99,10 @@ def errors(gauge: Gauge, noise: Noise, rng: np.random.Generator) -> Floats:
 def held_readings(gauges: Sequence[Gauge], poses: Poses) -> dict[str, tuple[Floats, Floats]]:
     """What gauges read at poses (H) without noise, with ids in turn, and their sigmas, by name; see ``InstrumentCase``.
 
-    Left out are encoders, which do not read poses, and what is touched: nothing is touched at these commands.
+    Left out is what is touched: nothing is touched at these commands.
     """
     found = {}
-    for gauge in (gauge for gauge in gauges if not gauge.touches and not isinstance(gauge, Encoder)):
+    for gauge in (gauge for gauge in gauges if not gauge.touches):
         one = gauge.in_turn(len(poses))
         found[gauge.name] = one.readings(poses, one.truth)[:, :3], one.sigma[:, :3]
     return found

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data.table import Column
+from gtpin.errors import GtpinError
 from gtpin.plant.instruments.gauge import Gauge, Hidden
 from gtpin.plant.poses import Poses
 
@@ -28,20 +29,28 @@ class Encoder(Gauge):
     ----------
     joint
         Its name.
-    coordinate
-        (M,) where it really is, rad or m.
     """
 
     kind: ClassVar[str] = "encoder"
 
     joint: str
-    coordinate: Floats
 
     @staticmethod
-    def drawn(joint: str, coordinate: Floats, stops: Ints, declared: bool, rng: np.random.Generator) -> Encoder:
-        """One that reads the coordinates (M,) of a joint at all stops."""
+    def drawn(poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Encoder:
+        """One at the first joint that comes with the poses, which reads at all stops.
+
+        Raises
+        ------
+        GtpinError
+            If none does.
+        """
+        if not poses.joints:
+            raise GtpinError(
+                "no joint of this machine can be read by an encoder",
+                hint="the plant has encoders at joints that follow: of loops, and of rods' universal joints",
+            )
         zero = Hidden("encoder.zero", ZERO_SIGMA * rng.standard_normal(), ZERO_SIGMA)
-        return Encoder("encoder", stops, (zero,), declared, joint, coordinate)
+        return Encoder("encoder", stops, (zero,), declared, next(iter(poses.joints)))
 
     @property
     def sigma(self) -> Floats:
@@ -50,7 +59,16 @@ class Encoder(Gauge):
 
     def readings(self, poses: Poses, u: Floats) -> Floats:
         """See :class:`Gauge`; it does not go by the platform's pose."""
-        return np.asarray(self.coordinate + u[0])[:, None]
+        return np.asarray(poses.joints[self.joint] + u[0])[:, None]
+
+    def by_pose(self, poses: Poses) -> Floats:
+        """See :class:`Gauge`."""
+        return np.zeros((len(poses), 1, 6))
+
+    def by_motion(self, poses: Poses) -> Floats:
+        """See :class:`Gauge`."""
+        own = [float(name == self.joint) for name in poses.joints]
+        return np.tile(np.concatenate([np.zeros(6), own]), (len(poses), 1, 1))
 
     def table(self) -> dict[str, Any]:
         """See :class:`Gauge`."""
@@ -59,8 +77,3 @@ class Encoder(Gauge):
     def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
         """See :class:`Gauge`."""
         return {"reading": (self.readings(poses, self.truth) + errors)[:, 0]}
-
-    @classmethod
-    def by_row(cls) -> tuple[str, ...]:
-        """See :class:`Gauge`."""
-        return "stop", "coordinate"

@@ -114,6 +114,11 @@ class Gauge(ABC):
             found.append(self.change(there, back, self.truth, self.truth) / (2.0 * NUDGE))
         return np.stack(found, axis=2)
 
+    def by_motion(self, poses: Poses) -> Floats:
+        """(M, c, 6 + k) derivative of the readings by the pose, and by the k joints that come with it."""
+        by_pose = self.by_pose(poses)
+        return np.concatenate([by_pose, np.zeros((*by_pose.shape[:2], len(poses.joints)))], axis=2)
+
     def by_hidden(self, poses: Poses) -> Floats:
         """(M, c, k) derivative of the readings by the hidden values."""
         steps = NUDGE * np.eye(len(self.hidden))

@@ -20,12 +20,14 @@ FREE = 3.0
 
 @dataclass(frozen=True)
 class PastReadings:
-    """Measures displacements of the poses (N, 6) by E = d' (I + B B')^-1 d, with d the whitened change of the readings.
+    """Measures displacements (N, 6 + k) of the poses, and of the k joints that encoders read.
+
+    E = d' (I + B B')^-1 d, with d the whitened change of the readings.
 
     Parameters
     ----------
     H
-        Of each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6) of its readings by the pose.
+        Of each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6 + k) of its readings by these.
     B
         (K, p) whitened derivative of all readings by the geometry, in units of its tolerances, and by what is hidden of the
         instruments, in units of its priors.
@@ -41,16 +43,16 @@ class PastReadings:
         Parameters
         ----------
         by_tolerance
-            (N, 6, p) their derivative by the geometry in tolerances.
+            (N, 6 + k, p) their derivative by the geometry in tolerances.
         jitter
-            (N, 6, n) how each actuator's repeatability moves them, 1 sigma: it adds to the noise, which matters where an
+            (N, 6 + k, n) how each actuator's repeatability moves them, 1 sigma: it adds to the noise, which matters where an
             instrument is finer than the machine.
         """
         H, blocks = [], []
         own = [len(gauge.hidden) for gauge in gauges]
         for i, gauge in enumerate(gauges):
             here = poses[gauge.stop]
-            plain = gauge.by_pose(here)
+            plain = gauge.by_motion(here)
             sigma = np.sqrt(gauge.sigma**2 + ((plain @ jitter[gauge.stop]) ** 2).sum(axis=2))[..., None]
             slope = plain / sigma
             priors = np.array([min(one.prior, FREE) for one in gauge.hidden])
@@ -62,11 +64,11 @@ class PastReadings:
         return PastReadings(tuple(H), np.vstack(blocks))
 
     def whitened(self, displacement: Floats) -> Floats:
-        """(K,) whitened change of all readings by a displacement (N, 6) of the stops, m and rad."""
+        """(K,) whitened change of all readings by a displacement (N, 6 + k) of the stops, m and rad."""
         return np.concatenate([np.einsum("mci,mi->mc", slope, displacement[stop]).ravel() for stop, slope in self.H])
 
     def energy(self, displacement: Floats) -> float:
-        """E of a displacement (N, 6), by Woodbury's identity."""
+        """E of a displacement (N, 6 + k), by Woodbury's identity."""
         d = self.whitened(displacement)
         projected = self.B.T @ d
         absorbed = projected @ cho_solve(cho_factor(np.eye(len(projected)) + self.B.T @ self.B), projected)

@@ -15,7 +15,6 @@ from gtpin.plant.instruments.build import POOL
 from gtpin.plant.instruments.case import InstrumentCase
 from gtpin.plant.instruments.choice import BAR, TOUCHED, checked, errors, held_readings, noises, reading, reads, stream
 from gtpin.plant.instruments.circles import circles
-from gtpin.plant.instruments.encoder import Encoder
 from gtpin.plant.instruments.gauge import Gauge
 from gtpin.plant.instruments.layout import Layout
 from gtpin.plant.instruments.range import Range
@@ -25,7 +24,7 @@ from gtpin.plant.instruments.tracker import Tracker
 from gtpin.plant.instruments.way import PlainWay
 from gtpin.plant.simulate import REPEATED, draw_commands, draw_machine
 from gtpin.plant.tracker import Noise
-from gtpin.plant.true_robot import Looped, true_robot
+from gtpin.plant.true_robot import OnRods, true_robot
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -72,6 +71,8 @@ def simulate_measured(
         raise GtpinError(what, hint="ask for at least one of each")
     rng = np.random.default_rng(seed)
     machine = draw_machine(robot, rng)
+    if "encoder" in kinds and isinstance(machine, OnRods):
+        machine = replace(machine, read=True)
     pool = draw_commands(machine, POOL, rng)
     layout = Layout.of(machine.predict(pool), np.array(robot.description.gravity), robot.n_actuators)
     pose, q = np.zeros(0, dtype=int), np.zeros((0, robot.n_actuators))
@@ -93,9 +94,6 @@ def simulate_measured(
             gauges.append(Range.bar(layout, len(q) + np.arange(len(round_)), True, own))
             pose = np.concatenate([pose, (pose.max() + 1 if len(pose) else 0) + np.arange(len(round_))])
             q = np.vstack([q, round_])
-        elif kind == "encoder" and isinstance(machine, Looped):
-            joint = machine.passive[0]
-            gauges.append(Encoder.drawn(joint, machine.coordinate(joint, q[stops]), stops, True, own))
         else:
             gauges.append(reading(kind, layout, there, stops, noise, own))
     missed = [errors(gauge, noise, part) for gauge, part in zip(gauges, noises(seed, gauges), strict=True)]

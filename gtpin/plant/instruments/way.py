@@ -115,10 +115,7 @@ class DayWay:
 
     def by_command(self) -> Floats:
         """See :class:`Way`."""
-        machine = self.plant.machine
-        if isinstance(machine, ArmMachine):
-            return machine.command_jacobian(self.q)
-        return machine.kinematics.command_jacobian(self.q, self.plant.ideal.poses)
+        return self.plant.by_command()[:, :6]
 
     def at(self, q: Floats) -> Self:
         """See :class:`Way`; last moves begin as far off as before, so that directions stay."""
