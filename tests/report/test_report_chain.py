@@ -139,11 +139,11 @@ def test_the_skeleton_goes_through_the_joints_to_the_tcp() -> None:
     np.testing.assert_array_equal(ends[-1][1], machine.tcp)
 
 
-@pytest.mark.parametrize("ending", ["urdf", "sdf", "xml"])
+@pytest.mark.parametrize(("ending", "told"), [("urdf", "does not hold"), ("sdf", "does not hold"), ("xml", "holds")])
 def test_a_diagnosed_arm_is_exported_and_what_is_left_out_is_told(
-    found: Diagnosis, ending: str, tmp_path: Path
+    found: Diagnosis, ending: str, told: str, tmp_path: Path
 ) -> None:
-    with pytest.warns(GtpinWarning, match=rf"does not hold joint_compliance@{SITE}"):
+    with pytest.warns(GtpinWarning, match=rf"{told} joint_compliance@{SITE}"):
         export(found.model, tmp_path / f"arm.{ending}")
     assert (tmp_path / f"arm.{ending}").stat().st_size > 1000
 
