@@ -11,6 +11,8 @@ from gtpin.diagnosis.linear.evidence import NOTHING, without
 
 BEAM = 3
 """Beginnings that are grown side by side: the best single explanation need not be one of the best pair."""
+MARGIN, MARGIN_SHARE = 30.0, 0.01
+"""What scales that are estimated again can gain after an explanation is taken out: nats, and a share of the worth. Assumed."""
 MOST = 5
 """Explanations that a model of a robot with rods has at most; of another, as many and one for each joint."""
 
@@ -151,10 +153,16 @@ def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> 
 
 def _pruned(hypotheses: HypothesisSet, model: Model) -> Model:
     """The model without the explanations that are not worth their cost."""
+    groups, robot = hypotheses.groups, hypotheses.design.situation.robot
     while model.terms:
-        smaller = [without(hypotheses.groups, model, t, sweeps=1) for t in model.terms]
-        best = max(smaller, key=hypotheses.worth)
-        if hypotheses.worth(best) < hypotheses.worth(model):
+        worth = hypotheses.worth(model)
+        terms = model.terms
+        if not robot.rods:  # models with many lines are large: only what is nearly worth its cost is looked at closely
+            margin = max(MARGIN, MARGIN_SHARE * abs(worth))
+            terms = tuple(t for t in terms if hypotheses.worth(without(groups, model, t)) > worth - margin)
+        smaller = [without(groups, model, t, sweeps=1) for t in terms]
+        best = max(smaller, key=hypotheses.worth, default=model)
+        if best is model or hypotheses.worth(best) < worth:
             return model
         model = best
     return model
