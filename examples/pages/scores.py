@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Mapping
 from typing import Any
 
 from figures import RECORDS
@@ -123,13 +125,30 @@ def real_causes() -> str:
     for name, found in _record("real_arms.json").items():
         begun = f"| {name} | {found['verdict']} | {found['gap'][2]:.3f} |"
         for cause in found["causes"]:
-            sizes = "; ".join(f"{key} {v:.2g} ± {s:.1g} {unit}" for key, (v, s, unit) in cause["parameters"].items())
+            sizes = _sizes(cause["parameters"])
             sure = min(cause["probability"], 0.99)
             lines.append(f"{begun} `{cause['effect']}` at `{cause['site']}`, {sure:.2f} | {sizes} |")
             begun = "| | | |"
         if not found["causes"]:
             lines.append(f"{begun} none | |")
     return "\n".join(lines)
+
+
+def _sizes(parameters: Mapping[str, tuple[float, float, str]]) -> str:
+    """Parameters with sigmas; lines of a turning joint as periods a turn and amplitudes, the largest first."""
+    lines = [name for name in parameters if name.startswith("period")]
+    if not lines or parameters[lines[0]][2] != "rad":
+        return "; ".join(f"{key} {v:.2g} ± {s:.1g} {unit}" for key, (v, s, unit) in parameters.items())
+    found = []
+    for name in lines:
+        (period, spread, _), (amplitude, sigma, _) = (
+            parameters[key] for key in (name, name.replace("period", "amplitude"))
+        )
+        turns = 2.0 * math.pi / period
+        found.append(
+            (amplitude, f"{turns:.2f} ± {turns * spread / period:.2f}: {1e3 * amplitude:.3f} ± {1e3 * sigma:.3f}")
+        )
+    return "periods a turn, and their amplitudes, mrad: " + "; ".join(text for _, text in sorted(found, reverse=True))
 
 
 def real_sign() -> str:
