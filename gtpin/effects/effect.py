@@ -111,6 +111,11 @@ class Effect(ABC):
     """Name and unit of the first coefficient as a parameter: the only one, unless :meth:`parameters` gives others."""
     clause: str = ""
     """What it does, as a clause, with ``{site}`` for where: ``{site} has backlash``. Left out, it is made from ``title``."""
+    changed: ClassVar[str] = ""
+    """The clause of a change since an earlier model, where ``clause`` says something else."""
+    first_checked: ClassVar[bool] = False
+    """Whether crashes and wear cause it first: poses of a health check are chosen for it, and reports name the smallest change
+    that they show. Assumed of shifted zeros and backlash."""
     plural_clause: ClassVar[str] = ""
     """The same where the site is ``arm``, all links together."""
     remedy: str = "Use the corrected model, or take the effect away at its source."

@@ -36,8 +36,6 @@ Floats = npt.NDArray[np.float64]
 Purpose = Literal["calibration", "discrimination", "health"]
 Place = Literal["robot", "free"]
 
-WANTED = ("zero_shift", "backlash")
-"""Changes for which the poses of a check are chosen: what crashes and wear do first. Assumed."""
 RANDOM = 20
 """Random choices of as many poses that a plan is compared with."""
 VAGUE = 100.0
@@ -190,7 +188,7 @@ def plan(
     how = Conditions(noise, where == "free")
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
     design, possible = _possible(Earlier(model), some, how, scope, orientation)
-    wanted = _wanted(possible, WANTED if purpose == "health" else tuple(between), model)
+    wanted = _wanted(possible, checked_first() if purpose == "health" else tuple(between), model)
     choice = _choice(design, wanted, VAGUE if purpose == "health" else 1.0)
     rows = choice.best(poses)
     commands = _commands(some, rows, purpose)
@@ -242,6 +240,11 @@ def _possible(
     since = Since.of(some.covariates, earlier, how.temperature, len(some), PRIORS.warmer)
     design = expectation(earlier, measured, some.covariates, how, since.covariates)
     return design, changes(design, scope, since.assumed)
+
+
+def checked_first() -> tuple[str, ...]:
+    """Ids of the effects for which the poses of a check are chosen."""
+    return tuple(effect.id for effect in catalogue() if effect.first_checked)
 
 
 def _wanted(possible: Changes, words: Sequence[str], model: Model) -> list[Hypothesis]:

@@ -14,21 +14,11 @@ from gtpin.report.reasons import reason_words
 from gtpin.report.sure_causes import sure_and_doubtful
 from gtpin.report.words import chance, counted, joined, number_word, percent, quantity, site_words
 
-SINCE = {
-    "zero_shift": "the zero of {site} has moved",
-    "frame_shift": "{site} sits elsewhere",
-    "backlash": "{site} has another backlash",
-    "target_offset": "the target sits elsewhere",
-}
-"""Changes whose usual clause says something else; the others are said as in a diagnosis."""
-FIRST = ("zero_shift", "backlash")
-"""Effects whose smallest changes are named in the summary; the page has all."""
-
 
 def change(check: HealthCheck, effect: str, site: str) -> str:
     """A change as a clause."""
-    if effect in SINCE:
-        return SINCE[effect].replace("{site}", site_words(site))
+    if changed := check.effect(effect).changed:
+        return changed.replace("{site}", site_words(site))
     return clause(check.effect(effect), site, check.model.robot)
 
 
@@ -92,13 +82,12 @@ def _thermal(check: HealthCheck, effect: str, site: str) -> bool:
 
 def power_words(check: HealthCheck) -> str:
     """What such poses show with the check's power, of the commonest changes."""
+    first = dict.fromkeys(s.effect for s in check.smallest if check.effect(s.effect).first_checked)
     parts = [
-        f"{effect.replace('_', ' ')} {_largest(rows)}"
-        for effect in FIRST
-        if (rows := [s for s in check.smallest if s.effect == effect])
+        f"{effect.replace('_', ' ')} {_largest([s for s in check.smallest if s.effect == effect])}" for effect in first
     ]
     if not parts:
-        return "These poses show neither shifted zeros nor backlash of any size."
+        return "These poses show none of the changes that crashes and wear cause first."
     return f"Changes that such poses show in {percent(check.power)} of cases, from: {joined(parts)} at the worst site."
 
 

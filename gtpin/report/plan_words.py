@@ -8,7 +8,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from gtpin.health.plan import WANTED, PosePlan
+from gtpin.health.plan import PosePlan, checked_first
 from gtpin.health.power import Smallest
 from gtpin.report.words import length, percent, quantity
 
@@ -53,7 +53,7 @@ def plan_summary(plan: PosePlan) -> RenderableType:
 
 def usual(smallest: Sequence[Smallest]) -> list[Smallest]:
     """The changes that a plan is made for."""
-    return [one for one in smallest if one.effect in WANTED]
+    return [one for one in smallest if one.effect in checked_first()]
 
 
 def smallest_words(one: Smallest) -> str:

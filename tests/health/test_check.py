@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import classes, later, machine
+from checked_machines import classes, later, machine
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from machines import later, machine
+from checked_machines import later, machine
 
 import gtpin
 from gtpin.report.history_files import history

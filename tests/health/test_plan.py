@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from machines import machine
+from checked_machines import machine
 
 import gtpin
 from gtpin.health.choice import Choice
