@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from figures import FIGURES, ROOT
+from gallery import page as gallery
 from installed import extras_table
 from installed import table as installed_table
 from priors_listed import modulation_listed, priors_listed
@@ -33,6 +34,7 @@ from speed import table as speed_table
 BLOCK = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
 TABLES: dict[str, Callable[[], str]] = {
     **{figure.name: figure.table for figure in FIGURES},
+    "gallery": gallery,
     "sealed_score": sealed_score,
     "sealed_sentence": sealed_sentence,
     "machine_scores": machine_scores,

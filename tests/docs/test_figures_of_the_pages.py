@@ -120,7 +120,7 @@ CONSTANTS = (
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
     ("docs/diagnosis.md", "what is smooth has up to {} periods a turn", SLOWEST_LINE),
     ("docs/diagnosis.md", "at least {} periods in the joint's range where it has no other line", LEAST_TURNS),
-    ("docs/diagnosis.md", "gains more than {} nats (`line`", priors.PRIORS.line),
+    ("docs/diagnosis.md", "must gain more than {} nats (`line`", priors.PRIORS.line),
     ("docs/diagnosis.md", "{} standard deviations wide to either side", f"{t.ppf(0.975, 1) * 1.5**0.5:.0f}"),
 )
 """Numbers that a page says of the code, and the code's own."""

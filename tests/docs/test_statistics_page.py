@@ -1,0 +1,119 @@
+"""The page of the statistics names constants and files that exist, and its equations are right and set without a network."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from gtpin.diagnosis import priors
+from gtpin.diagnosis.hypotheses import lines
+from gtpin.diagnosis.inference import causes, search
+from gtpin.diagnosis.linear import cross_validation, evidence, hold_out, scan
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "statistics.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+NODE = shutil.which("node")
+RENDERED = """
+const folder = process.argv[1], shipped = require(folder + "/katex.min.js"), shown = [];
+const options = (given) => ({...given, throwOnError: true, strict: "error"});
+global.katex = {render: (source, element, given) => {
+  shipped.renderToString(source, options(given));
+  shown.push(given.displayMode);
+}};
+global.document = {querySelectorAll: () => JSON.parse(require("fs").readFileSync(0, "utf8"))};
+require(folder + "/render.js");
+console.log(JSON.stringify(shown));
+"""
+"""The page's own script, with elements in the place of a browser's: which equations are blocks. A wrong one is an error."""
+NO_CONSTANTS = {"site", "none", "explained", "ambiguous", "unknown", "station", "best_scales"}
+"""Words in code style that are values, columns or functions."""
+NUMBERS = (
+    (f"out of {len(evidence.SCALES)} between {evidence.SCALES[0]:.2g} and {evidence.SCALES[-1]:g}"),
+    f"have at least {scan.ALIKE:g} of its gain",
+    f"until that gains less than {lines.SETTLED:g} nats",
+    f"over {2 * causes.DRAWS} draws from the posterior",
+    f"has {cross_validation.DRAWS} draws: coefficients from their posterior, {cross_validation.ASKED} poses",
+)
+WORDS = {3: "three", 4: "four", 5: "five"}
+
+
+def test_every_constant_that_the_page_names_is_in_priors() -> None:
+    known = {field.name for field in fields(priors.Priors)} | {"SURE", "CLASS_SHARE"}
+    prose = re.sub(r"^```.*?^```$", "", TEXT, flags=re.MULTILINE | re.DOTALL)
+    in_text = set(re.findall(r"`([A-Za-z_]+)`", prose)) - NO_CONSTANTS
+    in_equations = {name.replace("\\_", "_") for name in re.findall(r"\\texttt\{([^}]+)\}", prose)}
+    assert len(in_equations) > 8
+    assert in_text | in_equations <= known, (in_text | in_equations) - known
+
+
+def test_every_prior_of_the_evidence_and_of_the_probabilities_is_on_the_page() -> None:
+    names = [field.name for field in fields(priors.Priors)]
+    first, last = names.index("scale_spread"), names.index("not_varied")
+    missing = [n for n in names[first : last + 1] if n not in TEXT and n.replace("_", "\\_") not in TEXT]
+    assert not missing
+
+
+def test_every_file_that_the_page_names_exists() -> None:
+    named = re.findall(r"`(gtpin/[\w/]+(?:\.py|/))`", TEXT)
+    assert len(named) > 15
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("phrase", NUMBERS)
+def test_a_number_on_the_page_is_the_codes(phrase: str) -> None:
+    assert phrase in " ".join(TEXT.split())
+
+
+def test_counts_in_words_are_the_codes() -> None:
+    assert f"each of the {WORDS[search.BEAM]} best single explanations" in TEXT
+    assert f"at most {WORDS[search.MOST]} members" in TEXT
+    assert f"{WORDS[hold_out.TOGETHER]} neighbouring poses" in TEXT
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site."""
+    pytest.importorskip("mkdocs")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", ROOT / "docs/site/mkdocs.yml", "-d", folder]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder
+
+
+def test_the_site_sets_its_equations_with_files_of_its_own(built: Path) -> None:
+    text = (built / "statistics.html").read_text(encoding="utf-8")
+    loaded = re.findall(r'<(?:script|link)[^>]* (?:src|href)="([^"]+)"', text)
+    assert {"katex/katex.min.css", "katex/katex.min.js", "katex/render.js"} <= set(loaded)
+    assert [url for url in loaded if "://" in url and "canonical" not in url] == []
+    assert [name for name in loaded if not (built / name).exists()] == []
+    style = (built / "katex" / "katex.min.css").read_text(encoding="utf-8")
+    fonts = set(re.findall(r"url\((fonts/[^)]+\.woff2)\)", style))
+    assert fonts
+    assert all((built / "katex" / font).exists() for font in fonts)
+    assert "http" not in style
+
+
+@pytest.mark.skipif(NODE is None, reason="there is no node")
+def test_katex_sets_every_equation_of_the_built_page(built: Path) -> None:
+    text = (built / "statistics.html").read_text(encoding="utf-8")
+    marked = re.findall(r'<(span|div) class="arithmatex">(.*?)</\1>', text, re.DOTALL)
+    assert len(marked) > 60
+    elements = [{"tagName": tag.upper(), "textContent": html.unescape(source)} for tag, source in marked]
+    ran = subprocess.run(
+        [str(NODE), "-e", RENDERED, str(built / "katex")],
+        input=json.dumps(elements),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr[-600:]
+    assert json.loads(ran.stdout) == [tag == "div" for tag, _ in marked]
