@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -65,3 +66,14 @@ def _positive(dof: Numbers) -> Any:
 
 
 chi2, f, norm = ChiSquare(), F(), Normal()
+
+
+def truncated_mean(mean: float, sigma: float) -> float:
+    """Mean of a normal distribution that is cut off below 0.
+
+    mean + sigma phi(a) / Phi(a), a = mean / sigma; far below, the first terms of its asymptotic series (Mills' ratio).
+    """
+    a = mean / sigma
+    if a < -30.0:
+        return sigma * (1.0 / -a + 2.0 / a**3)
+    return mean + sigma * math.exp(-0.5 * a * a) / math.sqrt(2.0 * math.pi) / float(special.ndtr(a))
