@@ -13,12 +13,11 @@ import numpy.typing as npt
 from gtpin.accuracy.expected import Response, expected_of
 from gtpin.certificate.quantity import Missing
 from gtpin.certificate.response import At, Posterior, by_commands, root_of
+from gtpin.certificate.unexplained import COVERAGE
 
 Floats = npt.NDArray[np.float64]
 Source = Literal["geometry", "effects", "correlation", "frame", "repeatability", "unexplained", "instrument"]
 
-COVERAGE = 2.0
-"""Coverage factor k: 95 % of a normal distribution (JCGM 100, 6.3.3)."""
 DRAWS = 1000
 """Machines that are drawn for the radius."""
 
@@ -35,11 +34,14 @@ class Spreads:
         Per axis, of what the model does not explain: position, m, and orientation, rad (0 where it was not measured).
     instrument
         Per axis, m: systematic error of the instrument, from its certificate.
+    why
+        Why the repeatability is not known.
     """
 
     repeatability: float | None
     unexplained: tuple[float, float]
     instrument: float | None
+    why: Missing | None = None
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool,
         fixed.append(F @ root_of(posterior.frame.covariance))
     J, r = by_commands(model, at), spreads.repeatability
     if r is None:
-        rows.append(Contribution("repeatability", None, missing="few_visits"))
+        rows.append(Contribution("repeatability", None, missing=spreads.why))
     else:
         unit = "rad" if not model.robot.rods and bool(np.all(model.robot.revolute)) else "m"
         rows.append(Contribution("repeatability", r**2 * J @ np.swapaxes(J, 1, 2), r, unit))

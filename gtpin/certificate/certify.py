@@ -121,6 +121,11 @@ def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> N
             f"the geometry of this model of {model.robot.name} is nominal, so its uncertainty is not known",
             hint="give a model that gtpin calibrate or gtpin diagnose has written",
         )
+    measured = robot_of(dataset)
+    if measured.name != model.robot.name:
+        what = f"the model is of {model.robot.name}, and the poses are of {measured.name}"
+        raise ModelError(what, file=dataset.file, hint="give a model of the robot that dataset.toml names")
+    check_actuators(model.robot, dataset)
     if dataset.instrument.frame == "robot" and not model.frame.is_base:
         raise ModelError(
             'the model was measured in a frame of the instrument, and these poses in the base frame (frame = "robot")',
@@ -136,10 +141,6 @@ def _rows(dataset: Dataset, model: Model, found: Diagnosis | None) -> Dataset:
         kept = prepared(dataset, Model(model.geometry))
         rows = kept.take(sane_rows(kept) & ~np.isin(kept.row, found.set_aside_rows))
     else:
-        check_actuators(model.robot, dataset)
-        robot = robot_of(dataset)
-        if robot.name != model.robot.name:
-            raise ModelError(f"the model is of {model.robot.name}, and the poses are of {robot.name}")
         bare = Model(model.geometry)
         kept = prepared(dataset, bare)
         kept = kept.take(sane_rows(kept))

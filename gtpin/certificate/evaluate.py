@@ -13,7 +13,7 @@ from gtpin.certificate.budget import Spreads
 from gtpin.certificate.held_against import HeldAgainst, approaches
 from gtpin.certificate.pose_accuracy import VisitScatter, accuracy, left_out_accuracy, standard_accuracy
 from gtpin.certificate.positioning import mean_reversal, positioning
-from gtpin.certificate.quantity import Quantity, blank
+from gtpin.certificate.quantity import Missing, Quantity, blank
 from gtpin.certificate.repeatability import Scatter, pooled_repeatability, standard_repeatability
 from gtpin.certificate.response import Posterior, by_commands
 from gtpin.certificate.unexplained import Excess, mean_trace
@@ -108,8 +108,7 @@ class Evaluation:
         """
         held = self.corrected
         J = by_commands(held.model, held.at)
-        covariance, repeats = self.posterior.poses(held.at), held.repeatability(self.rows.visits)
-        noise = self._noise()
+        covariance, noise = self.posterior.poses(held.at), self._noise()
         excess = [
             Excess(
                 self._after(k) ** 2, noise[k], mean_trace(covariance[:, part, part]), len(self.rows), self.fitted
@@ -117,13 +116,14 @@ class Evaluation:
             for k, (_, _, part) in enumerate(ORDER[: held.errors.shape[1] // 3])
         ]
         gain = [mean_trace((J @ np.swapaxes(J, 1, 2))[:, part, part]) for _, _, part in ORDER]
-        r = repeats
-        if r is not None and self.noise_known != "declared":
-            r = None  # the scatter of visits is all counted as noise
+        declared = self.noise_known == "declared"
+        r = held.repeatability(self.rows.visits) if declared else None
         if r is not None:
             r = min(r, float(np.sqrt(excess[0] / gain[0])))
         left = [np.sqrt(max(e - (r or 0.0) ** 2 * g, 0.0) / 3.0) for e, g in zip(excess, gain, strict=False)]
-        return Spreads(r, (float(left[0]), float(left[1]) if len(left) == 2 else 0.0), instrument)
+        turns = float(left[1]) if len(left) == 2 else 0.0
+        why: Missing | None = None if r is not None else "few_visits" if declared else "not_declared"
+        return Spreads(r, (float(left[0]), turns), instrument, why)
 
     def _noise(self) -> tuple[float, float]:
         """Mean square length of the noise of position, m^2, and orientation, rad^2, as far as it is known."""
@@ -138,7 +138,8 @@ class Evaluation:
     def _after(self, kind: int) -> float:
         """Root mean square error of the corrected machine, m (kind 0) or rad (1): of left-out poses where these were fitted."""
         if self.gap is not None:
-            return self.gap.after if kind == 0 or self.gap.turns is None else self.gap.turns.after
+            part = self.gap if kind == 0 or self.gap.turns is None else self.gap.turns
+            return part.after
         return float(np.sqrt((self.corrected.errors[:, ORDER[kind][2]] ** 2).sum(axis=1).mean()))
 
     def _accuracy(self) -> list[Quantity]:

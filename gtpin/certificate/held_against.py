@@ -12,8 +12,8 @@ from gtpin.calibration.problem import Measured, in_frame, measured_poses, rough_
 from gtpin.certificate.response import At, FreeFrame, Posterior, by_commands
 from gtpin.data import Dataset
 from gtpin.effects.situation import Column
-from gtpin.kinematics.rotations import frame_motions
-from gtpin.model.model import Model
+from gtpin.kinematics.rotations import exp, frame_motions
+from gtpin.model.model import Frame, Model
 from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import Noise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
@@ -58,12 +58,11 @@ class HeldAgainst:
         measured = measured_poses(replace(dataset, orientation=None) if model.geometry.reduced else dataset)
         at = At.of(model, dataset.q, dataset.covariates)
         if align:
-            base = replace(model, frame=type(model.frame)()).predict(dataset.q, dataset.covariates)
+            base = replace(model, frame=Frame()).predict(dataset.q, dataset.covariates)
             model = replace(model, frame=rough_frame(base, measured))
-        predicted = model.predict(dataset.q, dataset.covariates)
-        errors = measured.minus(predicted)
-        if align:
-            errors = errors - _best_motion(predicted.T, errors, noise)
+            predicted = model.predict(dataset.q, dataset.covariates)
+            model = replace(model, frame=_best_frame(model.frame, predicted.T, measured.minus(predicted), noise))
+        errors = measured.minus(model.predict(dataset.q, dataset.covariates))
         return HeldAgainst(model, measured, errors, at, noise)
 
     @property
@@ -103,7 +102,7 @@ class HeldAgainst:
         return bool(own.sum() >= FEWEST and squares.mean() < SMALL)
 
     def travel(self, errors: Floats) -> Floats | None:
-        """(N, n) deviations of the actuators' travel that errors (N, c) of the pose show; None where they don't determine it."""
+        """(N, n) deviations of the actuators' travel that errors (N, c) of the pose show; None where not determined."""
         J = in_frame(self.model.kinematics.command_jacobian(self.at.q, self.at.plain)[:, :6], self.model.frame)
         n, c = J.shape[2], errors.shape[1]
         components = 3 if n <= 3 else c
@@ -120,10 +119,11 @@ def approaches(covariates: Mapping[str, Column], n: int) -> Floats | None:
     return np.column_stack([np.asarray(covariates[name], dtype=float) for name in names])
 
 
-def _best_motion(T: Floats, errors: Floats, noise: Noise) -> Floats:
-    """(N, c) what a small motion of the frame makes of errors (N, c), by least squares in units of the noise."""
-    c = errors.shape[1]
-    F = frame_motions(T - T.mean(axis=0))[:, :c]
+def _best_frame(frame: Frame, T: Floats, errors: Floats, noise: Noise) -> Frame:
+    """The frame moved so that errors (N, c) at positions T (N, 3) are least in units of the noise."""
+    c, pivot = errors.shape[1], T.mean(axis=0)
+    F = frame_motions(T - pivot)[:, :c]
     weight = 1.0 / np.array([noise.position_sigma] * 3 + [noise.orientation_sigma] * 3)[:c]
     motion, *_ = np.linalg.lstsq((F * weight[:, None]).reshape(-1, 6), (errors * weight).ravel(), rcond=None)
-    return np.asarray(F @ motion)
+    turn = exp(np.asarray(motion[3:], dtype=np.float64))
+    return Frame(turn @ (frame.T - pivot) + pivot + motion[:3], turn @ frame.R)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.certificate.quantity import Quantity, blank
 from gtpin.certificate.repeatability import CYCLES
-from gtpin.distributions import truncated_mean
+from gtpin.distributions import truncated
 
 Floats = npt.NDArray[np.float64]
 
@@ -103,5 +103,5 @@ def _of_scatter(scatter: VisitScatter, share: float) -> float:
 
 def _root_mean_square(symbol: str, unit: str, power: float, doubt: float, poses: int, rows: int) -> Quantity:
     """The root of a power that is known with a doubt and can't be negative."""
-    rms = float(np.sqrt(truncated_mean(power, doubt)))
+    rms = float(np.sqrt(truncated(power, doubt)[0]))
     return Quantity(f"{symbol}_rms", rms, unit, min(doubt / (2.0 * rms), rms), poses, rows)

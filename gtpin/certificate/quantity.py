@@ -16,6 +16,7 @@ Missing = Literal[
     "too_many_drives",
     "known_in_mean",
     "fitted_poses",
+    "not_declared",
     "not_stated",
     "no_effects",
     "frame_is_base",
@@ -42,6 +43,8 @@ Missing = Literal[
     Errors at left-out poses are known as a mean square only.
 ``fitted_poses``
     The model was fitted to these poses.
+``not_declared``
+    The instrument's noise was not declared, so that the machine's scatter is not known by itself.
 ``not_stated``
     The user has not stated it.
 ``no_effects``

@@ -50,16 +50,23 @@ def spread_of_length(covariance: Floats) -> tuple[float, float]:
     return mean, float(np.sqrt(max(float(np.trace(covariance)) - mean**2, 0.0)))
 
 
-def repeatability_of(lengths: Floats) -> float:
-    """RP_l of the distances (n,) of n visits from their mean: the mean distance and three standard deviations."""
+def repeatability_of(position: Floats) -> float:
+    """RP_l of the positions (n, 3) of n visits: mean and three standard deviations of their distances from their mean."""
+    lengths = np.linalg.norm(position - position.mean(axis=0), axis=1)
     return float(lengths.mean() + 3.0 * lengths.std(ddof=1))
+
+
+def jackknife(position: Floats) -> float:
+    """Standard uncertainty of RP_l: (n - 1) / n times the sum of squares of what it is without each visit in turn (Efron)."""
+    n = len(position)
+    without = np.array([repeatability_of(np.delete(position, i, axis=0)) for i in range(n)])
+    return float(np.sqrt((n - 1) * without.var()))
 
 
 def standard_repeatability(visits: npt.NDArray[np.intp], position: Floats) -> Quantity:
     """RP_l as ISO 9283 has it, of poses with 30 visits or more: the largest.
 
-    Its standard uncertainty is that of a sample of so many visits: by the delta method for a mean and a standard deviation of
-    nearly normal distances, sigma^2 (1 / n + 9 / (2 (n - 1))).
+    Its standard uncertainty is the jackknife's: distances are not normal.
     """
     counts = np.bincount(visits)
     often = np.flatnonzero(counts >= CYCLES)
@@ -68,10 +75,7 @@ def standard_repeatability(visits: npt.NDArray[np.intp], position: Floats) -> Qu
     found = []
     for pose in often:
         own = position[visits == pose]
-        lengths = np.linalg.norm(own - own.mean(axis=0), axis=1)
-        n = len(lengths)
-        sigma = float(lengths.std(ddof=1) * np.sqrt(1.0 / n + 4.5 / (n - 1)))
-        found.append((repeatability_of(lengths), sigma))
+        found.append((repeatability_of(own), jackknife(own)))
     value, sigma = max(found)
     return Quantity("RP_l", value, "m", sigma, len(often), int(counts[often].sum()))
 

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.distributions import truncated_mean
+from gtpin.distributions import norm, t, truncated
 
 Floats = npt.NDArray[np.float64]
+
+COVERAGE = 2.0
+"""Coverage factor k: 95 % of a normal distribution (JCGM 100, 6.3.3)."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +40,19 @@ class Excess:
 
     @property
     def power(self) -> float:
-        """What is left: the mean of its posterior, with a flat prior on variances from 0 up.
+        """What is left, so large that k = 2 covers 95 % of the sum with the model's uncertainty in spite of its doubt.
 
-        Errors are about isotropic normal vectors, so that the mean square of N of them varies by sqrt(2 / (3 N)) of itself. A
-        variance of which the data say little is not 0: without an excess it is 0.8 of this doubt.
+        Errors are about isotropic normal vectors, so that the mean square of N of them varies by sqrt(2 / (3 N)) of itself.
+        With a flat prior from 0 up, the variance has a truncated normal posterior of mean m and standard deviation d: as many
+        degrees of freedom as nu = 2 (m / d)^2 (JCGM 100, E.4.3 and G.4.2), and its sum with the model's variance v has
+        nu ((v + m) / m)^2 (Welch and Satterthwaite, G.4.1). Student's quantile t of these takes the place of k (G.3.2); so that
+        k stays 2, the sum is multiplied by (t / 2)^2, and what this adds counts as left.
         """
         left = self.observed - self.instrument + (self.posterior if self.fitted else -self.posterior)
-        return truncated_mean(left, self.doubt)
+        mean, sd = truncated(left, self.doubt)
+        whole = self.posterior + mean
+        factor = float(t.isf(norm.sf(COVERAGE), 2.0 * (whole / sd) ** 2)) / COVERAGE
+        return whole * factor**2 - self.posterior
 
     @property
     def doubt(self) -> float:

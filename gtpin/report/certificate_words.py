@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.certificate.budget import COVERAGE, Contribution
+from gtpin.certificate.budget import Contribution
 from gtpin.certificate.positioning import APPROACHES, TARGETS
 from gtpin.certificate.quantity import Missing, Quantity
 from gtpin.certificate.repeatability import CYCLES
 from gtpin.certificate.result import Certificate
+from gtpin.certificate.unexplained import COVERAGE
 from gtpin.noise.repeats import LEAST_CONTRASTS
 from gtpin.report.words import counted, joined, percent, quantity, whole
 
 WHY: dict[Missing, str] = {
     "few_cycles": f"no pose was visited {CYCLES} times, as ISO 9283 asks; the most are {{have}}",
     "few_visits": f"fewer than {LEAST_CONTRASTS} repeated visits ({{have}}) say too little of the scatter",
-    "few_targets": f"no {TARGETS} targets on a line of this actuator, the others at rest, each approached {APPROACHES} times from "
-    "both sides; the longest line has {have}",
+    "few_targets": f"no {TARGETS} targets on a line of this actuator, the others at rest, each approached {APPROACHES} times "
+    "from both sides; the longest line has {have}",
     "within_noise": "the scatter of the visits is no larger than the instrument's own noise",
     "no_orientation": "orientation was not measured",
     "no_approach": "the direction of approach was not recorded, or hardly varies",
@@ -24,6 +25,8 @@ WHY: dict[Missing, str] = {
     "too_many_drives": "the measured pose does not determine the travel of each actuator",
     "known_in_mean": "errors at left-out poses are known as a mean only; measure new poses and certify them with --model",
     "fitted_poses": "the model was fitted to these poses; certify new poses, or leave --model out",
+    "not_declared": "the instrument's noise was not declared, so that the scatter of visits can't be divided between "
+    "instrument and machine",
     "not_stated": "not stated: give the standard uncertainty of the instrument's certificate with --instrument-uncertainty",
     "no_effects": "the model has no effects",
     "frame_is_base": "the instrument measures in the base frame",
@@ -50,7 +53,7 @@ BASES = {
     "left_out": "The model was identified from these poses. Errors of the corrected machine are those at poses that were left "
     "out of the fit in turn.",
     "new": "The model was identified before. These poses are new to it.",
-    "fitted": "The model was fitted to these very poses. Its residuals are smaller than its errors; the budget allows for that.",
+    "fitted": "The model was fitted to these very poses. Residuals are smaller than errors; the budget allows for that.",
 }
 
 
