@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -18,6 +17,8 @@ from gtpin.certificate.unexplained import COVERAGE
 Floats = npt.NDArray[np.float64]
 Source = Literal["geometry", "effects", "correlation", "frame", "repeatability", "unexplained", "instrument"]
 
+DIRECTIONS, UNKNOWNS = 6, 3
+"""Directions of the unknowns that are listed, and unknowns of each."""
 DRAWS = 1000
 """Machines that are drawn for the radius."""
 
@@ -86,18 +87,19 @@ class Contribution:
 
 
 @dataclass(frozen=True)
-class Sensitivity:
-    """One parameter: its sigma in ``unit``, the TCP's motion per unit (root mean square over the poses), and their product."""
+class Direction:
+    """A direction of the model's unknowns that is uncorrelated with the others.
 
-    name: str
-    sigma: float
-    unit: str
-    motion: float
+    Parameters
+    ----------
+    changes
+        The unknowns that move the TCP most in it: name, change for one standard deviation of the direction, and unit.
+    position
+        What it contributes to the position, m; the squares of all directions add up to the posterior's variance.
+    """
 
-    @property
-    def position(self) -> float:
-        """What it contributes if all others are exact, m."""
-        return self.sigma * self.motion
+    changes: tuple[tuple[str, float, str], ...]
+    position: float
 
 
 @dataclass(frozen=True)
@@ -110,8 +112,8 @@ class Budget:
         (N, n) commands of these poses, m or rad.
     rows
         The contributions.
-    sensitivities
-        The parameters that contribute most.
+    directions
+        The directions of the model's unknowns that contribute most.
     radius
         95 % of the position errors of machines like this one at these poses are shorter, m.
     orientation
@@ -120,7 +122,7 @@ class Budget:
 
     q: Floats
     rows: tuple[Contribution, ...]
-    sensitivities: tuple[Sensitivity, ...]
+    directions: tuple[Direction, ...]
     radius: float
     orientation: bool
 
@@ -164,7 +166,6 @@ def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool,
     """
     model, count = posterior.model, len(at.q)
     D, covariance, p = posterior.derivatives(at), posterior.covariance, len(posterior.model.geometry.parameters)
-    sizes = np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
     def through(J: Floats, S: Floats) -> Floats:
         return np.asarray(J @ S @ np.swapaxes(J, 1, 2))
@@ -208,14 +209,22 @@ def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool,
     expected = expected_of(
         Response(np.concatenate(fixed, axis=2), np.concatenate(fresh, axis=2)), draws=DRAWS, seed=seed
     )
-    return Budget(at.q, tuple(rows), _sensitivities(posterior, D, sizes), expected.position.p95, orientation)
+    return Budget(at.q, tuple(rows), _directions(posterior, D), expected.position.p95, orientation)
 
 
-def _sensitivities(posterior: Posterior, D: Floats, sizes: Floats, shown: int = 10) -> tuple[Sensitivity, ...]:
-    model = posterior.model
+def _directions(posterior: Posterior, D: Floats) -> tuple[Direction, ...]:
+    """Principal directions of the TCP's position error: eigenvectors of the mean of F' J' J F, F F' the posterior."""
+    model, root = posterior.model, posterior.root
     names: list[tuple[str, str]] = [(one.name, one.unit) for one in model.geometry.parameters]
     for active in model.effects:
         names += [(f"{active.name} [{k + 1}]", "") for k in range(len(active.coefficients))]
+    moved = (D[:, :3] @ root).reshape(-1, root.shape[1])
+    powers, axes = np.linalg.eigh(moved.T @ moved / len(D))
     motion = np.sqrt((D[:, :3] ** 2).sum(axis=1).mean(axis=0))
-    order: Sequence[int] = np.argsort(-motion * sizes, kind="stable")[:shown].tolist()
-    return tuple(Sensitivity(names[i][0], float(sizes[i]), names[i][1], float(motion[i])) for i in order)
+    found = []
+    for i in range(len(powers) - 1, max(len(powers) - 1 - DIRECTIONS, -1), -1):
+        change = root @ axes[:, i]
+        largest: list[int] = np.argsort(-np.abs(change) * motion, kind="stable")[:UNKNOWNS].tolist()
+        changes = tuple((names[k][0], float(change[k]), names[k][1]) for k in largest)
+        found.append(Direction(changes, float(np.sqrt(max(powers[i], 0.0)))))
+    return tuple(found)

@@ -118,9 +118,13 @@ class Evaluation:
         gain = [mean_trace((J @ np.swapaxes(J, 1, 2))[:, part, part]) for _, _, part in ORDER]
         declared = self.noise_known == "declared"
         r = held.repeatability(self.rows.visits) if declared else None
-        if r is not None:
-            r = min(r, float(np.sqrt(excess[0] / gain[0])))
-        left = [np.sqrt(max(e - (r or 0.0) ** 2 * g, 0.0) / 3.0) for e, g in zip(excess, gain, strict=False)]
+        if r is not None and r**2 * gain[0] > excess[0]:
+            r, excess[0] = float(np.sqrt(excess[0] / gain[0])), 0.0
+        elif r is not None:
+            excess[0] -= r**2 * gain[0]
+        if len(excess) == 2:
+            excess[1] = max(excess[1] - (r or 0.0) ** 2 * gain[1], 0.0)
+        left = np.sqrt(np.array(excess) / 3.0)
         turns = float(left[1]) if len(left) == 2 else 0.0
         why: Missing | None = None if r is not None else "few_visits" if declared else "not_declared"
         return Spreads(r, (float(left[0]), turns), instrument, why)

@@ -64,9 +64,9 @@ def certificate_json(c: Certificate) -> dict[str, Any]:
                 }
                 for row in b.rows
             ],
-            "parameters": [
-                {"name": s.name, "sigma": s.sigma, "unit": s.unit, "sensitivity": s.motion, "alone": s.position}
-                for s in b.sensitivities
+            "directions": [
+                {"changes": {name: change for name, change, _ in d.changes}, "standard_uncertainty": d.position}
+                for d in b.directions
             ],
             "combined": dict(zip(AXES[:count], b.combined.tolist(), strict=False)),
             "coverage_factor": COVERAGE,

@@ -36,7 +36,7 @@ def certificate_page(c: Certificate) -> str:
         budget=_budget(c),
         budget_poses=len(c.budget.q),
         combined=_combined(c),
-        parameters=_parameters(c),
+        directions=_directions(c),
         coverage=f"{COVERAGE:g}",
         radius=quantity(c.budget.radius, "m"),
         sources=SOURCES,
@@ -124,14 +124,9 @@ def _combined(c: Certificate) -> Table:
     return Table(("axis", "combined standard uncertainty", f"expanded, k = {COVERAGE:g}", "expanded, largest"), rows)
 
 
-def _parameters(c: Certificate) -> Table:
+def _directions(c: Certificate) -> Table:
     rows = [
-        [
-            s.name,
-            quantity(s.sigma, s.unit) if s.unit else f"{s.sigma:.3g}",
-            f"{s.motion:.3g}",
-            quantity(s.position, "m"),
-        ]
-        for s in c.budget.sensitivities
+        [", ".join(f"{name} {quantity(change, unit)}" for name, change, unit in d.changes), quantity(d.position, "m")]
+        for d in c.budget.directions
     ]
-    return Table(("parameter", "sigma", "sensitivity", "at the TCP, all others exact"), rows)
+    return Table(("changes for one standard deviation", "at the TCP"), rows)

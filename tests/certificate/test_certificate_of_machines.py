@@ -103,6 +103,21 @@ def test_the_poses_of_the_fit_are_recognised_and_new_ones_too():
         assert found["AP_p_corrected_max"].value > found["AP_p_corrected_rms"].value
 
 
+def test_the_mean_reversal_of_an_actuator_has_the_size_and_sign_of_what_the_machine_does():
+    case, model = machine(20)
+    q, reversal, off = case.commands.q, 3e-5, []
+    for seed in range(5):
+        ways = np.random.default_rng(seed).choice([-1.0, 1.0], q.shape)
+        moved = q + reversal / 2.0 * ways * np.array([0.0, 1.0, 0.0])  # the controller does not know of it
+        columns = {f"approach{i + 1}": ways[:, i] for i in range(3)}
+        data = replace(measure_at(case, gtpin.Commands(case.commands.pose, moved, columns), seed), q=q)
+        found = gtpin.certify(data, model)
+        off += [(found[f"B_mean[cart{i + 1}]"].value - (0.0, reversal, 0.0)[i]) for i in range(3)]
+        off[-3:] = [o / found[f"B_mean[cart{i + 1}]"].sigma for i, o in enumerate(off[-3:])]
+    assert (np.abs(off) <= 2.0).mean() >= 0.8
+    assert np.max(np.abs(off)) < 4.0
+
+
 def test_shares_add_up_and_a_stated_error_of_the_instrument_is_part_of_the_sum():
     case, model = machine(20)
     plain = gtpin.certify(case.dataset, model).budget
@@ -110,7 +125,12 @@ def test_shares_add_up_and_a_stated_error_of_the_instrument_is_part_of_the_sum()
     for b in (plain, stated):
         assert sum(b.share(row) or 0.0 for row in b.rows) == pytest.approx(1.0)
     assert stated.combined[:3] ** 2 == pytest.approx(plain.combined[:3] ** 2 + 1e-10)
-    assert {row.source: row.missing for row in plain.rows}["instrument"] == "not_stated"
+    rows = {row.source: row for row in plain.rows}
+    assert rows["instrument"].missing == "not_stated"
+    sizes = [direction.position for direction in plain.directions]
+    assert sizes == sorted(sizes, reverse=True)
+    assert np.sum(np.square(sizes)) <= rows["geometry"].position ** 2 * (1.0 + 1e-9)
+    assert np.sum(np.square(sizes)) >= 0.3 * rows["geometry"].position ** 2
 
 
 def test_undeclared_noise_without_repeated_visits_counts_as_error_of_the_machine():
