@@ -75,7 +75,7 @@ def certify(
     used = found.model if found is not None else model
     assert used is not None
     rows = _rows(dataset, used, found)
-    noise, free = _noise(dataset, used), dataset.instrument.frame == "free"
+    noise, free = _noise(dataset, used, found is not None), dataset.instrument.frame == "free"
     held = HeldAgainst.of(used, rows, noise, align=free and found is None)
     posterior = Posterior(held.model, held.frame() if free else None)
     basis: Basis = "left_out" if found is not None else "fitted" if held.fitted(posterior) else "new"
@@ -150,11 +150,13 @@ def _rows(dataset: Dataset, model: Model, found: Diagnosis | None) -> Dataset:
     return rows
 
 
-def _noise(dataset: Dataset, model: Model) -> Noise:
-    """The noise: as the model's fit has it, else as it is declared."""
+def _noise(dataset: Dataset, model: Model, diagnosed: bool) -> Noise:
+    """The noise: as it is declared, else as the model's fit has it; a diagnosis may have corrected declared sigmas."""
     known, declared = model.fit, dataset.instrument
-    position = declared.position_sigma if known is None else known.position_sigma
-    turns = declared.orientation_sigma if known is None else known.orientation_sigma
+    position, turns = declared.position_sigma, declared.orientation_sigma
+    if known is not None:
+        position = known.position_sigma if diagnosed or position is None else position
+        turns = known.orientation_sigma if diagnosed or turns is None else turns
     if position is None or (turns is None and dataset.orientation is not None):
         raise DatasetError(
             "the noise is not known: neither these data nor the model state it",
