@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gtpin.calibration.calibrate import calibrate
     from gtpin.calibration.result import Calibration
+    from gtpin.certificate.certify import certify
+    from gtpin.certificate.result import Certificate
     from gtpin.data import Commands, Dataset
     from gtpin.data.instrument_tables import InstrumentTable
     from gtpin.diagnosis.result import Diagnosis
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
 _HOME = {
     "calibrate": "gtpin.calibration.calibrate",
     "Calibration": "gtpin.calibration.result",
+    "certify": "gtpin.certificate.certify",
+    "Certificate": "gtpin.certificate.result",
     "Commands": "gtpin.data",
     "Component": "gtpin.instruments.instrument",
     "Dataset": "gtpin.data",
@@ -93,6 +97,7 @@ def __dir__() -> list[str]:
 
 __all__ = [
     "Calibration",
+    "Certificate",
     "ClosedPosture",
     "Commands",
     "Component",
@@ -114,6 +119,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "catalogue",
+    "certify",
     "commands_for",
     "diagnose",
     "geometry_jacobian",

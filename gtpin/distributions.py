@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,14 @@ class F:
         return special.fdtri(above, below, 1.0 - np.asarray(chance))
 
 
+class Student:
+    """Student's t distribution of ``dof`` degrees of freedom."""
+
+    def isf(self, chance: Numbers, dof: Numbers) -> Any:
+        """The value that is exceeded with a chance."""
+        return -special.stdtrit(dof, chance)
+
+
 class Normal:
     """The standard normal distribution."""
 
@@ -64,4 +73,17 @@ def _positive(dof: Numbers) -> Any:
     return np.where(np.asarray(dof) > 0.0, dof, np.nan)
 
 
-chi2, f, norm = ChiSquare(), F(), Normal()
+chi2, f, t, norm = ChiSquare(), F(), Student(), Normal()
+
+
+def truncated(mean: float, sigma: float) -> tuple[float, float]:
+    """Mean and standard deviation of a normal distribution that is cut off below 0.
+
+    mean + sigma h and sigma sqrt(1 - a h - h^2) with a = mean / sigma and h = phi(a) / Phi(a). Far below 0 it is an exponential
+    distribution of mean sigma / |a|.
+    """
+    a = mean / sigma
+    if a < -30.0:
+        return sigma / -a, sigma / -a
+    h = math.exp(-0.5 * a * a) / math.sqrt(2.0 * math.pi) / float(special.ndtr(a))
+    return mean + sigma * h, sigma * math.sqrt(max(1.0 - a * h - h * h, 0.0))

@@ -9,6 +9,7 @@ import typer
 from gtpin import __version__
 from gtpin.commands.blind import blind
 from gtpin.commands.calibrate import calibrate
+from gtpin.commands.certify import certify
 from gtpin.commands.compare import compare
 from gtpin.commands.demo import demo
 from gtpin.commands.diagnose import diagnose
@@ -38,6 +39,7 @@ for command, *examples in (
         "gtpin diagnose today --against calibrated -o check",
     ),
     (calibrate, "gtpin calibrate measurements -o calibrated", "gtpin calibrate measurements -o paper3 --model 3"),
+    (certify, "gtpin certify measurements -o certificate", "gtpin certify new_poses -o certificate --model diagnosis"),
     (compare, "gtpin compare measurements -o compared"),
     (
         predict,

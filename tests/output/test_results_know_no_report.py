@@ -9,7 +9,19 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[2] / "gtpin"
-ROOMS = ("robot", "kinematics", "data", "effects", "calibration", "diagnosis", "accuracy", "model", "output", "plant")
+ROOMS = (
+    "robot",
+    "kinematics",
+    "data",
+    "effects",
+    "calibration",
+    "diagnosis",
+    "accuracy",
+    "model",
+    "output",
+    "plant",
+    "certificate",
+)
 DOORS = (
     "gtpin.report.show",
     "gtpin.report.files",
@@ -17,6 +29,8 @@ DOORS = (
     "gtpin.report.measurements",
     "gtpin.report.diagnosis_json",
     "gtpin.report.unseen_words",
+    "gtpin.report.certificate_json",
+    "gtpin.report.certificate_files",
 )
 """What methods of results may import when they are called."""
 

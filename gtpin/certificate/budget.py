@@ -1,0 +1,230 @@
+"""The uncertainty budget of the corrected machine (GUM, JCGM 100): contributions to the error of the TCP's pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.accuracy.expected import Response, expected_of
+from gtpin.certificate.quantity import Missing
+from gtpin.certificate.response import At, Posterior, by_commands, root_of
+from gtpin.certificate.unexplained import COVERAGE
+
+Floats = npt.NDArray[np.float64]
+Source = Literal["geometry", "effects", "correlation", "frame", "repeatability", "unexplained", "instrument"]
+
+DIRECTIONS, UNKNOWNS = 6, 3
+"""Directions of the unknowns that are listed, and unknowns of each."""
+DRAWS = 1000
+"""Machines that are drawn for the radius."""
+
+
+@dataclass(frozen=True)
+class Spreads:
+    """What is uncertain beside the posterior, one sigma each; None where it is not known.
+
+    Parameters
+    ----------
+    repeatability
+        Of each actuator, m or rad.
+    unexplained
+        Per axis, of what the model does not explain: position, m, and orientation, rad (0 where it was not measured).
+    instrument
+        Per axis, m: systematic error of the instrument, from its certificate.
+    why
+        Why the repeatability is not known.
+    """
+
+    repeatability: float | None
+    unexplained: tuple[float, float]
+    instrument: float | None
+    why: Missing | None = None
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """One row of the budget.
+
+    Parameters
+    ----------
+    source
+        What contributes.
+    covariance
+        (N, 6, 6) of the TCP's pose, m and rad, at each pose of the budget; None where it is not known, ``missing`` says why.
+        That of ``correlation`` may be negative.
+    input
+        Standard uncertainty of the quantity itself, in ``unit``, where it is one number.
+    kind
+        A: evaluated by statistics of the measurements; B: by other knowledge (JCGM 100, 4.2 and 4.3).
+    """
+
+    source: Source
+    covariance: Floats | None
+    input: float | None = None
+    unit: str = ""
+    kind: Literal["A", "B"] = "A"
+    missing: Missing | None = None
+
+    @property
+    def position(self) -> float | None:
+        """Standard uncertainty of the position, m: root of the summed variances of the axes, mean square over the poses.
+
+        Negative where a correlation lessens the sum.
+        """
+        if self.covariance is None:
+            return None
+        power = float(np.trace(self.covariance[:, :3, :3], axis1=1, axis2=2).mean())
+        return float(np.sign(power) * np.sqrt(abs(power)))
+
+    @property
+    def sensitivity(self) -> float | None:
+        """The position's standard uncertainty over the input's."""
+        return None if self.position is None or not self.input else self.position / self.input
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction of the model's unknowns that is uncorrelated with the others.
+
+    Parameters
+    ----------
+    changes
+        The unknowns that move the TCP most in it: name, change for one standard deviation of the direction, and unit.
+    position
+        What it contributes to the position, m; the squares of all directions add up to the posterior's variance.
+    """
+
+    changes: tuple[tuple[str, float, str], ...]
+    position: float
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The uncertainty budget over N poses of the workspace.
+
+    Parameters
+    ----------
+    q
+        (N, n) commands of these poses, m or rad.
+    rows
+        The contributions.
+    directions
+        The directions of the model's unknowns that contribute most.
+    radius
+        95 % of the position errors of machines like this one at these poses are shorter, m.
+    orientation
+        Whether orientation was measured.
+    """
+
+    q: Floats
+    rows: tuple[Contribution, ...]
+    directions: tuple[Direction, ...]
+    radius: float
+    orientation: bool
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """(N, 6, 6) combined, m and rad (JCGM 100, 5.2.2)."""
+        return np.asarray(sum(row.covariance for row in self.rows if row.covariance is not None))
+
+    @cached_property
+    def at(self) -> Floats:
+        """(N, 6) expanded uncertainty of each axis at each pose, m and rad."""
+        return COVERAGE * np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    @cached_property
+    def combined(self) -> Floats:
+        """(6,) combined standard uncertainty of each axis, m and rad: root mean square over the poses."""
+        return np.asarray(np.sqrt((self.at**2).mean(axis=0)) / COVERAGE)
+
+    @cached_property
+    def largest(self) -> Floats:
+        """(6,) the largest expanded uncertainty of each axis over the poses, m and rad."""
+        return np.asarray(self.at.max(axis=0))
+
+    def share(self, row: Contribution) -> float | None:
+        """Share of a contribution in the position's variance, mean over the poses; shares sum to 1."""
+        if row.covariance is None:
+            return None
+        whole = np.trace(self.covariance[:, :3, :3], axis1=1, axis2=2).mean()
+        return float(np.trace(row.covariance[:, :3, :3], axis1=1, axis2=2).mean() / max(float(whole), 1e-300))
+
+
+def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool, seed: int = 0) -> Budget:
+    """Propagate all contributions to the TCP at commands, to first order.
+
+    Parameters
+    ----------
+    orientation
+        Whether orientation was measured.
+    seed
+        Of the machines that are drawn for the radius.
+    """
+    model, count = posterior.model, len(at.q)
+    D, covariance, p = posterior.derivatives(at), posterior.covariance, len(posterior.model.geometry.parameters)
+
+    def through(J: Floats, S: Floats) -> Floats:
+        return np.asarray(J @ S @ np.swapaxes(J, 1, 2))
+
+    geometry = through(D[:, :, :p], covariance[:p, :p])
+    rows = [Contribution("geometry", geometry)]
+    if model.effects:
+        effects = through(D[:, :, p:], covariance[p:, p:])
+        rows += [
+            Contribution("effects", effects),
+            Contribution("correlation", through(D, covariance) - geometry - effects),
+        ]
+    else:
+        rows.append(Contribution("effects", None, missing="no_effects"))
+    fixed, fresh = [D @ posterior.root], [np.zeros((count, 6, 0))]
+    if posterior.frame is None:
+        rows.append(Contribution("frame", None, missing="frame_is_base"))
+    else:
+        F = posterior.frame.motions(model, at)
+        rows.append(Contribution("frame", through(F, posterior.frame.covariance)))
+        fixed.append(F @ root_of(posterior.frame.covariance))
+    J, r = by_commands(model, at), spreads.repeatability
+    if r is None:
+        rows.append(Contribution("repeatability", None, missing=spreads.why))
+    else:
+        unit = "rad" if not model.robot.rods and bool(np.all(model.robot.revolute)) else "m"
+        rows.append(Contribution("repeatability", r**2 * J @ np.swapaxes(J, 1, 2), r, unit))
+        fresh.append(J * r)
+    position, turns = spreads.unexplained
+    left = np.broadcast_to(np.diag([position] * 3 + [turns] * 3), (count, 6, 6))
+    rows.append(Contribution("unexplained", left**2, position, "m"))
+    fresh.append(left)
+    if spreads.instrument is None:
+        rows.append(Contribution("instrument", None, kind="B", missing="not_stated"))
+    else:
+        size = np.diag([spreads.instrument] * 3 + [0.0] * 3)
+        rows.append(
+            Contribution("instrument", np.broadcast_to(size**2, (count, 6, 6)), spreads.instrument, "m", kind="B")
+        )
+        fixed.append(np.broadcast_to(size, (count, 6, 6)))
+    expected = expected_of(
+        Response(np.concatenate(fixed, axis=2), np.concatenate(fresh, axis=2)), draws=DRAWS, seed=seed
+    )
+    return Budget(at.q, tuple(rows), _directions(posterior, D), expected.position.p95, orientation)
+
+
+def _directions(posterior: Posterior, D: Floats) -> tuple[Direction, ...]:
+    """Principal directions of the TCP's position error: eigenvectors of the mean of F' J' J F, F F' the posterior."""
+    model, root = posterior.model, posterior.root
+    names: list[tuple[str, str]] = [(one.name, one.unit) for one in model.geometry.parameters]
+    for active in model.effects:
+        names += [(f"{active.name} [{k + 1}]", "") for k in range(len(active.coefficients))]
+    moved = (D[:, :3] @ root).reshape(-1, root.shape[1])
+    powers, axes = np.linalg.eigh(moved.T @ moved / len(D))
+    motion = np.sqrt((D[:, :3] ** 2).sum(axis=1).mean(axis=0))
+    found = []
+    for i in range(len(powers) - 1, max(len(powers) - 1 - DIRECTIONS, -1), -1):
+        change = root @ axes[:, i]
+        largest: list[int] = np.argsort(-np.abs(change) * motion, kind="stable")[:UNKNOWNS].tolist()
+        changes = tuple((names[k][0], float(change[k]), names[k][1]) for k in largest)
+        found.append(Direction(changes, float(np.sqrt(max(powers[i], 0.0)))))
+    return tuple(found)

@@ -1,0 +1,167 @@
+"""``gtpin.certify``: accuracy and repeatability of a machine, and the uncertainty of its corrected positions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.calibration.checks.actuators import check_actuators
+from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.usable_rows import plausible_rows
+from gtpin.calibration.reweighting import Progress
+from gtpin.certificate.budget import budget
+from gtpin.certificate.evaluate import Evaluation
+from gtpin.certificate.held_against import HeldAgainst
+from gtpin.certificate.region import between
+from gtpin.certificate.response import Posterior
+from gtpin.certificate.result import Basis, Certificate
+from gtpin.data import Dataset
+from gtpin.data.sane import sane_rows
+from gtpin.diagnosis.diagnose import diagnose
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.errors import DatasetError, ModelError
+from gtpin.model.measured_robot import robot_of
+from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
+from gtpin.robot.geometry import Geometry
+from gtpin.threads import in_one_thread
+
+FEWEST = 10
+"""Rows below which mean squares of errors say too little: they vary by a quarter and more, sqrt(2 / (3 N))."""
+
+
+@in_one_thread
+def certify(
+    dataset: Dataset,
+    model: Model | None = None,
+    *,
+    instrument: float | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Certificate:
+    """Certify a machine: ISO 9283, ISO 230-2 as far as the data allow, and an uncertainty budget (GUM).
+
+    Parameters
+    ----------
+    dataset
+        Measured poses of one tracker.
+    model
+        The model that corrects the machine, identified from other poses; by default a diagnosis of these data makes it.
+    instrument
+        Systematic error of the instrument at the TCP, m, one standard uncertainty per axis, from its certificate; blank in the
+        budget where left out.
+    seed
+        Of the diagnosis, and of the poses and machines that are drawn for the budget.
+    progress
+        Called with a message, a count and a misfit at each stage.
+
+    Raises
+    ------
+    GtpinError
+        If the dataset has no measured positions, is too small or does not match the model, or the model's geometry or noise
+        is not known.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> dataset = gtpin.Dataset.read("measured")
+    >>> certificate = gtpin.certify(dataset, gtpin.calibrate(dataset).model)
+    >>> certificate.basis
+    'fitted'
+    >>> certificate.budget.combined.shape
+    (6,)
+    """
+    _check(dataset, model, instrument)
+    found = diagnose(dataset, seed=seed, progress=progress) if model is None else None
+    used = found.model if found is not None else model
+    assert used is not None
+    rows = _rows(dataset, used, found)
+    noise, free = _noise(dataset, used, found is not None), dataset.instrument.frame == "free"
+    held = HeldAgainst.of(used, rows, noise, align=free and found is None)
+    posterior = Posterior(held.model, held.frame() if free else None)
+    basis: Basis = "left_out" if found is not None else "fitted" if held.fitted(posterior) else "new"
+    known = dataset.instrument.target == "tcp"
+    bare = Model(Geometry.nominal(used.robot)) if known else held.model.without([a.name for a in held.model.effects])
+    nominal = HeldAgainst.of(bare, rows, noise, align=free and known)
+    gap = None if found is None else found.gap
+    evaluation = Evaluation(rows, nominal, known, held, posterior, gap, basis == "fitted")
+    if progress is not None:
+        progress("propagating the uncertainty over the workspace", 0, float("nan"))
+    at = between(rows, held.model, np.random.default_rng(seed))
+    turned = held.errors.shape[1] == 6
+    return Certificate(
+        model=held.model,
+        quantities=evaluation.quantities(),
+        budget=budget(posterior, at, evaluation.spreads(instrument), orientation=turned, seed=seed),
+        noise=noise,
+        basis=basis,
+        one_way=evaluation.one_way,
+        noise_known=evaluation.noise_known,
+        verdict=None if found is None else found.verdict,
+        poses=len(np.unique(rows.visits)),
+        rows=len(rows),
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[~np.isin(dataset.row, rows.row)])),
+        dataset=dataset,
+        seed=seed,
+    )
+
+
+def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> None:
+    if dataset.readings is not None:
+        raise DatasetError(
+            "a certificate takes the positions of one tracker, and other instruments' readings are none",
+            file=dataset.path,
+            hint="measure poses with a tracker (gtpin-dataset/1), and give the model of these readings with --model",
+        )
+    if instrument is not None and not 0.0 < instrument < np.inf:
+        raise ModelError("an instrument's uncertainty that is none", hint="give a positive number of metres")
+    if model is None:
+        return
+    if model.covariance is None:
+        raise ModelError(
+            f"the geometry of this model of {model.robot.name} is nominal, so its uncertainty is not known",
+            hint="give a model that gtpin calibrate or gtpin diagnose has written",
+        )
+    measured = robot_of(dataset)
+    if measured.name != model.robot.name:
+        what = f"the model is of {model.robot.name}, and the poses are of {measured.name}"
+        raise ModelError(what, file=dataset.file, hint="give a model of the robot that dataset.toml names")
+    check_actuators(model.robot, dataset)
+    if dataset.instrument.frame == "robot" and not model.frame.is_base:
+        raise ModelError(
+            'the model was measured in a frame of the instrument, and these poses in the base frame (frame = "robot")',
+            file=dataset.file,
+            column="instrument.frame",
+            hint='set frame = "free" under [instrument]',
+        )
+
+
+def _rows(dataset: Dataset, model: Model, found: Diagnosis | None) -> Dataset:
+    """The rows that can be right: those of the diagnosis, or those that a given model can reach."""
+    if found is not None:
+        kept = prepared(dataset, Model(model.geometry))
+        rows = kept.take(sane_rows(kept) & ~np.isin(kept.row, found.set_aside_rows))
+    else:
+        bare = Model(model.geometry)
+        kept = prepared(dataset, bare)
+        kept = kept.take(sane_rows(kept))
+        rows = kept.take(plausible_rows(kept, bare, bare.kinematics.forward(kept.q)))
+    if len(rows) < FEWEST:
+        raise DatasetError(f"{len(rows)} usable poses", file=dataset.file, hint=f"a certificate needs {FEWEST}")
+    return rows
+
+
+def _noise(dataset: Dataset, model: Model, diagnosed: bool) -> Noise:
+    """The noise: as it is declared, else as the model's fit has it; a diagnosis may have corrected declared sigmas."""
+    known, declared = model.fit, dataset.instrument
+    position, turns = declared.position_sigma, declared.orientation_sigma
+    if known is not None:
+        position = known.position_sigma if diagnosed or position is None else position
+        turns = known.orientation_sigma if diagnosed or turns is None else turns
+    if position is None or (turns is None and dataset.orientation is not None):
+        raise DatasetError(
+            "the noise is not known: neither these data nor the model state it",
+            file=dataset.file,
+            column="instrument.position_sigma" if position is None else "instrument.orientation_sigma",
+            hint="declare position_sigma and orientation_sigma under [instrument], or calibrate the model again",
+        )
+    return Noise(position, 1.0 if turns is None else turns, 0.0 if known is None else known.drives)

@@ -1,0 +1,201 @@
+"""The numbers of a certificate, from rows held against the uncorrected and the corrected machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.certificate.budget import Spreads
+from gtpin.certificate.held_against import HeldAgainst, approaches
+from gtpin.certificate.pose_accuracy import VisitScatter, accuracy, left_out_accuracy, standard_accuracy
+from gtpin.certificate.positioning import mean_reversal, positioning
+from gtpin.certificate.quantity import Missing, Quantity, blank
+from gtpin.certificate.repeatability import Scatter, pooled_repeatability, standard_repeatability
+from gtpin.certificate.response import Posterior, by_commands
+from gtpin.certificate.unexplained import Excess, mean_trace
+from gtpin.data import Dataset
+from gtpin.diagnosis.linear.cross_validation import Gap
+
+Floats = npt.NDArray[np.float64]
+Groups = npt.NDArray[np.intp]
+ORDER = (("AP_p", "m", slice(0, 3)), ("AP_o", "rad", slice(3, 6)))
+"""Accuracies of position and of orientation."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Rows of a certificate.
+
+    Parameters
+    ----------
+    rows
+        The rows.
+    nominal
+        Against the uncorrected machine; where the target's place is not known, the identified geometry, whose errors say
+        nothing of the uncorrected machine, but whose differences between visits are the same.
+    nominal_known
+        Which of both.
+    corrected
+        Against the corrected machine.
+    posterior
+        Of its model.
+    gap
+        Errors at left-out poses, where these were fitted by a diagnosis; None where the model was given.
+    fitted
+        Whether the given model was fitted to these rows.
+    """
+
+    rows: Dataset
+    nominal: HeldAgainst
+    nominal_known: bool
+    corrected: HeldAgainst
+    posterior: Posterior
+    gap: Gap | None
+    fitted: bool
+
+    @cached_property
+    def approach(self) -> Floats | None:
+        """(N, n) directions of approach, where they were recorded."""
+        return approaches(self.rows.covariates, self.rows.n_actuators)
+
+    @cached_property
+    def _one_way(self) -> tuple[Groups, bool]:
+        """Index of each row's visits with the same directions of approach, where these suffice; else of its pose."""
+        visits = self.rows.visits
+        if self.approach is not None:
+            key = np.column_stack([visits, self.approach])
+            groups = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+            if Scatter.of(groups, self.nominal.errors).covariance is not None:
+                return groups, True
+        return visits, False
+
+    @property
+    def one_way(self) -> bool:
+        """Whether repeatabilities are of visits with the same directions of approach."""
+        return self._one_way[1]
+
+    def scatter(self, held: HeldAgainst, part: slice) -> VisitScatter:
+        """Of a visit, from whatever side, about what a machine should do: from repeated visits, or the declared noise."""
+        noise, pooled = self.corrected.noise, Scatter.of(self.rows.visits, held.errors)
+        if pooled.covariance is not None:
+            return VisitScatter(pooled.covariance[part, part], pooled.repeats)
+        sigma = noise.position_sigma if part.start == 0 else noise.orientation_sigma
+        return VisitScatter(sigma**2 * np.eye(3), np.inf)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """All numbers."""
+        return (*self._accuracy(), *self._repeatability(), *self._positioning())
+
+    @property
+    def noise_known(self) -> Literal["declared", "visits", "no"]:
+        """Where the noise of a visit is known from: the user, repeated visits, or nothing but residuals.
+
+        Noise that was estimated from residuals has in it what the model does not explain.
+        """
+        if self.rows.instrument.position_sigma is not None:
+            return "declared"
+        return "no" if Scatter.of(self.rows.visits, self.corrected.errors).covariance is None else "visits"
+
+    def spreads(self, instrument: float | None) -> Spreads:
+        """What is uncertain beside the posterior; see :class:`~gtpin.certificate.budget.Spreads`.
+
+        The excess of the errors is known from all rows, its part that is repeatability from repeated visits alone: that part
+        is limited to the whole.
+        """
+        held = self.corrected
+        J = by_commands(held.model, held.at)
+        covariance, noise = self.posterior.poses(held.at), self._noise()
+        excess = [
+            Excess(
+                self._after(k) ** 2, noise[k], mean_trace(covariance[:, part, part]), len(self.rows), self.fitted
+            ).power
+            for k, (_, _, part) in enumerate(ORDER[: held.errors.shape[1] // 3])
+        ]
+        gain = [mean_trace((J @ np.swapaxes(J, 1, 2))[:, part, part]) for _, _, part in ORDER]
+        declared = self.noise_known == "declared"
+        r = held.repeatability(self.rows.visits) if declared else None
+        if r is not None and r**2 * gain[0] > excess[0]:
+            r, excess[0] = float(np.sqrt(excess[0] / gain[0])), 0.0
+        elif r is not None:
+            excess[0] -= r**2 * gain[0]
+        if len(excess) == 2:
+            excess[1] = max(excess[1] - (r or 0.0) ** 2 * gain[1], 0.0)
+        left = np.sqrt(np.array(excess) / 3.0)
+        turns = float(left[1]) if len(left) == 2 else 0.0
+        why: Missing | None = None if r is not None else "few_visits" if declared else "not_declared"
+        return Spreads(r, (float(left[0]), turns), instrument, why)
+
+    def _noise(self) -> tuple[float, float]:
+        """Mean square length of the noise of position, m^2, and orientation, rad^2, as far as it is known."""
+        noise = self.corrected.noise
+        if self.noise_known == "declared":
+            return 3.0 * noise.position_sigma**2, 3.0 * noise.orientation_sigma**2
+        scatter = Scatter.of(self.rows.visits, self.corrected.errors).covariance
+        if scatter is None:
+            return 0.0, 0.0
+        return float(np.trace(scatter[:3, :3])), float(np.trace(scatter[3:, 3:]))
+
+    def _after(self, kind: int) -> float:
+        """Root mean square error of the corrected machine, m (kind 0) or rad (1): of left-out poses where these were fitted."""
+        if self.gap is not None:
+            part = self.gap if kind == 0 or self.gap.turns is None else self.gap.turns
+            return part.after
+        return float(np.sqrt((self.corrected.errors[:, ORDER[kind][2]] ** 2).sum(axis=1).mean()))
+
+    def _accuracy(self) -> list[Quantity]:
+        visits, found = self.rows.visits, []
+        measured = self.nominal.errors.shape[1] // 3
+        if self.nominal_known:
+            found.append(standard_accuracy(visits, self.nominal.errors))
+        else:
+            found.append(blank("AP_p", "m", "free_target"))
+        for kind, (symbol, unit, part) in enumerate(ORDER):
+            names = [f"{symbol}_{machine}_{which}" for machine in ("nominal", "corrected") for which in ("rms", "max")]
+            if kind >= measured:
+                found += [blank(name, unit, "no_orientation") for name in names]
+                continue
+            if self.nominal_known:
+                scatter = self.scatter(self.nominal, part)
+                found += accuracy(f"{symbol}_nominal", unit, visits, self.nominal.errors[:, part], scatter)
+            else:
+                found += [blank(name, unit, "free_target") for name in names[:2]]
+            scatter = self.scatter(self.corrected, part)
+            if self.gap is not None:
+                poses = len(np.unique(visits))
+                left = self._after(kind)
+                found.append(
+                    left_out_accuracy(f"{symbol}_corrected", unit, left, scatter, poses, len(visits))
+                    if kind == 0 or self.gap.turns is not None
+                    else blank(names[2], unit, "known_in_mean")
+                )
+                found.append(blank(names[3], unit, "known_in_mean"))
+            elif self.fitted:
+                found += [blank(name, unit, "fitted_poses") for name in names[2:]]
+            else:
+                found += accuracy(f"{symbol}_corrected", unit, visits, self.corrected.errors[:, part], scatter)
+        return found
+
+    def _repeatability(self) -> list[Quantity]:
+        groups, _ = self._one_way
+        pooled = Scatter.of(groups, self.nominal.errors)
+        return [
+            standard_repeatability(groups, self.nominal.measured.T),
+            *pooled_repeatability(pooled, self.corrected.noise.position_sigma),
+        ]
+
+    def _positioning(self) -> list[Quantity]:
+        robot, held = self.rows, self.corrected
+        sites = held.model.robot.sites
+        units = tuple("rad" if turns else "m" for turns in held.model.robot.revolute)
+        travel = self.nominal.travel(self.nominal.errors) if self.nominal_known else None
+        backlash = [active.name for active in held.model.effects if active.effect.id == "backlash"]
+        without = held.model.without(backlash).predict(robot.q, robot.covariates)
+        left = held.errors if not backlash else held.measured.minus(without)
+        return [
+            *positioning(robot.q, travel, self.approach, sites, units),
+            *mean_reversal(held.travel(left), self.approach, sites, units),
+        ]

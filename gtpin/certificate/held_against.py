@@ -1,0 +1,129 @@
+"""A model held against measured poses: errors, scatter of visits, and whether the model was fitted to these poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import Measured, in_frame, measured_poses, rough_frame
+from gtpin.certificate.response import At, FreeFrame, Posterior, by_commands
+from gtpin.data import Dataset
+from gtpin.effects.situation import Column
+from gtpin.kinematics.rotations import exp, frame_motions
+from gtpin.model.model import Frame, Model
+from gtpin.noise.estimate import likeliest
+from gtpin.noise.noise import Noise
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
+
+Floats = npt.NDArray[np.float64]
+
+DETERMINED, FEWEST = 0.5, 10
+"""Directions of the unknowns that say whether the poses were fitted: those that these poses determine at least half as well as
+the best, and how many of them it takes."""
+SMALL = 0.2
+"""Mean square of the score, in its standard deviations, below which the poses were fitted. It is 1 of new poses; ten directions
+of these fall below 0.2 in 4 of 1,000 cases (chi-square)."""
+
+
+@dataclass(frozen=True)
+class HeldAgainst:
+    """A model and N measured rows.
+
+    Parameters
+    ----------
+    model
+        With the instrument where it stood.
+    measured
+        The rows.
+    errors
+        (N, c) measured less predicted, m and rad, c = 3 or 6.
+    at
+        The rows' commands and covariates.
+    noise
+        Of the instrument, with the scatter of the drives as the model's fit has it.
+    """
+
+    model: Model
+    measured: Measured
+    errors: Floats
+    at: At
+    noise: Noise
+
+    @staticmethod
+    def of(model: Model, dataset: Dataset, noise: Noise, *, align: bool) -> HeldAgainst:
+        """Predict the rows of a dataset; ``align`` puts a free instrument frame where it fits best."""
+        measured = measured_poses(replace(dataset, orientation=None) if model.geometry.reduced else dataset)
+        at = At.of(model, dataset.q, dataset.covariates)
+        if align:
+            base = replace(model, frame=Frame()).predict(dataset.q, dataset.covariates)
+            model = replace(model, frame=rough_frame(base, measured))
+            predicted = model.predict(dataset.q, dataset.covariates)
+            model = replace(model, frame=_best_frame(model.frame, predicted.T, measured.minus(predicted), noise))
+        errors = measured.minus(model.predict(dataset.q, dataset.covariates))
+        return HeldAgainst(model, measured, errors, at, noise)
+
+    @property
+    def whitening(self) -> Floats:
+        """(N, c, c) of the noise."""
+        return self.noise.whitening(by_commands(self.model, self.at), self.errors.shape[1])
+
+    def frame(self) -> FreeFrame:
+        """The free frame as these rows determine it."""
+        return FreeFrame.of(self.model, self.at, self.whitening)
+
+    def repeatability(self, visits: npt.NDArray[np.intp]) -> float | None:
+        """One sigma of each actuator, m or rad, from the scatter of visits; None with too few of them.
+
+        What the model explains of the scatter (backlash, temperature) is not part of it.
+        """
+        found, rows = contrasts(visits, self.errors)
+        if len(found) < LEAST_CONTRASTS:
+            return None
+        J = by_commands(self.model, self.at)[rows]
+        return likeliest(replace(self.noise, repeatability=0.0), found, J, (True, True)).repeatability
+
+    def fitted(self, posterior: Posterior) -> bool:
+        """Whether the model was fitted to these very rows.
+
+        The score z = L' D' W'W e (L L' the posterior covariance) vanishes at a fit but for the prior. Of new rows it has the
+        covariance M + M^2, M = L' D' W'W D L.
+        """
+        W, c = self.whitening, self.errors.shape[1]
+        root = posterior.root
+        D = (W @ posterior.derivatives(self.at)[:, :c]).reshape(-1, len(root)) @ root
+        M = D.T @ D
+        size, axes = np.linalg.eigh(M)
+        score = axes.T @ (D.T @ np.einsum("nij,nj->ni", W, self.errors).ravel())
+        own = size > DETERMINED * size.max()
+        squares = score[own] ** 2 / (size[own] + size[own] ** 2)
+        return bool(own.sum() >= FEWEST and squares.mean() < SMALL)
+
+    def travel(self, errors: Floats) -> Floats | None:
+        """(N, n) deviations of the actuators' travel that errors (N, c) of the pose show; None where not determined."""
+        J = in_frame(self.model.kinematics.command_jacobian(self.at.q, self.at.plain)[:, :6], self.model.frame)
+        n, c = J.shape[2], errors.shape[1]
+        components = 3 if n <= 3 else c
+        if n > components:
+            return None
+        return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(J[:, :components]), errors[:, :components]))
+
+
+def approaches(covariates: Mapping[str, Column], n: int) -> Floats | None:
+    """(N, n) directions of approach; None where not all of them were recorded."""
+    names = [f"approach{i + 1}" for i in range(n)]
+    if not all(name in covariates for name in names):
+        return None
+    return np.column_stack([np.asarray(covariates[name], dtype=float) for name in names])
+
+
+def _best_frame(frame: Frame, T: Floats, errors: Floats, noise: Noise) -> Frame:
+    """The frame moved so that errors (N, c) at positions T (N, 3) are least in units of the noise."""
+    c, pivot = errors.shape[1], T.mean(axis=0)
+    F = frame_motions(T - pivot)[:, :c]
+    weight = 1.0 / np.array([noise.position_sigma] * 3 + [noise.orientation_sigma] * 3)[:c]
+    motion, *_ = np.linalg.lstsq((F * weight[:, None]).reshape(-1, 6), (errors * weight).ravel(), rcond=None)
+    turn = exp(np.asarray(motion[3:], dtype=np.float64))
+    return Frame(turn @ (frame.T - pivot) + pivot + motion[:3], turn @ frame.R)

@@ -1,0 +1,107 @@
+"""Pose accuracy (ISO 9283): distances of the means of visits from where the poses should be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.certificate.quantity import Quantity, blank
+from gtpin.certificate.repeatability import CYCLES
+from gtpin.distributions import truncated
+
+Floats = npt.NDArray[np.float64]
+
+
+def means_of_visits(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
+    """(P, c) mean of the values (N, c) of each pose's visits, and (P,) how many they are."""
+    counts = np.bincount(visits)
+    sums = np.column_stack([np.bincount(visits, column) for column in values.T])
+    return sums / counts[:, None], counts
+
+
+def standard_accuracy(visits: npt.NDArray[np.intp], errors: Floats) -> Quantity:
+    """AP_p as ISO 9283 has it, of poses with 30 visits or more: the largest.
+
+    Parameters
+    ----------
+    errors
+        (N, 3) measured less commanded position, m.
+    """
+    means, counts = means_of_visits(visits, errors[:, :3])
+    often = np.flatnonzero(counts >= CYCLES)
+    if not len(often):
+        return blank("AP_p", "m", "few_cycles", have=int(counts.max()))
+    lengths = np.linalg.norm(means[often], axis=1)
+    worst = often[int(np.argmax(lengths))]
+    own = errors[visits == worst, :3]
+    along = means[worst] / max(float(np.linalg.norm(means[worst])), 1e-300)
+    sigma = float((own @ along).std(ddof=1) / np.sqrt(len(own)))
+    return Quantity("AP_p", float(lengths.max()), "m", sigma, len(often), int(counts[often].sum()))
+
+
+@dataclass(frozen=True)
+class VisitScatter:
+    """Covariance (3, 3) of a visit, and of how many repeats it was estimated; infinite where it is declared."""
+
+    covariance: Floats
+    repeats: float
+
+    @property
+    def trace(self) -> float:
+        """Mean square length of a visit's scatter."""
+        return float(np.trace(self.covariance))
+
+    @property
+    def squared(self) -> float:
+        """Trace of the covariance's square: the square length of a normal vector has twice that variance."""
+        return float(np.trace(self.covariance @ self.covariance))
+
+
+def accuracy(
+    symbol: str, unit: str, visits: npt.NDArray[np.intp], errors: Floats, scatter: VisitScatter
+) -> tuple[Quantity, Quantity]:
+    """AP of all poses, of however many visits each: root mean square (``_rms``), and the largest mean (``_max``).
+
+    E|mean of n visits - command|^2 = AP^2 + tr(S) / n with S the covariance of a visit: the mean square is less the scatter's.
+    Its variance over P poses, given their true errors t, is the sum of 4 t' S t / n + 2 tr(S^2) / n^2 over P^2, and what the
+    doubt of S adds.
+
+    Parameters
+    ----------
+    errors
+        (N, 3) measured less commanded, position, m, or rotation vector, rad.
+    """
+    means, counts = means_of_visits(visits, errors)
+    squares, S, P = (means**2).sum(axis=1), scatter.covariance, len(means)
+    own = 2.0 * scatter.squared / counts**2
+    # Squares of measured means contain their noise: 4 m' S m / n is on average larger by 4 tr(S^2) / n^2.
+    through = np.maximum(4.0 * np.einsum("pi,ij,pj->p", means, S, means) / counts - 2.0 * own, 0.0)
+    doubt = np.sqrt((through + own).sum() / P**2 + _of_scatter(scatter, float((1.0 / counts).mean())))
+    largest = int(np.argmax(squares))
+    of_largest = np.sqrt(float(means[largest] @ S @ means[largest]) / counts[largest] / squares[largest])
+    return (
+        _root_mean_square(symbol, unit, float((squares - scatter.trace / counts).mean()), float(doubt), P, len(errors)),
+        Quantity(f"{symbol}_max", float(np.sqrt(squares[largest])), unit, float(of_largest), P, len(errors)),
+    )
+
+
+def left_out_accuracy(symbol: str, unit: str, after: float, scatter: VisitScatter, poses: int, rows: int) -> Quantity:
+    """AP of the corrected machine from the root mean square error ``after`` of rows at left-out poses, less the scatter.
+
+    Errors are taken for isotropic normal vectors, whose mean square varies by sqrt(2 / (3 N)) of itself.
+    """
+    doubt = np.sqrt(after**4 * 2.0 / (3.0 * rows) + _of_scatter(scatter, 1.0))
+    return _root_mean_square(symbol, unit, after**2 - scatter.trace, float(doubt), poses, rows)
+
+
+def _of_scatter(scatter: VisitScatter, share: float) -> float:
+    """Variance of the scatter's trace, 2 tr(S^2) / k with k repeats (Wishart), times the square of its share."""
+    return 2.0 * scatter.squared / scatter.repeats * share**2
+
+
+def _root_mean_square(symbol: str, unit: str, power: float, doubt: float, poses: int, rows: int) -> Quantity:
+    """The root of a power that is known with a doubt and can't be negative."""
+    rms = float(np.sqrt(truncated(power, doubt)[0]))
+    return Quantity(f"{symbol}_rms", rms, unit, min(doubt / (2.0 * rms), rms), poses, rows)

@@ -1,0 +1,92 @@
+"""One number of a certificate, or why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Missing = Literal[
+    "few_cycles",
+    "few_visits",
+    "few_targets",
+    "within_noise",
+    "no_orientation",
+    "no_approach",
+    "free_target",
+    "too_many_drives",
+    "known_in_mean",
+    "fitted_poses",
+    "not_declared",
+    "not_stated",
+    "no_effects",
+    "frame_is_base",
+]
+"""Why a number is blank:
+
+``few_cycles``
+    No pose was visited as often as ISO 9283 asks.
+``few_visits``
+    Too few repeated visits to estimate a scatter.
+``few_targets``
+    No targets on a line, approached often enough from both sides, as ISO 230-2 asks.
+``within_noise``
+    The scatter is no larger than the instrument's own noise.
+``no_orientation``
+    Orientation was not measured.
+``no_approach``
+    The directions of approach were not recorded, or were all the same.
+``free_target``
+    Where the target sits is not known, so that the uncorrected machine's error is not known either.
+``too_many_drives``
+    What was measured of a pose does not determine the travel of each actuator.
+``known_in_mean``
+    Errors at left-out poses are known as a mean square only.
+``fitted_poses``
+    The model was fitted to these poses.
+``not_declared``
+    The instrument's noise was not declared, so that the machine's scatter is not known by itself.
+``not_stated``
+    The user has not stated it.
+``no_effects``
+    The model has no effects.
+``frame_is_base``
+    The instrument measures in the base frame.
+"""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a certificate.
+
+    Parameters
+    ----------
+    symbol
+        Its key among the definitions: ``AP_p``, ``RP_l``, ``B``, ...
+    value, sigma
+        In ``unit``, and its standard uncertainty; None where not known.
+    unit
+        ``m`` or ``rad``.
+    poses, rows
+        Number of different poses, and of measurements, on which it rests.
+    missing
+        Why ``value`` is None.
+    site
+        The actuator; empty for the TCP.
+    have
+        What the data have of what is missing, as a number: visits of the pose with most, targets of the longest line, ...
+    """
+
+    symbol: str
+    value: float | None
+    unit: str
+    sigma: float | None = None
+    poses: int = 0
+    rows: int = 0
+    missing: Missing | None = None
+    site: str = ""
+    have: int = 0
+
+
+def blank(symbol: str, unit: str, missing: Missing, *, site: str = "", have: int = 0) -> Quantity:
+    """A number that the data do not suffice for."""
+    return Quantity(symbol, None, unit, missing=missing, site=site, have=have)

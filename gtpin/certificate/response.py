@@ -1,0 +1,143 @@
+"""How uncertain a model's prediction is: its posterior propagated to poses, in the instrument's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import in_frame
+from gtpin.effects.situation import Column, Situation
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import frame_motions
+from gtpin.model.model import Model
+from gtpin.model.posterior import joined
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class At:
+    """N commands with covariates: where a model is held against the machine.
+
+    Parameters
+    ----------
+    q
+        (N, n), m or rad.
+    covariates
+        By name, (N,) each.
+    plain
+        The N poses of the model's geometry without effects, base frame.
+    """
+
+    q: Floats
+    covariates: Mapping[str, Column]
+    plain: Poses
+
+    @staticmethod
+    def of(model: Model, q: Floats, covariates: Mapping[str, Column]) -> At:
+        """Commands of a model, all within its reach."""
+        return At(q, covariates, model.kinematics.forward(q))
+
+
+def by_unknowns(model: Model, at: At) -> Floats:
+    """(N, 6, p + m) derivative of the poses by the geometry and the effects' coefficients, in the instrument's axes."""
+    kinematics = model.kinematics
+    columns = [kinematics.geometry_jacobian(at.q, at.plain)[:, :6]]
+    for active in model.effects:
+        situation = Situation(kinematics, at.q, at.plain, at.covariates, fixed=active.references)
+        columns.append(active.basis(situation).displacement(situation)[:, :6])
+    return in_frame(np.concatenate(columns, axis=2), model.frame)
+
+
+def by_commands(model: Model, at: At) -> Floats:
+    """(N, 6, n) derivative of the poses by the commands, in the instrument's axes."""
+    return in_frame(model.kinematics.command_jacobian(at.q, at.plain)[:, :6], model.frame)
+
+
+@dataclass(frozen=True)
+class FreeFrame:
+    """A free instrument frame, as the fitted poses determine it.
+
+    Given the other unknowns x, the frame f has the distribution N(-K (x - mean), C): K and C are those of weighted least
+    squares without a prior. With the covariance of x this is the joint posterior of both.
+
+    Parameters
+    ----------
+    pivot
+        (3,) about which the frame turns, m, instrument's frame.
+    gain, covariance
+        K (6, p + m) and C (6, 6).
+    """
+
+    pivot: Floats
+    gain: Floats
+    covariance: Floats
+
+    @staticmethod
+    def of(model: Model, fitted: At, whitening: Floats) -> FreeFrame:
+        """Of the poses of a fit, with whitening (N, c, c) of its c = 3 or 6 components."""
+        c = whitening.shape[1]
+        seen = model.seen(fitted.plain).T
+        pivot = seen.mean(axis=0)
+        F = (whitening @ frame_motions(seen - pivot)[:, :c]).reshape(-1, 6)
+        D = whitening @ by_unknowns(model, fitted)[:, :c]
+        covariance = np.asarray(np.linalg.inv(F.T @ F))
+        return FreeFrame(pivot, np.asarray(covariance @ (F.T @ D.reshape(len(F), -1))), covariance)
+
+    def motions(self, model: Model, at: At) -> Floats:
+        """(N, 6, 6) motion of the poses by the frame."""
+        return frame_motions(model.seen(at.plain).T - self.pivot)
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Uncertainty of a model's unknowns: geometry, effects, and a free frame.
+
+    Parameters
+    ----------
+    model
+        An identified model.
+    frame
+        Of an instrument whose frame is free; None where it measures in the base frame.
+    """
+
+    model: Model
+    frame: FreeFrame | None = None
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """(p + m, p + m) of geometry and effects."""
+        geometry = self.model.covariance
+        assert geometry is not None
+        return joined([geometry, *(active.covariance for active in self.model.effects)], self.model.joint_covariance)
+
+    @cached_property
+    def root(self) -> Floats:
+        """(p + m, p + m) F with F F' the covariance."""
+        return root_of(self.covariance)
+
+    def derivatives(self, at: At) -> Floats:
+        """(N, 6, p + m) of the poses as the instrument sees them; a free frame follows the other unknowns."""
+        D = by_unknowns(self.model, at)
+        return D if self.frame is None else D - self.frame.motions(self.model, at) @ self.frame.gain
+
+    def poses(self, at: At) -> Floats:
+        """(N, 6, 6) covariance of the poses, m and rad."""
+        half = self.derivatives(at) @ self.root
+        covariance = half @ np.swapaxes(half, 1, 2)
+        if self.frame is None:
+            return np.asarray(covariance)
+        F = self.frame.motions(self.model, at)
+        return np.asarray(covariance + F @ self.frame.covariance @ np.swapaxes(F, 1, 2))
+
+
+def root_of(covariance: Floats) -> Floats:
+    """F with F F' a covariance, which may be singular; scaled first, since its parameters have units of their own."""
+    size = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+    size = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,105 @@
+"""What a certificate says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from gtpin.certificate.budget import Budget
+from gtpin.certificate.quantity import Quantity
+from gtpin.data import Dataset
+from gtpin.diagnosis.inference.findings import Verdict
+from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
+from gtpin.output.results import results_folder
+from gtpin.output.shown import Presentation, Shown
+
+Basis = Literal["left_out", "new", "fitted"]
+"""Errors of the corrected machine are of poses left out of the fit in turn, of poses that the given model has never seen, or of
+the poses that the given model was fitted to."""
+
+
+@dataclass(frozen=True, repr=False)
+class Certificate(Shown):
+    """Accuracy of a machine and uncertainty of its corrected positions; see ``docs/certificate.md``.
+
+    Parameters
+    ----------
+    model
+        Of the corrected machine: a controller that uses it commands what it predicts.
+    quantities
+        Pose accuracy and repeatability (ISO 9283), positioning of each actuator (ISO 230-2).
+    budget
+        The uncertainty budget (GUM).
+    noise
+        Of the instrument.
+    basis
+        On which poses the errors of the corrected machine are known.
+    one_way
+        Whether repeatabilities are of visits with the same directions of approach.
+    noise_known
+        Where the noise of a visit is known from: declared, repeated visits, or nothing but residuals, which have in them what
+        the model does not explain. Then all of it counts as unexplained.
+    verdict
+        Of the diagnosis behind it; None where the model was given.
+    poses, rows
+        Number of different poses, and of measurements, that were used.
+    set_aside
+        Ids of poses of which rows were set aside.
+    dataset, seed
+        The data, and the seed of the draws.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> dataset = gtpin.Dataset.read("measured")
+    >>> certificate = gtpin.certify(dataset, gtpin.calibrate(dataset).model)
+    >>> certificate["RP_l"].missing
+    'few_cycles'
+    >>> bool((certificate.budget.largest[:3] > 0.0).all())
+    True
+    """
+
+    model: Model
+    quantities: tuple[Quantity, ...]
+    budget: Budget
+    noise: Noise
+    basis: Basis
+    one_way: bool
+    noise_known: Literal["declared", "visits", "no"]
+    verdict: Verdict | None
+    poses: int
+    rows: int
+    set_aside: tuple[str, ...]
+    dataset: Dataset
+    seed: int = 0
+
+    def __getitem__(self, name: str) -> Quantity:
+        """One number, by its symbol; of an actuator ``B[cart1]``."""
+        symbol, _, site = name.partition("[")
+        found = [one for one in self.quantities if (one.symbol, one.site) == (symbol, site.rstrip("]"))]
+        if not found:
+            raise KeyError(name)
+        return found[0]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``certificate.json``."""
+        from gtpin.report.certificate_json import certificate_json  # sentences are made in the report
+
+        return certificate_json(self)
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write what ``gtpin certify`` writes: ``certificate.html`` and ``certificate.json``.
+
+        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        """
+        from gtpin.report.certificate_files import CERTIFICATE, write_certificate
+
+        with results_folder(Path(folder), CERTIFICATE, force=force) as new:
+            write_certificate(self, new)
+
+    def _presentation(self) -> Presentation:
+        from gtpin.report.show.certificate import CertificatePresentation
+
+        return CertificatePresentation(self)

@@ -1,0 +1,51 @@
+"""``gtpin certify``: a certificate of accuracy, for the customer."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from gtpin.certificate.certify import certify as run_certificate
+from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, rendered, tell
+from gtpin.data import Dataset
+from gtpin.model.model_folder import read_model
+from gtpin.output.results import results_folder
+from gtpin.report.certificate_files import CERTIFICATE, write_certificate
+from gtpin.report.certificate_text import certificate_summary
+
+
+def certify(
+    dataset: DatasetFolder,
+    output: Output,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            metavar="MODEL",
+            help="The model that corrects the machine, identified before; by default these data are diagnosed.",
+            show_default=False,
+        ),
+    ] = None,
+    instrument: Annotated[
+        float | None,
+        typer.Option(
+            "--instrument-uncertainty",
+            metavar="METRES",
+            help="Standard uncertainty of the instrument's systematic error at the TCP, per axis, from its certificate.",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Certify accuracy and repeatability (ISO 9283, ISO 230-2), with an uncertainty budget (GUM) of the corrected machine."""
+    with results_folder(output, CERTIFICATE, force=force) as folder:
+        corrects = None if model is None else read_model(model)
+        read = Dataset.read(dataset)
+        with progress_of("certifying") as progress:
+            found = run_certificate(read, corrects, instrument=instrument, seed=seed, progress=progress)
+        result = write_certificate(found, folder)
+    written = f"Written: {output / 'certificate.json'}"
+    tell(result, rendered(certificate_summary(found), written, f"Open {output / 'certificate.html'}"), as_json)

@@ -1,0 +1,155 @@
+"""Certificates of machines of the plant: the stated uncertainty against true poses that nobody measured."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.certificate.region import between
+from gtpin.certificate.response import At, Posterior
+from gtpin.plant import Case, make_case, measure_at
+from gtpin.plant.tracker import Noise
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"
+if not EXAMPLES.is_dir():
+    pytest.skip("needs the examples", allow_module_level=True)
+sys.path.insert(0, str(EXAMPLES))
+
+from certified_coverage import covered, of_machines, true_errors  # noqa: E402
+
+
+@cache
+def machine(seed: int, free: bool = False) -> tuple[Case, gtpin.Model]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        case = make_case(seed, effects=[], poses=140, held_out=120, noise=Noise(free=free))
+        return case, gtpin.calibrate(case.dataset).model
+
+
+def new_poses(case: Case, count: int, seed: int) -> gtpin.Dataset:
+    rows = slice(0, count)
+    return measure_at(case, gtpin.Commands(case.commands.pose[rows], case.commands.q[rows]), seed)
+
+
+def test_the_expanded_uncertainty_covers_true_errors_of_new_poses_as_often_as_it_says():
+    found = []
+    for seed in range(20, 30):
+        case, model = machine(seed, seed % 2 == 1)
+        certificate = gtpin.certify(new_poses(case, 60, seed), model)
+        found.append(covered(certificate, true_errors(case, certificate.model, seed)))
+    axes, radius = np.mean(found, axis=0)
+    assert 0.93 <= axes <= 0.99
+    assert 0.93 <= radius <= 0.99
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_diagnosed_machines_are_covered_too():
+    axes, radius = of_machines(8, 200).mean(axis=0)
+    assert 0.93 <= axes <= 0.99
+    assert 0.93 <= radius <= 0.99
+
+
+def test_pose_accuracy_agrees_with_the_truth_within_its_uncertainty():
+    off = []
+    for seed in range(20, 30):
+        case, model = machine(seed, seed % 2 == 1)
+        data = new_poses(case, 60, seed)
+        found = gtpin.certify(data, model)
+        true = case.truth.T[:60] - model.predict(data.q, data.covariates).T
+        if seed % 2 == 0:  # a free frame is put where it fits best
+            q = found["AP_p_corrected_rms"]
+            off.append((q.value - np.sqrt((true**2).sum(axis=1).mean())) / q.sigma)
+            nominal = gtpin.Model(gtpin.Geometry.nominal(model.robot)).predict(data.q)
+            q = found["AP_p_nominal_rms"]
+            off.append((q.value - np.sqrt(((case.truth.T[:60] - nominal.T) ** 2).sum(axis=1).mean())) / q.sigma)
+    assert (np.abs(off) <= 2.0).mean() >= 0.8
+    assert np.max(np.abs(off)) < 4.0
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_the_propagated_posterior_is_the_spread_of_machines_drawn_from_it(free):
+    case, model = machine(21 if free else 20, free)
+    at = between(case.dataset, model, np.random.default_rng(0), 20)
+    posterior = Posterior(replace(model, frame=gtpin.Frame()))
+    found = np.sqrt(np.diagonal(posterior.poses(At.of(posterior.model, at.q, {})), axis1=1, axis2=2)[:, :3])
+    drawn = [m.kinematics.forward(at.q).T for m in model.sample(300, np.random.default_rng(1))]
+    assert np.std(drawn, axis=0) == pytest.approx(found, rel=0.2)
+
+
+def test_a_free_frame_takes_away_what_moves_all_poses_alike():
+    case, model = machine(21, True)
+    certificate = gtpin.certify(new_poses(case, 60, 0), model)
+    base = Posterior(replace(model, frame=gtpin.Frame()))
+    at = At.of(model, certificate.budget.q, {})
+    alone = float(np.sqrt(np.trace(base.poses(at)[:, :3, :3], axis1=1, axis2=2).mean()))
+    rows = {row.source: row for row in certificate.budget.rows}
+    assert rows["geometry"].position < 0.5 * alone
+    assert rows["frame"].position > 0.0
+
+
+def test_the_poses_of_the_fit_are_recognised_and_new_ones_too():
+    for seed in (20, 21, 22):
+        case, model = machine(seed, seed % 2 == 1)
+        assert gtpin.certify(case.dataset, model).basis == "fitted"
+        found = gtpin.certify(new_poses(case, 60, seed), model)
+        assert found.basis == "new"
+        assert found["AP_p_corrected_max"].value > found["AP_p_corrected_rms"].value
+
+
+def test_the_mean_reversal_of_an_actuator_has_the_size_and_sign_of_what_the_machine_does():
+    case, model = machine(20)
+    q, reversal, off = case.commands.q, 3e-5, []
+    for seed in range(5):
+        ways = np.random.default_rng(seed).choice([-1.0, 1.0], q.shape)
+        moved = q + reversal / 2.0 * ways * np.array([0.0, 1.0, 0.0])  # the controller does not know of it
+        columns = {f"approach{i + 1}": ways[:, i] for i in range(3)}
+        data = replace(measure_at(case, gtpin.Commands(case.commands.pose, moved, columns), seed), q=q)
+        found = gtpin.certify(data, model)
+        off += [(found[f"B_mean[cart{i + 1}]"].value - (0.0, reversal, 0.0)[i]) for i in range(3)]
+        off[-3:] = [o / found[f"B_mean[cart{i + 1}]"].sigma for i, o in enumerate(off[-3:])]
+    assert (np.abs(off) <= 2.0).mean() >= 0.8
+    assert np.max(np.abs(off)) < 4.0
+
+
+def test_shares_add_up_and_a_stated_error_of_the_instrument_is_part_of_the_sum():
+    case, model = machine(20)
+    plain = gtpin.certify(case.dataset, model).budget
+    stated = gtpin.certify(case.dataset, model, instrument=1e-5).budget
+    for b in (plain, stated):
+        assert sum(b.share(row) or 0.0 for row in b.rows) == pytest.approx(1.0)
+    assert stated.combined[:3] ** 2 == pytest.approx(plain.combined[:3] ** 2 + 1e-10)
+    rows = {row.source: row for row in plain.rows}
+    assert rows["instrument"].missing == "not_stated"
+    sizes = [direction.position for direction in plain.directions]
+    assert sizes == sorted(sizes, reverse=True)
+    assert np.sum(np.square(sizes)) <= rows["geometry"].position ** 2 * (1.0 + 1e-9)
+    assert np.sum(np.square(sizes)) >= 0.3 * rows["geometry"].position ** 2
+
+
+def test_undeclared_noise_without_repeated_visits_counts_as_error_of_the_machine():
+    case, model = machine(20)
+    first = np.unique(case.dataset.pose, return_index=True)[1]
+    data = case.dataset.take(np.sort(first))
+    undeclared = data.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
+    found = gtpin.certify(replace(data, instrument=undeclared), model)
+    known = gtpin.certify(data, model)
+    assert found.noise_known == "no"
+    assert found.budget.radius > 1.5 * known.budget.radius
+    assert {row.source: row.missing for row in found.budget.rows}["repeatability"] == "not_declared"
+
+
+def test_what_can_t_be_certified_is_one_error():
+    case, model = machine(20)
+    with pytest.raises(gtpin.GtpinError, match="nominal"):
+        gtpin.certify(case.dataset, gtpin.read_model("gantry_tau"))
+    with pytest.raises(gtpin.GtpinError, match="5 usable poses"):
+        gtpin.certify(case.dataset.take(slice(0, 5)), model)
+    with pytest.raises(gtpin.GtpinError, match="positive number"):
+        gtpin.certify(case.dataset, model, instrument=-1.0)

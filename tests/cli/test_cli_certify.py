@@ -1,0 +1,85 @@
+"""``gtpin certify``: what it writes and prints, for rods and arms, and how it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+import gtpin
+from gtpin.plant import make_case
+from gtpin.plant.tracker import Noise
+from gtpin.report.certificate_definitions import DEFINITIONS
+
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A dataset, a model, and positions alone of an arm in a frame of its own."""
+    made = tmp_path_factory.mktemp("certificate")
+    case = make_case(51, effects=[], poses=60, held_out=10, background=False)
+    case.dataset.write(made / "data")
+    gtpin.calibrate(case.dataset).save(made / "model")
+    noise = Noise(orientations=False, free=True, free_target=True)
+    arm = make_case(52, effects=[], poses=80, held_out=10, background=False, robot="ur5", noise=noise)
+    arm.dataset.write(made / "arm")
+    gtpin.calibrate(arm.dataset).save(made / "arm_model")
+    return made
+
+
+def test_the_page_and_the_json_have_each_number_with_its_definition_or_why_it_is_blank(run, folder, tmp_path):
+    done = run("certify", folder / "data", "--model", folder / "model", "-o", tmp_path / "o")
+    assert done.code == 0, done.err
+    assert str(tmp_path / "o" / "certificate.html") in done.out
+    assert sorted(f.name for f in (tmp_path / "o").glob("[!.]*")) == ["certificate.html", "certificate.json"]
+    told = json.loads((tmp_path / "o" / "certificate.json").read_text())
+    assert told["schema"] == "gtpin-certificate/1"
+    for number in told["quantities"]:
+        assert (number["value"] is None) == bool(number["reason"]), number
+        assert number["formula"]
+        assert (number["poses"] > 0) == (number["value"] is not None)
+    for row in told["budget"]["contributions"]:
+        assert (row["standard_uncertainty"] is None) == bool(row["reason"]), row
+    assert told["basis"] == "fitted"
+    page = (tmp_path / "o" / "certificate.html").read_text()
+    assert "@media print" in page
+    assert "What the data do not suffice for" in page
+    assert not re.search(r"\bnan\b|\bNone\b|\{have\}", page)
+    assert {number["symbol"] for number in told["quantities"]} == set(DEFINITIONS)
+
+
+def test_the_same_seed_gives_the_same_bytes(run, folder, tmp_path):
+    for name in ("a", "b"):
+        done = run("certify", folder / "data", "--model", folder / "model", "-o", tmp_path / name, "--seed", 3)
+        assert done.code == 0, done.err
+    for file in ("certificate.json", "certificate.html"):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+def test_positions_of_an_arm_with_a_target_anywhere_are_certified_as_far_as_they_go(folder):
+    dataset = gtpin.Dataset.read(folder / "arm")
+    found = gtpin.certify(dataset, gtpin.read_model(folder / "arm_model"))
+    assert found["AP_p_nominal_rms"].missing == "free_target"
+    assert found["RP_a_pooled"].missing == "no_orientation"
+    assert found["B_mean[elbow_joint]"].missing == "too_many_drives"
+    assert "rx" not in found.to_json()["budget"]["expanded"]
+    rows = {row.source: row for row in found.budget.rows}
+    assert 0.0 < rows["geometry"].position < 1e-4
+    assert found.to_dataframe().shape[0] == len(found.quantities)
+    assert "Certificate of ur5" in repr(found)
+
+
+def test_readings_without_positions_are_one_line(run, tmp_path):
+    made = run("simulate", "-o", tmp_path / "wire", "--instrument", "range", "--poses", 40)
+    assert made.code == 0, made.err
+    said = run("certify", tmp_path / "wire", "-o", tmp_path / "o").failed()
+    assert "positions of one tracker" in said
+    assert not (tmp_path / "o" / "certificate.json").exists()
+
+
+def test_a_nominal_model_or_one_of_another_robot_is_one_line(run, folder, tmp_path):
+    for model, words in (("gantry_tau", "nominal"), (folder / "arm_model", "the model is of ur5")):
+        said = run("certify", folder / "data", "--model", model, "-o", tmp_path / "o").failed()
+        assert words in said
