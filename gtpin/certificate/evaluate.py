@@ -192,9 +192,13 @@ class Evaluation:
         sites = held.model.robot.sites
         units = tuple("rad" if turns else "m" for turns in held.model.robot.revolute)
         travel = self.nominal.travel(self.nominal.errors) if self.nominal_known else None
-        backlash = [active.name for active in held.model.effects if active.effect.id == "backlash"]
-        without = held.model.without(backlash).predict(robot.q, robot.covariates)
-        left = held.errors if not backlash else held.measured.minus(without)
+        reversals = [
+            active.name
+            for active in held.model.effects
+            if any(name.startswith("approach") for name in active.effect.covariates(held.model.robot, active.site))
+        ]
+        without = held.model.without(reversals).predict(robot.q, robot.covariates)
+        left = held.errors if not reversals else held.measured.minus(without)
         return [
             *positioning(robot.q, travel, self.approach, sites, units),
             *mean_reversal(held.travel(left), self.approach, sites, units),
