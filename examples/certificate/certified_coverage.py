@@ -14,17 +14,15 @@ import numpy.typing as npt
 
 import gtpin
 from gtpin.plant import Case, make_case
+from gtpin.plant.build import assemble
 from gtpin.plant.tracker import Noise
-
-SCATTER = 2.5e-6
-"""Of each drive, m: the middle of what the plant's machines have."""
 
 
 def true_errors(case: Case, model: gtpin.Model, seed: int) -> npt.NDArray[np.float64]:
     """(N, 3) position errors of the corrected machine at the poses that were not measured, m."""
     q = case.commands.q
     J = model.kinematics.command_jacobian(q, model.kinematics.forward(q))[:, :3]
-    scatter = SCATTER * np.random.default_rng(seed).standard_normal(q.shape)
+    scatter = assemble(case.recipe).repeatability * np.random.default_rng(seed).standard_normal(q.shape)
     error = case.truth.T - model.predict(q, case.commands.covariates).T
     return np.asarray(error + np.einsum("nij,nj->ni", model.frame.R @ J, scatter))
 
