@@ -146,10 +146,13 @@ def _is_read(hypothesis: Hypothesis, trials: Trials) -> bool:
     effect, site, at = hypothesis.effect, hypothesis.site, trials.design.situation
     if any(name not in at.covariates for name in effect.covariates(at.robot, site)):
         return True
-    values = effect.nonlinear_values(at, site)
-    if effect.has_nonlinear and not len(values):
+    try:
+        values = effect.nonlinear_values(at, site)
+        if effect.has_nonlinear and not len(values):
+            return True
+        basis = effect.basis(at, site, float(values[len(values) // 2]) if effect.has_nonlinear else None)
+    except Exception:  # a user's effect may fail in any way on covariates that nobody measured
         return True
-    basis = effect.basis(at, site, float(values[len(values) // 2]) if effect.has_nonlinear else None)
     return bool(np.abs(trials.design.columns(basis)).max(initial=0.0) > SEEN)
 
 
