@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 from diagnosed import LARGE, classes, machine, said
 
+import gtpin
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.inference.verdict import Conclusion, Contender
+from gtpin.diagnosis.linear.evidence import NOTHING
 from gtpin.effects.catalogue import effects_by_id
 
 FAULTS = [
@@ -144,3 +148,14 @@ def test_parameters_of_a_cause_have_sigmas_and_units(seed, effect):
             assert found.unit
             low, high = found.interval
             assert low <= found.value <= high
+
+
+@pytest.mark.parametrize(("shares", "sure"), [((0.99, 0.005), True), ((0.9, 0.1), False), ((0.005, 0.99), False)])
+def test_a_cause_is_sure_where_it_leads_its_class_and_no_other_member_is_likely(shares, sure):
+    cause, other = (Hypothesis(effect, "cart1") for effect in gtpin.catalogue()[:2])
+    members = sorted(
+        (Contender(h, p) for h, p in zip((cause, other), shares, strict=True)), key=lambda m: -m.probability
+    )
+    found = Conclusion(NOTHING, {cause: tuple(members)}, (), {})
+    assert found.sure() == ([cause] if sure else [])
+    assert found.verdict == ("explained" if sure else "ambiguous")

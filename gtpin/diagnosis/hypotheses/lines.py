@@ -14,11 +14,11 @@ from gtpin.diagnosis.linear.evidence import tuned
 
 FEW_LINES = 3
 """Number of a periodic error's other lines up to which a line is searched for again over all periods; given more of them, its
-period is estimated again near where it was, which takes a hundredth of the time."""
+period is estimated again near where it was: some fifty periods are tried instead of all. Assumed."""
 SAME = 0.1
-"""Change of a period, in standard deviations, below which the line stays as it is. So small a change moves no verdict."""
+"""Change of a period, in standard deviations, below which the line stays as it is. Assumed."""
 SWEEPS, SETTLED = 6, 0.1
-"""How often all lines are estimated again at most, and the gain in worth, in nats, below which they are settled."""
+"""How often all lines are estimated again at most, and the gain in worth, in nats, below which they are settled. Assumed."""
 
 
 def further_lines(

@@ -85,7 +85,8 @@ def _apart(hypotheses: HypothesisSet, model: Model) -> tuple[Hypothesis, ...]:
     for cause in causes(model):
         loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
         near = any(same_place(robot, cause, s) or related(robot, cause, s) for s in smooth_terms(model))
-        near = near and not (cause.further and not robot.rods)  # no smooth function follows several lines
+        # What several lines gain is gain beyond the smooth terms, which are too slow to follow lines.
+        near = near and not (cause.further and not robot.rods)
         if not near and loss > 2.0 * costs[cause]:
             sure.append(cause)
     return tuple(sure)
