@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.calibration.checks.actuators import check_actuators
+from gtpin.calibration.checks.known_noise import known_noise
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.reweighting import Progress
@@ -157,11 +158,4 @@ def _noise(dataset: Dataset, model: Model, diagnosed: bool) -> Noise:
     if known is not None:
         position = known.position_sigma if diagnosed or position is None else position
         turns = known.orientation_sigma if diagnosed or turns is None else turns
-    if position is None or (turns is None and dataset.orientation is not None):
-        raise DatasetError(
-            "the noise is not known: neither these data nor the model state it",
-            file=dataset.file,
-            column="instrument.position_sigma" if position is None else "instrument.orientation_sigma",
-            hint="declare position_sigma and orientation_sigma under [instrument], or calibrate the model again",
-        )
-    return Noise(position, 1.0 if turns is None else turns, 0.0 if known is None else known.drives)
+    return known_noise(dataset, position, turns, 0.0 if known is None else known.drives)

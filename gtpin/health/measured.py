@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.calibration.checks.actuators import check_actuators
+from gtpin.calibration.checks.known_noise import known_noise
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.problem import Measured, measured_poses
@@ -73,15 +74,9 @@ def noise_of(dataset: Dataset, model: Model) -> Noise:
     declared, known = dataset.instrument, model.fit
     position, turns = declared.position_sigma, declared.orientation_sigma
     if known is None:
-        if position is None or (turns is None and dataset.orientation is not None):
-            raise DatasetError(
-                "the noise is not known: neither these data nor the model state it",
-                file=dataset.file,
-                column="instrument.position_sigma" if position is None else "instrument.orientation_sigma",
-                hint="declare position_sigma and orientation_sigma under [instrument], or calibrate the model again",
-            )
+        noise = known_noise(dataset, position, turns, least_scatter(model))
         warn("the model states no noise of its fit: scatter of the drives is taken as the smallest; calibrate it again")
-        return Noise(position, 1.0 if turns is None else turns, least_scatter(model))
+        return noise
     noise = Noise(
         known.position_sigma if position is None else position,
         known.orientation_sigma if turns is None else turns,

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
+from gtpin.certificate.quantity import Quantity
 from gtpin.certificate.result import Certificate
 from gtpin.certificate.unexplained import COVERAGE
 from gtpin.report.certificate_definitions import DEFINITIONS, SOURCES
 from gtpin.report.certificate_words import BASES, HOW, limits, statement, why
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def row_of(q: Quantity) -> dict[str, Any]:
+    """A number of a certificate: value, standard uncertainty, unit, on how many poses and rows it rests, why it is blank."""
+    return {
+        "symbol": q.symbol,
+        "site": q.site,
+        "value": q.value,
+        "sigma": q.sigma,
+        "unit": q.unit,
+        "poses": q.poses,
+        "rows": q.rows,
+        "reason": why(q),
+    }
 
 
 def certificate_json(c: Certificate) -> dict[str, Any]:
@@ -33,15 +48,8 @@ def certificate_json(c: Certificate) -> dict[str, Any]:
         "statement": statement(c),
         "commands": limits(c),
         "quantities": [
-            {
-                "symbol": q.symbol,
-                "site": q.site,
-                "value": q.value,
-                "sigma": q.sigma,
-                "unit": q.unit,
-                "poses": q.poses,
-                "rows": q.rows,
-                "reason": why(q),
+            row_of(q)
+            | {
                 "formula": DEFINITIONS[q.symbol].formula,
                 "standard": DEFINITIONS[q.symbol].standard,
                 "estimate": DEFINITIONS[q.symbol].estimate,

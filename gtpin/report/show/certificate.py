@@ -8,6 +8,7 @@ import pandas as pd
 
 from gtpin.certificate.result import Certificate
 from gtpin.output.shown import Presentation
+from gtpin.report.certificate_json import row_of
 from gtpin.report.certificate_page import name_of, value_of
 from gtpin.report.certificate_words import headline, statement, why
 
@@ -31,17 +32,5 @@ class CertificatePresentation(Presentation):
 
     def table(self) -> pd.DataFrame:
         """By symbol and site: value, standard uncertainty, unit, on how many poses it rests, and why it is blank."""
-        rows = [
-            {
-                "symbol": q.symbol,
-                "site": q.site,
-                "value": q.value,
-                "sigma": q.sigma,
-                "unit": q.unit,
-                "poses": q.poses,
-                "rows": q.rows,
-                "reason": why(q),
-            }
-            for q in self.certificate.quantities
-        ]
+        rows = [row_of(q) for q in self.certificate.quantities]
         return pd.DataFrame(rows).set_index(["symbol", "site"])

@@ -1,0 +1,33 @@
+"""Refuses data whose noise nobody states, where it can't be estimated from them."""
+
+from __future__ import annotations
+
+from gtpin.data import Dataset
+from gtpin.errors import DatasetError
+from gtpin.noise.noise import Noise
+
+
+def known_noise(dataset: Dataset, position: float | None, orientation: float | None, repeatability: float) -> Noise:
+    """The noise of measured poses by its sigmas, as far as they are known.
+
+    Parameters
+    ----------
+    position, orientation
+        The instrument's standard deviations per axis, m and rad; None where neither the data nor a model states them.
+        Orientation may be None where only positions were measured.
+    repeatability
+        Scatter of the drives, m or rad.
+
+    Raises
+    ------
+    DatasetError
+        If a sigma is not known that the data need.
+    """
+    if position is None or (orientation is None and dataset.orientation is not None):
+        raise DatasetError(
+            "the noise is not known: neither these data nor the model state it",
+            file=dataset.file,
+            column="instrument.position_sigma" if position is None else "instrument.orientation_sigma",
+            hint="declare position_sigma and orientation_sigma under [instrument], or calibrate the model again",
+        )
+    return Noise(position, 1.0 if orientation is None else orientation, repeatability)
