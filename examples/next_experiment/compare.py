@@ -18,8 +18,9 @@ from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.data.table import Column
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, gain
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.posterior import NOTHING, gain
 from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns, discriminate
 from gtpin.diagnosis.planning.measurement_conditions import INTERVAL, LATER, NIGHT
 from gtpin.diagnosis.planning.trials import Known, possible

@@ -12,8 +12,9 @@ from scipy.stats import binom, chi2
 from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.linear.evidence import Groups, Marginal, fixed
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.posterior import fixed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.kinematics.rotations import exp

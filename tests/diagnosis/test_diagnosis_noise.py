@@ -12,8 +12,8 @@ from scipy.stats import binom
 from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
-from gtpin.diagnosis.linear.evidence import NOTHING, fixed
 from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.posterior import NOTHING, fixed
 from gtpin.effects.basis import Basis
 from gtpin.kinematics.rotations import exp
 

@@ -10,7 +10,8 @@ from scipy.stats import binom, chi2
 
 from gtpin.diagnosis.linear import scan
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, Posterior, fixed, gain
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
+from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, fixed, gain
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect

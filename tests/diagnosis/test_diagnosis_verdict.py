@@ -7,7 +7,7 @@ from diagnosed import LARGE, classes, machine, said
 import gtpin
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.verdict import Conclusion, Contender
-from gtpin.diagnosis.linear.evidence import NOTHING
+from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.effects.catalogue import effects_by_id
 
 FAULTS = [

@@ -15,8 +15,8 @@ from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.findings import Question
 from gtpin.diagnosis.inference.questions import with_possible
 from gtpin.diagnosis.inference.verdict import Conclusion, Contender
-from gtpin.diagnosis.linear.evidence import NOTHING
 from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.posterior import NOTHING
 
 
 @pytest.fixture(scope="module")

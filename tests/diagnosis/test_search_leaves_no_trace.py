@@ -17,8 +17,8 @@ from gtpin.diagnosis.inference.named_causes import decide
 from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import NOTHING
 from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.posterior import NOTHING
 
 
 def design_of(effect: str, site: str) -> Design:

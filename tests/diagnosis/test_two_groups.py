@@ -13,8 +13,8 @@ import gtpin
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.two_groups import two_groups
-from gtpin.diagnosis.linear.evidence import NOTHING
 from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise

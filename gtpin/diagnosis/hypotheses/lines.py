@@ -10,7 +10,7 @@ from collections.abc import Collection
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, causes
-from gtpin.diagnosis.linear.evidence import tuned
+from gtpin.diagnosis.linear.exchange import tuned
 
 FEW_LINES = 3
 """Number of a periodic error's other lines up to which a line is searched for again over all periods; given more of them, its

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.missing_covariates import guesses, loaded, pauses, with_column
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal, all_gains
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
+from gtpin.diagnosis.linear.posterior import NOTHING, all_gains
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation

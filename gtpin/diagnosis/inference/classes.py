@@ -10,7 +10,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
 from gtpin.diagnosis.hypotheses.lines import with_its_lines
 from gtpin.diagnosis.inference.verdict import Contender
-from gtpin.diagnosis.linear.evidence import without
+from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.priors import CLASS_SHARE, Priors
 
 

@@ -10,7 +10,7 @@ from gtpin.data.rounding import EXACT
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.evidence import NOTHING
+from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.errors import warn
 
 Floats = npt.NDArray[np.float64]

@@ -13,7 +13,8 @@ from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.redundant_causes import without_redundant
 from gtpin.diagnosis.inference.search import search
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.evidence import NOTHING, tuned, without
+from gtpin.diagnosis.linear.exchange import tuned, without
+from gtpin.diagnosis.linear.posterior import NOTHING
 
 
 def decide(hypotheses: HypothesisSet) -> Conclusion:

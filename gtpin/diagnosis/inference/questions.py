@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Cause, Doubt, Question
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.evidence import without
+from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.effect import Range
 

@@ -8,7 +8,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.inference.verdict import Contender
-from gtpin.diagnosis.linear.evidence import without
+from gtpin.diagnosis.linear.exchange import without
 
 
 def without_redundant(

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, causes, explained_by
 from gtpin.diagnosis.hypotheses.lines import further_lines, settled, widened, with_all_lines, with_its_lines
-from gtpin.diagnosis.linear.evidence import NOTHING, without
+from gtpin.diagnosis.linear.exchange import without
+from gtpin.diagnosis.linear.posterior import NOTHING
 
 BEAM = 3
 """Beginnings that are grown side by side: the best single explanation need not be one of the best pair."""

@@ -7,7 +7,7 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
 from gtpin.diagnosis.inference.findings import Unexplained
-from gtpin.diagnosis.linear.evidence import given
+from gtpin.diagnosis.linear.posterior import given
 from gtpin.distributions import chi2
 
 CORRELATES = 5

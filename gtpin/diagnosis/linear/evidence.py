@@ -6,10 +6,8 @@ tolerances, E_g the whitened displacements of a group for coefficients of typica
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from collections.abc import Hashable, Sequence
+from typing import Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -139,82 +137,6 @@ class Groups(Generic[K]):
         return np.hstack([np.zeros((self.width(term), 0)), *(self.block(term, other) for other in others)])
 
 
-@dataclass(frozen=True)
-class Posterior(Generic[K]):
-    """A model of some groups.
-
-    Parameters
-    ----------
-    terms
-        The groups.
-    widths
-        Number of coefficients of each.
-    scale
-        Of each, over the typical size.
-    log_evidence
-        Natural log of its evidence over that of no group, with the scales' priors.
-    mean, covariance
-        Of the coefficients of all groups, over their typical sizes.
-    """
-
-    terms: tuple[K, ...]
-    widths: tuple[int, ...]
-    scale: tuple[float, ...]
-    log_evidence: float
-    mean: Floats
-    covariance: Floats
-
-
-NOTHING: Posterior[Any] = Posterior((), (), (), 0.0, np.zeros(0), np.zeros((0, 0)))
-"""The model without a group."""
-
-
-def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Posterior[K]:
-    """The model of some groups with given scales."""
-    if not terms:
-        return NOTHING
-    widths = tuple(groups.width(n) for n in terms)
-    sizes = np.repeat(np.asarray(scale, dtype=float), widths)
-    M = np.vstack([groups.across(n, terms) for n in terms]) * np.outer(sizes, sizes)
-    u = np.concatenate([groups.moment(n) for n in terms]) * sizes
-    factor = cho_factor(np.eye(len(u)) + M, lower=True)
-    w = cho_solve(factor, u)
-    prior = -0.5 * sum((np.log(s) / groups.priors.scale_spread) ** 2 for s in scale)
-    log_evidence = 0.5 * float(u @ w) - float(np.log(np.diag(factor[0])).sum()) + prior
-    covariance = cho_solve(factor, np.eye(len(u))) * np.outer(sizes, sizes)
-    return Posterior(tuple(terms), widths, tuple(scale), log_evidence, w * sizes, covariance)
-
-
-def given(groups: Groups[K], model: Posterior[K], term: K) -> tuple[Floats, Floats]:
-    """(c, c) inner products of a group with itself and (c,) with the residual, geometry and a model marginalised."""
-    across = groups.across(term, model.terms)
-    gram = groups.block(term, term) - across @ model.covariance @ across.T
-    return gram, groups.moment(term) - across @ model.mean
-
-
-def gain(groups: Groups[K], model: Posterior[K], term: K) -> tuple[float, float]:
-    """Largest gain in log evidence by adding a group to a model, and the scale that gives it."""
-    return all_gains(groups, model, (term,))[term]
-
-
-def all_gains(groups: Groups[K], model: Posterior[K], terms: Iterable[K]) -> dict[K, tuple[float, float]]:
-    """The same for each of several groups."""
-    alike: dict[tuple[int, tuple[int, ...]], list[K]] = defaultdict(list)
-    for term in terms:
-        width = groups.width(term)
-        alike[1 << (width - 1).bit_length(), groups.core[term]].append(term)
-    found: dict[K, tuple[float, float]] = {}
-    for (width, core), members in alike.items():
-        # Columns of zeros, which bring nothing, make groups of much the same width alike.
-        grams, moments = np.zeros((len(members), width, width)), np.zeros((len(members), width))
-        for i, term in enumerate(members):
-            gram, moment = given(groups, model, term)
-            grams[i, : len(moment), : len(moment)], moments[i, : len(moment)] = gram, moment
-        best = zip(*best_scales(grams, moments, core, groups.priors), strict=True)
-        found |= {term: (float(g), float(s)) for term, (g, s) in zip(members, best, strict=True)}
-    return found
-
-
 def best_scales(
     grams: Floats, moments: Floats, core: Sequence[int] = (), priors: Priors = PRIORS
 ) -> tuple[Floats, Floats]:
@@ -274,21 +196,3 @@ def gains_of_draws(
         unsuited[0] = False
         gain = np.where(unsuited, -np.inf, gain)
     return np.asarray(gain.max(axis=0))
-
-
-def tuned(groups: Groups[K], terms: Sequence[K], scale: Sequence[float], sweeps: int = 2) -> Posterior[K]:
-    """The model of some groups with the scales that suit best, by coordinate ascent."""
-    scales = list(scale)
-    for _ in range(sweeps if len(terms) > 1 else len(terms)):
-        for i, term in enumerate(terms):
-            others = [n for n in terms if n != term]
-            kept = [s for n, s in zip(terms, scales, strict=True) if n != term]
-            _, scales[i] = gain(groups, fixed(groups, others, kept), term)
-    return fixed(groups, terms, scales)
-
-
-def without(groups: Groups[K], model: Posterior[K], term: K, sweeps: int = 0) -> Posterior[K]:
-    """A model less one of its groups; its scales tuned again where ``sweeps`` is not 0."""
-    kept = [(n, s) for n, s in zip(model.terms, model.scale, strict=True) if n != term]
-    terms, scale = [n for n, _ in kept], [s for _, s in kept]
-    return tuned(groups, terms, scale, sweeps) if sweeps else fixed(groups, terms, scale)

@@ -1,11 +1,11 @@
-"""A group of several exchanged for one with fewer or more parts: the posterior in closed form, without a new factorisation.
+"""Small changes of a posterior in closed form, without a new factorisation: groups or parts less or more, other scales.
 
-For n coefficients and a part of c the time is of the order n^2 c instead of n^3, and a search exchanges lines thousands of
-times. Scales stay.
+For n coefficients and a part of c the time is of the order n^2 c instead of n^3, and a search makes thousands of such changes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -13,10 +13,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
-from gtpin.diagnosis.linear.evidence import Groups, Posterior, fixed
+from gtpin.diagnosis.linear.evidence import Groups, best_scales
+from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, fixed, scale_prior
 
 Floats = npt.NDArray[np.float64]
-K = TypeVar("K")
+K = TypeVar("K", bound=Hashable)
+T = TypeVar("T")
 
 
 def exchanged(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K]:
@@ -35,6 +37,68 @@ def exchanged(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posteri
     return fixed(groups, tuple(new if term == old else term for term in model.terms), model.scale)
 
 
+def without(groups: Groups[K], model: Posterior[K], term: K, sweeps: int = 0) -> Posterior[K]:
+    """A model less one of its groups; its scales tuned again where ``sweeps`` is not 0."""
+    if model.terms == (term,):
+        return NOTHING
+    at = model.terms.index(term)
+    place = sum(model.widths[:at])
+    out = np.zeros(len(model.mean), dtype=bool)
+    out[place : place + model.widths[at]] = True
+    prior = scale_prior(groups, model.scale[at])
+    less = _zero(model, out, model.scale[at])
+    less = replace(
+        less,
+        terms=_but(model.terms, at),
+        widths=_but(model.widths, at),
+        scale=_but(model.scale, at),
+        log_evidence=less.log_evidence - prior,
+    )
+    return _tuned(groups, less, sweeps) if sweeps else less
+
+
+def tuned(groups: Groups[K], terms: Sequence[K], scale: Sequence[float], sweeps: int = 2) -> Posterior[K]:
+    """The model of some groups with the scales that suit best, by coordinate ascent from given ones."""
+    return _tuned(groups, fixed(groups, terms, scale), sweeps)
+
+
+def _tuned(groups: Groups[K], model: Posterior[K], sweeps: int) -> Posterior[K]:
+    start = model.scale
+    for _ in range(sweeps if len(model.terms) > 1 else len(model.terms)):
+        before = model.scale
+        for i in range(len(model.terms)):
+            model = _rescaled(groups, model, i)
+        if model.scale == before:
+            break
+    return model if model.scale == start else fixed(groups, model.terms, model.scale)
+
+
+def _rescaled(groups: Groups[K], model: Posterior[K], at: int) -> Posterior[K]:
+    """The model with the best scale of one of its groups, the other scales as they are.
+
+    The precision of a group's coefficients, less that of their prior, is their inner product given the other groups.
+    """
+    place, scale = sum(model.widths[:at]), model.scale[at]
+    own = slice(place, place + model.widths[at])
+    C, mean = model.covariance, model.mean
+    identity = np.eye(model.widths[at])
+    precision = cho_solve(cho_factor(C[own, own], lower=True), identity)
+    gram, moment = precision - identity / scale**2, precision @ mean[own]
+    gram = 0.5 * (gram + gram.T)
+    _, best = best_scales(gram[None], moment[None], groups.core[model.terms[at]], groups.priors)
+    if (new := float(best[0])) == scale:
+        return model
+    # The prior's precision changes by `more`: Woodbury's identity for the columns of this group.
+    more = 1.0 / new**2 - 1.0 / scale**2
+    inner = np.linalg.solve(identity + more * C[own, own], more * C[own])
+    scales = tuple(new if i == at else s for i, s in enumerate(model.scale))
+    return replace(model, scale=scales, mean=mean - inner.T @ mean[own], covariance=C - C[:, own] @ inner)
+
+
+def _but(values: tuple[T, ...], at: int) -> tuple[T, ...]:
+    return (*values[:at], *values[at + 1 :])
+
+
 def _less(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K]:
     """Fewer parts: the posterior given that the coefficients of the others are zero (Savage and Dickey's ratio)."""
     at = model.terms.index(old)
@@ -44,13 +108,18 @@ def _less(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K
         width = groups.width(part)
         out[place : place + width] = part not in left
         place += width
+    return _zero(_named(groups, model, at, new), out, model.scale[at])
+
+
+def _zero(model: Posterior[K], out: npt.NDArray[np.bool_], scale: float) -> Posterior[K]:
+    """The model given that some coefficients (n,) are zero, of which only they have this scale; its terms as they are."""
     C, mean = model.covariance, model.mean
     own = cho_factor(C[np.ix_(out, out)], lower=True)
     across = cho_solve(own, C[np.ix_(out, ~out)])
     ratio = -0.5 * float(mean[out] @ cho_solve(own, mean[out])) - float(np.log(np.diag(own[0])).sum())
     return replace(
-        _named(groups, model, at, new),
-        log_evidence=model.log_evidence + ratio + int(out.sum()) * float(np.log(model.scale[at])),
+        model,
+        log_evidence=model.log_evidence + ratio + int(out.sum()) * float(np.log(scale)),
         mean=mean[~out] - across.T @ mean[out],
         covariance=C[np.ix_(~out, ~out)] - C[np.ix_(~out, out)] @ across,
     )

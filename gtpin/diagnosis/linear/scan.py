@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import Groups, Posterior, best_scales
+from gtpin.diagnosis.linear.evidence import Groups, best_scales
+from gtpin.diagnosis.linear.posterior import Posterior
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.effect import Effect
 

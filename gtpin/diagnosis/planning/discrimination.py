@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.linear.evidence import NOTHING, Groups, Marginal
-from gtpin.diagnosis.linear.evidence import gain as best_gain
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
+from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.linear.posterior import gain as best_gain
 from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.measurement_conditions import kind
