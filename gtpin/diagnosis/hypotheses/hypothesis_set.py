@@ -101,7 +101,10 @@ class HypothesisSet:
         self._scans: dict[Hypothesis, Scan] = {}
         self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
         """Models with all lines of a periodic error, by the model without it and its first line."""
+        self.grown: dict[tuple[Term, tuple[Term, ...], int], Model] = {}
+        """Models that a search has grown: by their first explanation, those that they may have, and how many of them."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
+        self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
 
     @property
     def named(self) -> tuple[Hypothesis, ...]:
@@ -145,14 +148,24 @@ class HypothesisSet:
 
     def costs(self, terms: Sequence[Term]) -> dict[Term, float]:
         """What each explanation of a model must be worth in it."""
+        templates = tuple(self.without_value(term) for term in terms)
+        if templates not in self._costs:
+            self._costs[templates] = self._costs_of(templates)
+        lines = (len(term.further) if isinstance(term, Hypothesis) else 0 for term in terms)
+        return {
+            term: cost + self.priors.line * more
+            for term, cost, more in zip(terms, self._costs[templates], lines, strict=True)
+        }
+
+    def _costs_of(self, terms: Sequence[Term]) -> tuple[float, ...]:
+        """The same of explanations of one line each."""
         alone = {term: self.alone(term) for term in terms}
-        found = {}
+        found = []
         for term in terms:
             stronger = [self.share(term, t) * alone[t] for t in terms if alone[t] > alone[term]]
-            lines = self.priors.line * len(term.further) if isinstance(term, Hypothesis) else 0.0
             third = self.priors.third if len(stronger) > 1 else 0.0
-            found[term] = self.cost(term) + max(stronger, default=0.0) + third + lines
-        return found
+            found.append(self.cost(term) + max(stronger, default=0.0) + third)
+        return tuple(found)
 
     def alone(self, term: Term) -> float:
         """Gain in log evidence of an explanation by itself, with the best value of its nonlinear parameter."""
@@ -218,6 +231,13 @@ class HypothesisSet:
         if isinstance(term, Hypothesis) and term not in self.groups:
             self._add(term)
         return tuned(self.groups, (*model.terms, term), (*model.scale, 1.0))
+
+    def of(self, terms: Sequence[Term], scale: Sequence[float]) -> Model:
+        """A model of some explanations, its scales estimated from given ones."""
+        for term in terms:
+            if isinstance(term, Hypothesis) and term not in self.groups:
+                self._add(term)
+        return tuned(self.groups, terms, scale)
 
     def modulates(self, smooth: SmoothTerm, model: Model | Collection[Hypothesis]) -> bool:
         """Whether a smooth term is only a modulation of one of some hypotheses."""

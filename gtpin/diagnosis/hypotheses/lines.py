@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+import numpy as np
+
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, causes
 from gtpin.diagnosis.linear.exchange import tuned
@@ -22,22 +24,37 @@ SWEEPS, SETTLED = 6, 0.1
 
 
 def further_lines(
-    hypotheses: HypothesisSet, model: Model, terms: Collection[Hypothesis] | None = None
+    hypotheses: HypothesisSet,
+    model: Model,
+    terms: Collection[Hypothesis] | None = None,
+    last: dict[tuple[str, str], float] | None = None,
 ) -> tuple[float, Hypothesis, Hypothesis] | None:
     """Of a model's periodic errors the one that gains most by more lines, with these lines and without them.
 
-    The gain is in worth, to first order; None where no line gains. ``terms``: only these of its periodic errors.
+    The gain is in worth, to first order; None where no line gains.
+
+    Parameters
+    ----------
+    terms
+        Only these of its periodic errors.
+    last
+        By place, what each gained last, for a smaller model; brought up to date. A line seldom gains more in a larger model, so
+        what gained less than the best does now is not looked at again.
     """
     if hypotheses.design.situation.robot.rods:
         return None
     best: tuple[float, Hypothesis, Hypothesis] | None = None
-    for term in causes(model) if terms is None else terms:
+    last = {} if last is None else last
+    for term in sorted(causes(model) if terms is None else terms, key=lambda t: -last.get(t.place, np.inf)):
+        if best and last.get(term.place, np.inf) <= best[0]:
+            break
         if not 0 < len(term.values) < term.effect.most_values or term.template not in hypotheses.scanned:
             continue
         line = hypotheses.scanned_gain(term.template, model, term.values)
         gain = line.value - hypotheses.priors.line
-        if gain > 0.0 and gain + line.more > (best[0] if best else 0.0) and isinstance(line.term, Hypothesis):
-            best = (gain + line.more, term.with_lines((*term.lines, *line.term.lines, *line.further)), term)
+        last[term.place] = gain + line.more if gain > 0.0 else 0.0
+        if last[term.place] > (best[0] if best else 0.0) and isinstance(line.term, Hypothesis):
+            best = (last[term.place], term.with_lines((*term.lines, *line.term.lines, *line.further)), term)
     return best
 
 

@@ -11,7 +11,7 @@ from gtpin.diagnosis.inference.verdict import Conclusion
 def infer(settled: Settled) -> Conclusion:
     """Search, compare named causes with smooth terms, and look for an actuator that errs faster than these can follow."""
     hypotheses = settled.hypotheses
-    found = decide(hypotheses)
+    found = decide(hypotheses, settled.guess)
     if found.doubts:
         return found
     site = reestimate_noise(settled.observed, hypotheses, found.model, settled.declared).restless

@@ -8,7 +8,7 @@ from scipy.special import expit
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, smooth_terms
-from gtpin.diagnosis.inference.classes import contenders, temperature, unnamed
+from gtpin.diagnosis.inference.classes import contenders, in_its_place, temperature, unnamed
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.redundant_causes import without_redundant
 from gtpin.diagnosis.inference.search import search
@@ -17,11 +17,18 @@ from gtpin.diagnosis.linear.exchange import tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING
 
 
-def decide(hypotheses: HypothesisSet) -> Conclusion:
-    """Search with and without smooth terms, and compare what was found."""
+def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
+    """Search with and without smooth terms, and compare what was found.
+
+    Parameters
+    ----------
+    guess
+        A model that an earlier search found. The searches of a robot without rods, whose models are long, start from it.
+    """
     alone = hypotheses.gains(NOTHING, hypotheses.every)
-    named = search(hypotheses, hypotheses.named, alone)
-    mixed = search(hypotheses, hypotheses.every, alone)
+    start = NOTHING if hypotheses.design.situation.robot.rods else guess
+    named = search(hypotheses, hypotheses.named, alone, start=hypotheses.only(start, causes(start)))
+    mixed = search(hypotheses, hypotheses.every, alone, start=start)
     needed = smooth_terms(mixed)
     if needed and _unknown(hypotheses, mixed, named) > 0.5:
         named = hypotheses.only(mixed, _apart(hypotheses, mixed))
@@ -58,8 +65,8 @@ def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...
     for cause in causes(named):
         if hypotheses.smooth and sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
             rest = without(hypotheses.groups, named, cause, sweeps=1)
-            gains = hypotheses.gains(rest, unnamed(hypotheses, cause))
-            found.append(max(gains, key=lambda s: gains[s].value))
+            gains = in_its_place(hypotheses, named, rest, unnamed(hypotheses, cause))
+            found.append(max(gains, key=lambda s: gains[s]))
     return tuple(dict.fromkeys(found))
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, causes, explained_by
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, related, same_place
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, causes, explained_by, scales
 from gtpin.diagnosis.hypotheses.lines import further_lines, settled, widened, with_all_lines, with_its_lines
 from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.linear.posterior import NOTHING
@@ -24,9 +24,16 @@ def most(hypotheses: HypothesisSet) -> int:
     return MOST if robot.rods else MOST + robot.n_actuators
 
 
-def rough_guess(hypotheses: HypothesisSet) -> Model:
-    """The model of everything that is no noise, as far as one search finds it."""
-    return search(hypotheses, hypotheses.every, hypotheses.gains(NOTHING, hypotheses.every), beginnings=1)
+def rough_guess(hypotheses: HypothesisSet, before: Model = NOTHING) -> Model:
+    """The model of everything that is no noise, as far as one search finds it.
+
+    Parameters
+    ----------
+    before
+        The same of these poses with another noise. A search of a robot without rods, whose models are long, starts from it.
+    """
+    alone = hypotheses.gains(NOTHING, hypotheses.every)
+    return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_anew(hypotheses, before))
 
 
 def guess_of_outliers(hypotheses: HypothesisSet) -> Model:
@@ -45,6 +52,7 @@ def search(
     alone: Mapping[Term, Gain],
     beginnings: int = BEAM,
     largest: int | None = None,
+    start: Model = NOTHING,
 ) -> Model:
     """The model that was found to be worth most, out of some explanations.
 
@@ -58,26 +66,45 @@ def search(
         How many are grown side by side.
     largest
         Number of explanations that the model has at most; that of :func:`most` where left out.
+    start
+        A model of these hypotheses that is grown first; of one that then has more than ``MOST`` no other beginning is grown.
     """
     largest = most(hypotheses) if largest is None else largest
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
-    best: Model = NOTHING
-    taken: set[Term] = set()  # of the best model, nonlinear parameters without their values
-    for term in order[:beginnings]:
+    best: Model = _grow(hypotheses, start, terms, largest) if start.terms else NOTHING
+    taken = {hypotheses.without_value(t) for t in best.terms}
+    for term in order[: beginnings if len(best.terms) <= MOST else 0]:
         if alone[term].value < hypotheses.cost(term):
             break
         if term in taken:
             continue
-        grown = _grow(hypotheses, hypotheses.extended(NOTHING, alone[term].term), terms, largest)
+        grown = _grown(hypotheses, alone[term].term, terms, largest)
         if hypotheses.worth(grown) > hypotheses.worth(best):
             best = grown
             taken = {hypotheses.without_value(t) for t in best.terms}
     return best
 
 
+def _grown(hypotheses: HypothesisSet, first: Term, terms: Sequence[Term], largest: int) -> Model:
+    key = first, tuple(terms), largest
+    if key not in hypotheses.grown:
+        hypotheses.grown[key] = _grow(hypotheses, hypotheses.extended(NOTHING, first), terms, largest)
+    return hypotheses.grown[key]
+
+
+def _anew(hypotheses: HypothesisSet, before: Model) -> Model:
+    """A model of other inner products, as far as these hypotheses have its explanations, without what is not worth its cost."""
+    known = set(hypotheses.every)
+    terms = [term for term in before.terms if hypotheses.without_value(term) in known]
+    if hypotheses.design.situation.robot.rods or not terms:
+        return NOTHING
+    return _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
+
+
 def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term], largest: int) -> Model:
+    last: dict[tuple[str, str], float] = {}
     while True:
-        lines = further_lines(hypotheses, model)
+        lines = further_lines(hypotheses, model, last=last)
         gains = hypotheses.net_gains(model, _with_room(hypotheses, model, terms)) if len(model.terms) < largest else {}
         best = max(gains.values(), key=lambda g: g.whole, default=None)
         # Gains of lines are of first order: where the step that promises more is not worth it, the other is tried.
@@ -137,7 +164,8 @@ def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> 
         before = model
         for term in model.terms:
             rest = without(hypotheses.groups, model, term, sweeps=1)
-            found = hypotheses.gains(rest, (hypotheses.without_value(term), *_with_room(hypotheses, rest, terms)))
+            others = _instead(hypotheses, term, _with_room(hypotheses, rest, terms))
+            found = hypotheses.gains(rest, (hypotheses.without_value(term), *others))
             gains = {t: gain.value - hypotheses.cost(t) for t, gain in found.items()}
             own, other = hypotheses.without_value(term), max(gains, key=lambda t: gains[t])
             # Further lines of a periodic error are not in the gain of a single one.
@@ -150,6 +178,15 @@ def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> 
         if model is before:
             return model
     return model
+
+
+def _instead(hypotheses: HypothesisSet, term: Term, terms: Sequence[Term]) -> Sequence[Term]:
+    """Of some explanations those that may be in the place of another: of a robot without rods, what may pass for it."""
+    robot = hypotheses.design.situation.robot
+    if robot.rods:
+        return terms
+    own = explained_by(term)
+    return [t for t in terms if same_place(robot, own, explained_by(t)) or related(robot, own, explained_by(t))]
 
 
 def _pruned(hypotheses: HypothesisSet, model: Model) -> Model:

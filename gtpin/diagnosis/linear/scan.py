@@ -20,6 +20,10 @@ Floats = npt.NDArray[np.float64]
 
 BATCH = 64
 """Settings whose displacements are held in memory at once."""
+LONG, LIKELY = 100, 0.1
+"""Coefficients of a model from which on all values are first compared by their cores alone, and the share of the largest such
+gain from which on a value is looked at with its modulation. Assumed.
+"""
 KEPT = 12_000_000
 """Numbers up to which all values' displacements are kept between scans, and up to which their products with groups are."""
 LEAST = -1e9
@@ -75,6 +79,17 @@ class _Products:
     grams: Floats
     moments: Floats
 
+    def of(self, columns: list[int]) -> _Products:
+        """Those of some columns of each value."""
+        width = self.moments.shape[1]
+        halves = self.halves.reshape(len(self.halves), -1, width)[:, :, columns].reshape(len(self.halves), -1)
+        return _Products(halves, self.grams[:, columns][:, :, columns], self.moments[:, columns])
+
+    def at(self, values: npt.NDArray[np.intp]) -> _Products:
+        """Those of some values."""
+        halves = self.halves.reshape(len(self.halves), *self.moments.shape)[:, values].reshape(len(self.halves), -1)
+        return _Products(halves, self.grams[values], self.moments[values])
+
 
 class Scan:
     """An effect at a site with every value that is worth a try, prepared once for all scans given other models.
@@ -93,6 +108,7 @@ class Scan:
         self._factor = None if moved is None else design.by_command[:, :, moved[0]]
         self._with_groups: dict[Hashable, Floats] = {}
         self._seen_groups: dict[Hashable, Floats] = {}
+        self._together: tuple[tuple[Hashable, ...], Floats, Floats] | None = None
 
     def _displacements(self, values: Sequence[float] | Floats) -> Floats:
         bases = [self.effect.basis(self.design.situation, self.site, float(value)) for value in values]
@@ -167,6 +183,14 @@ class Scan:
         }
         return parts
 
+    def _side_by_side(self, model: Posterior[Any]) -> tuple[Floats, Floats]:
+        """(R, m) columns of a model's groups by which products are taken, and (p, m) halves; kept for the next call."""
+        parts = self._parts(model)
+        if self._together is None or self._together[0] != parts:
+            seen = np.hstack([self._seen_groups[part] for part in parts])
+            self._together = parts, seen, np.hstack([self.groups.half(part) for part in parts])
+        return self._together[1:]
+
     def best(self, model: Posterior[Any], others: Sequence[float] = ()) -> Found:
         """Best value given a model.
 
@@ -178,7 +202,7 @@ class Scan:
             Values of the same cause that are in already: those that can't be told from them are left out.
         """
         products = self._prepared[1]
-        gains, scales = self._gains(products, model, self._across(model) if model.terms else None)
+        gains, scales = self._all_gains(products, model)
         gains = np.where(self._resolved(self.values, others), gains, LEAST)
         top = int(np.argmax(gains))
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
@@ -207,14 +231,14 @@ class Scan:
 
     def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> Found:
         """The best value between two values, on finer and finer grids."""
-        parts = self._parts(model)
+        seen, halves = self._side_by_side(model) if model.terms else (None, None)
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
             displacements = self._displacements(finer)
             products = self._products(displacements)
             flat = displacements.reshape(len(displacements), -1)
-            across = [flat.T @ self._seen_groups[p] - products.halves.T @ self.groups.half(p) for p in parts]
-            fine, fine_scales = self._gains(products, model, np.hstack(across) if across else None)
+            across = None if seen is None or halves is None else flat.T @ seen - products.halves.T @ halves
+            fine, fine_scales = self._gains(products, model, across)
             fine = np.where(self._resolved(finer, others), fine, LEAST)
             best = int(np.argmax(fine))
             likely = np.exp(fine - fine[best])
@@ -247,6 +271,23 @@ class Scan:
 
     def _resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
         return self.effect.resolved(self.design.situation, self.site, values, others)
+
+    def _all_gains(self, products: _Products, model: Posterior[Any]) -> tuple[Floats, Floats]:
+        """(S,) gains of all values, and their scales; of long models, values whose core gains little have ``LEAST``."""
+        if not model.terms:
+            return self._gains(products, model, None)
+        across, core = self._across(model), list(self.effect.core)
+        if len(model.mean) < LONG or not core:
+            return self._gains(products, model, across)
+        by_value = across.reshape(*products.moments.shape, -1)
+        rough, scales = self._gains(products.of(core), model, by_value[:, core].reshape(-1, by_value.shape[2]))
+        likely = rough >= min(LIKELY * rough.max(), rough.max())
+        likely[1:-1] |= likely[:-2] | likely[2:]
+        some = np.flatnonzero(likely)
+        gains = np.full(len(rough), LEAST)
+        near = by_value[some].reshape(-1, by_value.shape[2])
+        gains[some], scales[some] = self._gains(products.at(some), model, near)
+        return gains, scales
 
     def _gains(self, products: _Products, model: Posterior[Any], across: Floats | None) -> tuple[Floats, Floats]:
         """(S,) gains in log evidence given a model, and the scales that give them."""
