@@ -1,0 +1,61 @@
+"""What tables of a controller leave of the errors, computed where no table was fitted, with both directions of approach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.compensation.machine import Machine
+
+Floats = npt.NDArray[np.float64]
+
+POINTS = 512
+"""Places at which it is computed."""
+LEAST = 1e-8
+"""m: an effect that moves the TCP by less is not there under the conditions of the tables."""
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """(N, 3) errors of the TCP without and with tables, base frame, m."""
+
+    before: Floats
+    after: Floats
+
+    def words(self, where: str, temperatures: Mapping[str, float]) -> str:
+        """Both, root mean square, in micrometres."""
+        warm = "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
+        return (
+            f"leaves {_um(self.after)} of {_um(self.before)} um of the TCP's error in {where}{warm}"
+            f" (z: {_um(self.after[:, 2:])} of {_um(self.before[:, 2:])} um)"
+        )
+
+
+def both_approaches(count: int) -> Floats:
+    """(count,) directions in turn."""
+    return np.where(np.arange(count) % 2, 1.0, -1.0)
+
+
+def by_parts(
+    machines: Mapping[str, Machine], left: Callable[[Machine], Left]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What tables made for one part of the errors alone leave of it, in words, and the names of effects that are not there."""
+    words, absent = [], []
+    for name, machine in machines.items():
+        found = left(machine)
+        if _rms(found.before) >= LEAST:
+            words.append(f"{name} {_um(found.after)} of {_um(found.before)} um")
+        elif name != "geometry":
+            absent.append(name)
+    return ((f"leaves of each part alone: {', '.join(words)}",) if words else ()), tuple(absent)
+
+
+def _rms(errors: Floats) -> float:
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def _um(errors: Floats) -> str:
+    return f"{1e6 * _rms(errors):.3g}"
