@@ -17,7 +17,7 @@ from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import SUFFIXES, TABLES, Format
 from gtpin.export.export import export as run_export
-from gtpin.export.tables_wanted import Wanted
+from gtpin.export.tables_for import TablesFor
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
@@ -104,7 +104,7 @@ def export(
             if temperature or box or firmware or controller is not None:
                 believed = None if controller is None else machine_of(read_model(controller))
                 placed = None if box is None else Box.of(box, origin)
-                tables = Wanted(believed, tuple(temperature or ()), placed, firmware)
+                tables = TablesFor(believed, tuple(temperature or ()), placed, firmware)
             written = run_export(found, output, form, session=session, tables=tables, force=force)
         else:
             written = (_corrected(found, commands, controller, output, force),)

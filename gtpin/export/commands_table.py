@@ -10,12 +10,12 @@ import numpy as np
 from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import Machine, parts
 from gtpin.errors import ModelError
+from gtpin.export.tables_for import TablesFor, Written
 from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts
-from gtpin.export.tables_wanted import Wanted, Written
 from gtpin.model.model import Model
 
 
-def grid_file(model: Model, file: Path, wanted: Wanted, session: str | None = None) -> Written:
+def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None = None) -> Written:
     """The table; see :func:`~gtpin.compensation.grid_table.grid_table`.
 
     Raises

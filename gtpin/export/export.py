@@ -11,8 +11,8 @@ from gtpin.compensation.corrections import correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
 from gtpin.errors import GtpinError, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
-from gtpin.export.compliance import drive_scales, with_link_springs
 from gtpin.export.commands_table import grid_file
+from gtpin.export.compliance import drive_scales, with_link_springs
 from gtpin.export.drives import with_drives
 from gtpin.export.joint_springs import with_joint_springs
 from gtpin.export.left_out import left_out
@@ -22,7 +22,7 @@ from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
 from gtpin.export.printers import printer_files
 from gtpin.export.sdf import to_sdf
-from gtpin.export.tables_wanted import Wanted
+from gtpin.export.tables_for import TablesFor
 from gtpin.export.transmissions import with_transmissions
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
@@ -32,7 +32,7 @@ from gtpin.robot.robot import Robot
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "klipper", "reprapfirmware"]
 TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
-"""Formats that hold a part of all errors at once; see :class:`~gtpin.export.tables_wanted.Wanted`."""
+"""Formats that hold a part of all errors at once; see :class:`~gtpin.export.tables_for.TablesFor`."""
 SUFFIXES: dict[str, Format] = {
     ".urdf": "urdf",
     ".yaml": "parallel-robots",
@@ -65,7 +65,7 @@ def export(
     form: Format | None = None,
     *,
     session: str | None = None,
-    tables: Wanted | None = None,
+    tables: TablesFor | None = None,
     force: bool = False,
 ) -> tuple[Path, ...]:
     """Write a model for other software. A warning names what the format can't hold of it, each part with its loss, um.
@@ -116,10 +116,10 @@ def export(
 
 
 def texts(
-    model: Model, file: Path, form: Format, *, session: str | None = None, tables: Wanted | None = None
+    model: Model, file: Path, form: Format, *, session: str | None = None, tables: TablesFor | None = None
 ) -> Export:
     """What :func:`export` writes, as texts."""
-    wanted = tables or Wanted()
+    wanted = tables or TablesFor()
     if form in TABLES:
         made = (
             grid_file(model, file, wanted, session)

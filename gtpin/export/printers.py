@@ -16,8 +16,8 @@ from gtpin.compensation.plane_tables import PlaneTables, plane_tables
 from gtpin.compensation.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
 from gtpin.compensation.towers import Drives, TowerController, Towers, drives_of, fitted_towers
 from gtpin.errors import GtpinError, ModelError
+from gtpin.export.tables_for import TablesFor, Written
 from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts
-from gtpin.export.tables_wanted import Wanted, Written
 from gtpin.importers.klipper_config import needed, read_config
 from gtpin.importers.klipper_delta import TOWERS, tower_dimensions
 from gtpin.importers.rrf_config import read_rrf_delta
@@ -36,7 +36,7 @@ class _Present:
     per_tower: Floats
 
 
-def printer_files(model: Model, file: Path, form: str, wanted: Wanted, session: str | None = None) -> Written:
+def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Written:
     """Klipper's configuration, or RepRapFirmware's macro with a height map for each temperature.
 
     Raises
@@ -98,7 +98,7 @@ def printer_files(model: Model, file: Path, form: str, wanted: Wanted, session: 
     return Written(files, (*unknown, *absent), (*notes, *words))
 
 
-def _kinematics(wanted: Wanted, present: _Present | None) -> str:
+def _kinematics(wanted: TablesFor, present: _Present | None) -> str:
     if present is not None:
         return "the dimensions below"
     return "its nominal kinematics" if wanted.controller is None else "the kinematics of the model given"

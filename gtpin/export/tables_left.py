@@ -58,4 +58,7 @@ def _rms(errors: Floats) -> float:
 
 
 def _um(errors: Floats) -> str:
-    return f"{1e6 * _rms(errors):.3g}"
+    size = 1e6 * _rms(errors)
+    if size < 0.01:
+        return "under 0.01"
+    return f"{size:.3g}" if size < 1000.0 else f"{size:.0f}"

@@ -12,7 +12,7 @@ from gtpin.model.model import Model
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TablesFor:
     """What tables are made for.
 
     Parameters
