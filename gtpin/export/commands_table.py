@@ -11,7 +11,7 @@ from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import Machine, parts
 from gtpin.errors import ModelError
 from gtpin.export.tables_for import TablesFor, Written
-from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts
+from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts, check_any
 from gtpin.model.model import Model
 
 
@@ -21,7 +21,8 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     Raises
     ------
     GtpinError
-        If the robot is not one that such a table serves, or temperatures are given and no effect depends on one.
+        If the robot is not one that such a table serves, temperatures are given and no effect depends on one, or there is
+        nothing to correct.
     """
     if wanted.box is not None or wanted.firmware is not None:
         raise ModelError("a table over commands takes no --box and no --firmware", hint="leave them out")
@@ -33,8 +34,10 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     def left(part: Machine) -> Left:
         return _left(part, believed, grid_table(part, believed, wanted.temperatures))
 
+    remains = _left(last, believed, table)
+    check_any([remains])
     words, absent = by_parts(parts(last, believed), left)
-    notes = [_left(last, believed, table).words("the range of the actuators", last.temperatures), *words]
+    notes = [remains.words("the range of the actuators", last.temperatures), *words]
     missing = np.isnan(table.change[0]).any(axis=-1)
     if missing.any():
         notes.append(f"has no numbers at {missing.sum()} of {missing.size} nodes, where the robot can't be")

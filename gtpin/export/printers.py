@@ -17,7 +17,7 @@ from gtpin.compensation.printer_files import klipper_config, named, rrf_heightma
 from gtpin.compensation.towers import Drives, TowerController, Towers, drives_of, fitted_towers
 from gtpin.errors import GtpinError, ModelError
 from gtpin.export.tables_for import TablesFor, Written
-from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts
+from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts, check_any
 from gtpin.importers.klipper_config import needed, read_config
 from gtpin.importers.klipper_delta import TOWERS, tower_dimensions
 from gtpin.importers.rrf_config import read_rrf_delta
@@ -43,7 +43,7 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
     ------
     GtpinError
         If the robot has not three actuators, a box is missing or can't be reached, or the firmware's file does not fit the
-        robot.
+        robot, or there is nothing to correct.
     """
     robot, box = model.robot, wanted.box
     if robot.n_actuators != AXES:
@@ -79,10 +79,9 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
 
     towers, controller = corrected(machine)
     tables = [plane_tables(at, controller, box) for at in machines]
-    notes = [
-        left(at, controller, table).words("the box", at.temperatures)
-        for at, table in zip(machines, tables, strict=True)
-    ]
+    remains = [left(at, controller, table) for at, table in zip(machines, tables, strict=True)]
+    check_any(remains)
+    notes = [some.words("the box", at.temperatures) for at, some in zip(machines, remains, strict=True)]
     words, absent = by_parts(parts(machines[-1], believed), left_alone)
     title = f"{robot.name}, for a controller with {_kinematics(wanted, present)}"
     per_tower = None if present is None else present.per_tower

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.compensation.machine import Machine
+from gtpin.errors import ModelError
 
 Floats = npt.NDArray[np.float64]
 
@@ -25,6 +26,11 @@ class Left:
     before: Floats
     after: Floats
 
+    @property
+    def is_nothing(self) -> bool:
+        """Whether there is no error to correct."""
+        return _rms(self.before) < LEAST
+
     def words(self, where: str, temperatures: Mapping[str, float]) -> str:
         """Both, root mean square, in micrometres."""
         warm = "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
@@ -32,6 +38,13 @@ class Left:
             f"leaves {_um(self.after)} of {_um(self.before)} um of the TCP's error in {where}{warm}"
             f" (z: {_um(self.after[:, 2:])} of {_um(self.before[:, 2:])} um)"
         )
+
+
+def check_any(left: Sequence[Left]) -> None:
+    """Raise `ModelError` if there is no error to correct at any temperature."""
+    if all(some.is_nothing for some in left):
+        hint = "give a calibrated or diagnosed model, and --temperature for effects of temperatures"
+        raise ModelError("there is nothing to correct: the model is what the controller has", hint=hint)
 
 
 def both_approaches(count: int) -> Floats:
@@ -46,7 +59,7 @@ def by_parts(
     words, absent = [], []
     for name, machine in machines.items():
         found = left(machine)
-        if _rms(found.before) >= LEAST:
+        if not found.is_nothing:
             words.append(f"{name} {_um(found.after)} of {_um(found.before)} um")
         elif name != "geometry":
             absent.append(name)

@@ -218,6 +218,7 @@ def test_importers_read_the_tables_back(printer: gtpin.Model, folder: Path) -> N
         ("linear_delta", TablesFor(box=BOX, temperatures=(20.0,)), "no effect of the model depends on a temperature"),
         ("linear_delta", TablesFor(box=Box.of((-2, 2, -2, 2, 0, 1))), "can't bring its TCP to"),
         ("linear_delta", TablesFor(gtpin.read_model("stewart"), box=BOX), "is of another robot"),
+        ("linear_delta", TablesFor(box=BOX), "nothing to correct: the model is what the controller has"),
     ],
 )
 def test_what_a_printer_can_not_be_told_is_one_error(
