@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from gtpin.compensation.plane_tables import PlaneTables
 from gtpin.compensation.towers import Towers
+from gtpin.errors import ModelError
 
 Floats = npt.NDArray[np.float64]
 
@@ -23,8 +24,19 @@ RRF_ANGLES = (210.0, 330.0, 90.0)
 
 
 def named(temperature: float | None) -> str:
-    """What a temperature adds to a name: nothing, or as ``_25C``; Klipper's commands take no points or signs."""
-    return "" if temperature is None else f"_{temperature:g}C".replace(".", "_").replace("-", "minus")
+    """What a temperature adds to a name: nothing, or as ``_25``. Klipper's commands have digits at their end alone.
+
+    Raises
+    ------
+    ModelError
+        If it is not a whole number of degrees, or below 0.
+    """
+    if temperature is None:
+        return ""
+    if temperature < 0.0 or temperature != round(temperature):
+        what, hint = f"a table of a printer can't have the name of {temperature:g} degC", "give whole degrees above 0"
+        raise ModelError(what, hint=hint)
+    return f"_{temperature:.0f}"
 
 
 def klipper_config(

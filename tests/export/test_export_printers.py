@@ -137,18 +137,28 @@ def test_each_temperature_has_tables_of_its_own(printer: gtpin.Model, folder: Pa
     told = printed(recorded)
     xyz = fresh()
     if file == "gtpin.cfg":
-        files = {t: klipper(folder, f"gtpin_{t}C") for t in (20, 35)}
+        files = {t: klipper(folder, f"gtpin_{t}") for t in (20, 35)}
+        macros = re.findall(r"\[gcode_macro (\S+)\]", (folder / file).read_text())
         (folder / "gtpin.cfg").unlink()
         present = klipper(folder)
     else:
-        files = {t: reprapfirmware(folder, f"gtpin_{t}C.g") for t in (20, 35)}
+        files = {t: reprapfirmware(folder, f"gtpin_{t}.g") for t in (20, 35)}
         present = reprapfirmware(folder)
     for (t, firmware), (after, _, after_z, _) in zip(files.items(), told, strict=True):
         left = errors(printer, commands(firmware, present, xyz), xyz, float(t))
         assert rms(left) == pytest.approx(after, rel=0.05)
         assert rms(left[:, 2:]) == pytest.approx(after_z, rel=0.1)
+    if file == "gtpin.cfg":
+        assert not re.search(r"\d[A-Z_]", " ".join(macros))
     cold_at_35 = errors(printer, commands(files[20], present, xyz), xyz, 35.0)
     assert rms(cold_at_35[:, 2:]) > 3.0 * told[1][2]
+
+
+def test_temperatures_are_whole_degrees(printer: gtpin.Model, folder: Path) -> None:
+    """Klipper takes GTPIN_22C and GTPIN_22_5 for the command GTPIN_22 (docs/Command_Templates.md)."""
+    for temperature in (22.5, -3.0):
+        with pytest.raises(GtpinError, match="whole degrees"):
+            export(printer, folder / "gtpin.cfg", tables=TablesFor(temperatures=(temperature,), box=BOX))
 
 
 def test_a_gantry_tau_has_tables_beside_its_own_kinematics(drawn_of: Callable[[str], Drawn], tmp_path: Path) -> None:
