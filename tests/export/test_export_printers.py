@@ -14,6 +14,8 @@ from printer_firmware import ARM, BED, CONFIG_G, END, PRINTER_CFG, RADIUS, ROTAT
 from with_effects import active
 
 import gtpin
+from gtpin.compensation.plane_tables import PlaneTables
+from gtpin.compensation.printer_files import klipper_config, rrf_heightmap, rrf_macro
 from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.export import Box, TablesFor, export
 from gtpin.importers.klipper_mesh import read_klipper_mesh
@@ -88,6 +90,19 @@ def test_the_firmware_without_corrections_is_the_nominal_robot(folder: Path) -> 
     for read in READERS.values():
         there = nominal.predict(commands(read(folder), read(folder), xyz)).T
         np.testing.assert_allclose(there - BOX.origin, xyz, rtol=0, atol=1e-9)
+
+
+def test_firmwares_do_what_the_tables_say(folder: Path) -> None:
+    """Signs and places, with skews and offsets far larger than those of a machine."""
+    rng = np.random.default_rng(3)
+    x, y = np.linspace(-0.1, 0.1, 5), np.linspace(-0.05, 0.15, 4)
+    table = PlaneTables(rng.normal(0.0, 2e-3, 2), rng.normal(0.0, 2e-2, 3), x, y, rng.normal(0.0, 1e-3, (4, 5)))
+    (folder / "gtpin.cfg").write_text(klipper_config("a printer", [(None, table)]), encoding="utf-8")
+    (folder / "gtpin.g").write_text(rrf_macro("a printer", table, "heights.csv"), encoding="utf-8")
+    (folder / "heights.csv").write_text(rrf_heightmap(table), encoding="utf-8")
+    xyz = rng.uniform(-0.2, 0.2, (200, 3))
+    for read in READERS.values():
+        np.testing.assert_allclose(1e-3 * read(folder).moves_to(1e3 * xyz), table.applied(xyz), rtol=0, atol=2e-8)
 
 
 @pytest.mark.parametrize("file", READERS)
