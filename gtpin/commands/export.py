@@ -9,12 +9,15 @@ from typing import Annotated
 
 import typer
 
+from gtpin.commands.importing.options import Origin
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
+from gtpin.compensation.box import Box
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
-from gtpin.export.export import Format
+from gtpin.export.export import SUFFIXES, TABLES, Format
 from gtpin.export.export import export as run_export
+from gtpin.export.tables_for import TablesFor
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
@@ -29,7 +32,8 @@ def export(
             "-o",
             "--output",
             help="File; its suffix determines the format: .urdf, .yaml (plus a URDF, for example-parallel-robots), .sdf, "
-            ".xml (MuJoCo), .csv (corrections of the actuators, or of --commands), .comp (LinuxCNC, a file for each joint).",
+            ".xml (MuJoCo), .csv (corrections of the actuators, or of --commands), .comp (LinuxCNC, a file for each joint), "
+            ".cfg (Klipper), .g (RepRapFirmware, with a height map).",
             show_default=False,
             parser=output_path,
             metavar="<path>",
@@ -55,7 +59,34 @@ def export(
     controller: Annotated[
         str | None,
         typer.Option(
-            "--controller", help="With --commands: the model that they were made with; by default the nominal robot."
+            "--controller",
+            help="With --commands, .cfg, .g and grid: the model of the controller's kinematics; by default the nominal robot.",
+        ),
+    ] = None,
+    temperature: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--temperature",
+            help=".cfg, .g and grid: of all parts, degC, several times for several steps; by default that of the fit.",
+            show_default=False,
+        ),
+    ] = None,
+    box: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(
+            "--box",
+            metavar="X0 X1 Y0 Y1 Z0 Z1",
+            help=".cfg and .g: where the machine works, in the controller's coordinates, m.",
+            show_default=False,
+        ),
+    ] = None,
+    origin: Origin = (0.0, 0.0, 0.0),
+    firmware: Annotated[
+        Path | None,
+        typer.Option(
+            "--firmware",
+            help=".cfg and .g: the present printer.cfg or config.g of a delta, to correct its dimensions too.",
+            show_default=False,
         ),
     ] = None,
     tcp: Tcp = None,
@@ -67,9 +98,14 @@ def export(
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", GtpinWarning)
         if commands is None:
-            if controller is not None:
+            tables = None
+            if controller is not None and (form or SUFFIXES.get(output.suffix.lower())) not in TABLES:
                 raise GtpinError("--controller without --commands", hint="give the table of commands")
-            written = run_export(found, output, form, session=session, force=force)
+            if temperature or box or firmware or controller is not None:
+                believed = None if controller is None else machine_of(read_model(controller))
+                placed = None if box is None else Box.of(box, origin)
+                tables = TablesFor(believed, tuple(temperature or ()), placed, firmware)
+            written = run_export(found, output, form, session=session, tables=tables, force=force)
         else:
             written = (_corrected(found, commands, controller, output, force),)
     notes = [str(warning.message) for warning in noticed]

@@ -11,6 +11,7 @@ from gtpin.compensation.corrections import correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
 from gtpin.errors import GtpinError, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
+from gtpin.export.commands_table import grid_file
 from gtpin.export.compliance import drive_scales, with_link_springs
 from gtpin.export.drives import with_drives
 from gtpin.export.joint_springs import with_joint_springs
@@ -19,7 +20,9 @@ from gtpin.export.loss import with_losses, with_remainders
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
+from gtpin.export.printers import printer_files
 from gtpin.export.sdf import to_sdf
+from gtpin.export.tables_for import TablesFor
 from gtpin.export.transmissions import with_transmissions
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
@@ -27,7 +30,9 @@ from gtpin.output.results import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot
 
-Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc"]
+Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "klipper", "reprapfirmware"]
+TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
+"""Formats that hold a part of all errors at once; see :class:`~gtpin.export.tables_for.TablesFor`."""
 SUFFIXES: dict[str, Format] = {
     ".urdf": "urdf",
     ".yaml": "parallel-robots",
@@ -35,6 +40,8 @@ SUFFIXES: dict[str, Format] = {
     ".xml": "mjcf",
     ".csv": "csv",
     ".comp": "linuxcnc",
+    ".cfg": "klipper",
+    ".g": "reprapfirmware",
 }
 
 
@@ -42,13 +49,14 @@ SUFFIXES: dict[str, Format] = {
 class Export:
     """Text by file name, and what the files do not hold of the model; part of it may stand in a URDF's transmissions.
 
-    ``inexact`` are effects that the files hold with an error, and this error, in words.
+    ``inexact`` are effects that the files hold with an error, and this error, in words; ``notes`` what else is to be said.
     """
 
     files: dict[str, str]
     left_out: tuple[str, ...]
     in_transmissions: tuple[str, ...] = ()
     inexact: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def export(
@@ -57,6 +65,7 @@ def export(
     form: Format | None = None,
     *,
     session: str | None = None,
+    tables: TablesFor | None = None,
     force: bool = False,
 ) -> tuple[Path, ...]:
     """Write a model for other software. A warning names what the format can't hold of it, each part with its loss, um.
@@ -66,11 +75,14 @@ def export(
     file
         To write; its suffix determines the format: ``.urdf``; ``.yaml`` (and a URDF of the same name in the same folder, for
         example-parallel-robots); ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections); ``.comp`` (LinuxCNC's
-        compensation files, ``FILE_SITE.comp`` for each actuator).
+        compensation files, ``FILE_SITE.comp`` for each actuator); ``.cfg`` (Klipper); ``.g`` (RepRapFirmware's macro, and a
+        height map beside it).
     form
-        The format, where the suffix is another.
+        The format, where the suffix is another; ``grid`` (a table over commands and temperatures) has none.
     session
         Whose zero shifts tables of corrections, and MJCF, shall hold.
+    tables
+        What Klipper's and RepRapFirmware's tables and those over commands are made for.
     force
         Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
 
@@ -88,7 +100,7 @@ def export(
     file = Path(file)
     if os.path.isdir(file):
         raise GtpinError("this is a folder", file=file, hint="name a file")
-    made = texts(model, file, form or _format(file), session=session)
+    made = texts(model, file, form or _format(file), session=session, tables=tables)
     with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file, alone=True) as folder:
         for name, text in made.files.items():
             (folder / name).write_text(text, encoding="utf-8")
@@ -98,11 +110,26 @@ def export(
         warn(f"{file.name} does not hold {lost}{more}")
     if made.inexact:
         warn(f"{file.name} holds {', '.join(made.inexact)}")
+    for note in made.notes:
+        warn(f"{file.name} {note}")
     return tuple(file.parent / name for name in made.files)
 
 
-def texts(model: Model, file: Path, form: Format, *, session: str | None = None) -> Export:
+def texts(
+    model: Model, file: Path, form: Format, *, session: str | None = None, tables: TablesFor | None = None
+) -> Export:
     """What :func:`export` writes, as texts."""
+    wanted = tables or TablesFor()
+    if form in TABLES:
+        made = (
+            grid_file(model, file, wanted, session)
+            if form == "grid"
+            else printer_files(model, file, form, wanted, session)
+        )
+        return Export(made.files, made.left_out, notes=made.notes)
+    if tables is not None:
+        what = f"{form} takes no box, temperatures, firmware or controller"
+        raise GtpinError(what, file=file, hint="these belong to --format grid, .cfg and .g")
     if form in ("csv", "linuxcnc"):
         return _corrections(model, file, form, session)
     urdf = calibrated_urdf(model)

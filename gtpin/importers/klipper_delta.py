@@ -99,8 +99,14 @@ def _positive(option: Option) -> float:
     return value
 
 
-def _positions(sections: Sections, travel: Floats, file: Path, rows: npt.NDArray[np.int64]) -> Floats:
-    """(N, 3) nozzle, mm, by the geometry of the file: the lower of the two points at arm's length from three carriages."""
+def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Floats, Floats]:
+    """The radius, and of each tower the arm, the place of the end stop, mm, and the angle, degrees.
+
+    Raises
+    ------
+    DatasetError
+        If an option is missing, or a dimension can't be.
+    """
     radius = _positive(needed(sections, "printer", "delta_radius", file))
     arms, ends, angles = np.empty(3), np.empty(3), np.empty(3)
     for i, tower in enumerate(TOWERS):
@@ -115,6 +121,12 @@ def _positions(sections: Sections, travel: Floats, file: Path, rows: npt.NDArray
         if arms[i] <= radius:
             what, hint = f"arm_length {arms[i]:g} is not above delta_radius {radius:g}", "correct the configuration"
             raise DatasetError(what, file=file, column=f"{tower}.arm_length", hint=hint)
+    return radius, arms, ends, angles
+
+
+def _positions(sections: Sections, travel: Floats, file: Path, rows: npt.NDArray[np.int64]) -> Floats:
+    """(N, 3) nozzle, mm, by the geometry of the file: the lower of the two points at arm's length from three carriages."""
+    radius, arms, ends, angles = tower_dimensions(sections, file)
     foot = radius * np.column_stack([np.cos(np.radians(angles)), np.sin(np.radians(angles))])
     height = ends + np.sqrt(arms**2 - radius**2) - travel
     center = np.concatenate([np.broadcast_to(foot, (*travel.shape, 2)), height[:, :, None]], axis=2)

@@ -80,6 +80,10 @@ def test_json_tells_what_was_written_and_what_is_not_held(run: Run, erring: Path
         (["gantry_tau", "-o", "drives.comp", "--session", "2"], "knows no session '2'"),
         (["no_robot", "-o", "robot.xml"], "no_robot"),
         (["gantry_tau", "-o", "q.csv", "--controller", "tau"], "--controller without --commands"),
+        (["linear_delta", "-o", "printer.cfg"], "tables of a printer's firmware need --box"),
+        (["stewart", "-o", "printer.g", "--box", 0, 1, 0, 1, 0, 1], "stewart has 6 actuators"),
+        (["linear_delta", "-o", "x.g", "--box", 0, 1, 1, 0, 0, 1], "this is no box"),
+        (["gantry_tau", "-o", "drives.comp", "--temperature", 20], "linuxcnc takes no box, temperatures"),
         (["gantry_tau", "-o", "q.urdf", "--commands", "commands.csv"], "corrected commands are a table"),
         (["gantry_tau", "-o", "q.csv", "--commands", "missing.csv"], "missing"),
     ],
@@ -116,3 +120,26 @@ def test_a_table_of_corrections_is_what_to_command(run: Run, erring: Path, tmp_p
     assert set(table.actuator) == {"cart2"}
     np.testing.assert_allclose(table.forward * (1.0 + 3e-4), table.nominal, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(table.forward, table.reverse)
+
+
+@pytest.mark.parametrize(
+    ("file", "more", "written"),
+    [
+        ("p.cfg", ["--box", -0.1, 0.1, -0.1, 0.1, -0.1, 0.1], ["p.cfg"]),
+        ("p.g", ["--box", -0.1, 0.1, -0.1, 0.1, -0.1, 0.1], ["p.g", "p_heightmap.csv"]),
+        ("q.csv", ["--format", "grid"], ["q.csv"]),
+        ("q.csv", ["--format", "grid", "--controller", "gantry_tau"], ["q.csv"]),
+    ],
+)
+def test_tables_of_all_errors_say_what_they_leave(
+    run: Run, erring: Path, file: str, more: list[object], written: list[str], tmp_path: Path
+) -> None:
+    origin = ["--origin", *gtpin.read_model("gantry_tau").kinematics.home.T[0]] if "--box" in more else []
+    ran = run("export", erring, "-o", tmp_path / file, *more, *origin, "--json")
+    told = json.loads(ran.out)
+    assert told["written"] == [str(tmp_path / name) for name in written]
+    assert all((tmp_path / name).is_file() for name in written)
+    # The target's offset is the instrument's; the drive's scale is all that is left to correct.
+    assert re.search(r"not the machine's, so not corrected: target_offset@platform", told["warnings"][0])
+    assert re.search(rf"{file} leaves \S+.* of \S+ um of the TCP's error in the (box|range)", told["warnings"][1])
+    assert re.search(r"leaves of each part alone: encoder_scale@cart2 \S+.* of \S+ um$", told["warnings"][2])

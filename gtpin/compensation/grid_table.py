@@ -1,0 +1,108 @@
+"""A table over commands and temperatures: what to add to the commands of a controller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.compensation.machine import Machine
+from gtpin.errors import ModelError
+from gtpin.model.model import Model
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Floats = npt.NDArray[np.float64]
+
+NODES = 11
+"""Nodes of the grid along each actuator's range."""
+ACTUATORS = 3
+"""Of robots that such a table serves: over six, a grid of even five nodes has 15,625 rows a temperature."""
+STEPS = 4
+"""Steps of Newton's method, each with an error of some thousandths: the relative error of the geometry."""
+
+
+@dataclass(frozen=True, eq=False)
+class GridTable:
+    """Additions to commands at nodes.
+
+    Parameters
+    ----------
+    nodes
+        By actuator, (NODES,) commands, m or rad.
+    temperatures
+        Of every step, degC by covariate.
+    change
+        (steps, NODES, ..., NODES, n), m or rad; NaN where the robot can't be.
+    """
+
+    nodes: tuple[Floats, ...]
+    temperatures: tuple[Mapping[str, float], ...]
+    change: Floats
+
+    def applied(self, q: Floats, step: int) -> Floats:
+        """(N, n) commands with what a linear interpolation adds to q (N, n), m or rad; NaN beside nodes that are NaN."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        return np.asarray(q + RegularGridInterpolator(self.nodes, self.change[step])(q))
+
+    def frame(self) -> pd.DataFrame:
+        """Columns ``q1 ... temp_... dq1 ...``, m or rad and degC; a row for each node and step, the last actuator fastest."""
+        import pandas as pd
+
+        n = len(self.nodes)
+        q = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, n)
+        blocks = []
+        for temperatures, change in zip(self.temperatures, self.change, strict=True):
+            columns = {f"q{k + 1}": q[:, k] for k in range(n)} | {
+                name: np.full(len(q), value) for name, value in temperatures.items()
+            }
+            blocks.append(pd.DataFrame(columns | {f"dq{k + 1}": change.reshape(-1, n)[:, k] for k in range(n)}))
+        return pd.concat(blocks, ignore_index=True)
+
+
+def grid_table(machine: Machine, controller: Model, temperatures: Sequence[float] = ()) -> GridTable:
+    """The table of a machine; each temperature that its effects depend on goes through the steps.
+
+    Raises
+    ------
+    ModelError
+        If the robot has more actuators than a grid serves, or one without limits.
+    """
+    robot = machine.model.robot
+    if robot.n_actuators > ACTUATORS:
+        what = f"{robot.name} has {robot.n_actuators} actuators, too many for a table over commands"
+        raise ModelError(what, hint="write corrected commands with --commands")
+    if not np.isfinite([robot.lower, robot.upper]).all():
+        raise ModelError(f"an actuator of {robot.name} has no range", hint="give its joint a <limit> in the URDF")
+    nodes = tuple(np.linspace(a, b, NODES) for a, b in zip(robot.lower, robot.upper, strict=True))
+    q = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, len(nodes))
+    names = machine.temperature_columns if temperatures else ()
+    steps = tuple(
+        dict(zip(names, values, strict=True)) for values in product(sorted(set(temperatures)), repeat=len(names))
+    )
+    shape = (len(steps), *(NODES for _ in nodes), len(nodes))
+    change = np.stack([_changes(replace(machine, temperatures=step), controller, q) for step in steps])
+    return GridTable(nodes, steps, change.reshape(shape))
+
+
+def _changes(machine: Machine, controller: Model, q: Floats) -> Floats:
+    """(N, n) what to add to commands q (N, n) of the controller; NaN where the robot can't be."""
+    kinematics = controller.kinematics
+    wanted = kinematics.forward(q)
+    rows = np.flatnonzero(wanted.reached)
+    change = np.full_like(q, np.nan)
+    step = np.linalg.pinv(kinematics.command_jacobian(q[rows], wanted[rows])[:, :3])
+    asked = q[rows].copy()
+    for _ in range(STEPS):
+        inside = np.isfinite(asked).all(axis=1)
+        off = np.full((len(rows), 3), np.nan)
+        off[inside] = wanted.T[rows[inside]] - machine.goes_to(asked[inside])
+        asked += np.einsum("nij,nj->ni", step, off)
+    change[rows] = asked - q[rows]
+    return change

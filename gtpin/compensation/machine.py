@@ -1,0 +1,127 @@
+"""The machine that a controller's tables correct: a model under conditions that do not change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.compensation.compensate import machine_of
+from gtpin.data.names import is_approach
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.situation import Column
+from gtpin.errors import ModelError
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+CONDITIONS = ("session", "time", "payload", "fx", "fy", "fz")
+"""Covariates, beside temperatures, speeds and approaches, whose value at a table is defined; see `Machine`."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A model at one temperature, in one session, at rest, without load on the tool, at the end of the time of its fit.
+
+    Parameters
+    ----------
+    model
+        In the base frame, without effects of the instrument.
+    session
+        Whose zero shifts are in force; None if no effect depends on one.
+    temperatures
+        By covariate, degC; where one is missing, the reference temperature of the fit.
+    """
+
+    model: Model
+    session: str | None = None
+    temperatures: Mapping[str, float] = field(default_factory=dict)
+
+    def goes_to(self, q: Floats, approach: Floats | float | None = None) -> Floats:
+        """(N, 3) positions of the TCP at commands q (N, n), base frame, m; NaN where the robot can't be.
+
+        Parameters
+        ----------
+        approach
+            +1 or -1, of all actuators; by default the mean of both positions, which no table can be nearer to.
+        """
+        if approach is None and self._depends_on_approach:
+            return np.asarray(0.5 * (self.goes_to(q, 1.0) + self.goes_to(q, -1.0)))
+        return self.model.predict(q, self._columns(len(q), 1.0 if approach is None else approach)).T
+
+    @property
+    def temperature_columns(self) -> tuple[str, ...]:
+        """Names of the temperatures that its effects depend on."""
+        names = {
+            name for active in self.model.effects for name in active.effect.covariates(self.model.robot, active.site)
+        }
+        return tuple(sorted(name for name in names if name.startswith("temp_")))
+
+    @property
+    def _depends_on_approach(self) -> bool:
+        return any(is_approach(name) for active in self.model.effects for name in _names(self.model, active))
+
+    def _columns(self, count: int, approach: Floats | float) -> dict[str, Column]:
+        known: dict[str, Column] = {}
+        for active in self.model.effects:
+            references = active.references
+            for name in _names(self.model, active):
+                value: float | Floats = 0.0
+                if name == "session":
+                    known[name] = np.full(count, self.session or references.sessions[0], dtype=object)
+                    continue
+                if name == "time":
+                    value = sum(references.time)
+                elif name.startswith("temp_"):
+                    value = self.temperatures.get(name, references.temperature)
+                elif is_approach(name):
+                    value = approach
+                known[name] = np.broadcast_to(value, count).astype(float)
+        return known
+
+
+def machine_at(
+    model: Model, session: str | None = None, temperatures: Mapping[str, float] | None = None
+) -> tuple[Machine, tuple[str, ...]]:
+    """The machine of a model under conditions, and the names of the effects whose conditions are not known.
+
+    Raises
+    ------
+    ModelError
+        If the session is not one of the model's.
+    """
+    known = sorted({name for active in model.effects for name in active.references.sessions})
+    if session is not None and session not in known:
+        raise ModelError(f"the model knows no session {session!r}", hint=f"sessions are {', '.join(known) or 'none'}")
+    machine = machine_of(model)
+    unknown = tuple(active.name for active in machine.effects if not _is_known(machine, active, session))
+    return Machine(machine.without(unknown), session, temperatures or {}), unknown
+
+
+def parts(machine: Machine, controller: Model) -> dict[str, Machine]:
+    """By name, machines that have one part of the errors each: the geometry, or one effect on the controller's geometry."""
+    model = machine.model
+    found = {} if _same(model, controller) else {"geometry": replace(machine, model=Model(model.geometry))}
+    for active in model.effects:
+        found[active.name] = replace(machine, model=Model(controller.geometry, effects=(active,)))
+    return found
+
+
+def _same(model: Model, controller: Model) -> bool:
+    """Whether two models have the same geometry."""
+    mine, other = model.geometry, controller.geometry
+    return mine.names == other.names and bool((mine.values == other.values).all())
+
+
+def _names(model: Model, active: ActiveEffect) -> set[str]:
+    """Covariates that an effect may need."""
+    return {*active.references.covariates, *active.effect.covariates(model.robot, active.site)}
+
+
+def _is_known(model: Model, active: ActiveEffect, session: str | None) -> bool:
+    names = active.effect.covariates(model.robot, active.site)
+    if "session" in names and session is None:
+        return False
+    return all(name in CONDITIONS or name.startswith(("temp_", "speed")) or is_approach(name) for name in names)

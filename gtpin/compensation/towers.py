@@ -1,0 +1,164 @@
+"""A linear delta as printers' firmwares describe it: one radius, and an arm, an angle, an end stop and a scale a tower."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares, linear_sum_assignment
+
+from gtpin.compensation.box import Box
+from gtpin.compensation.controller import ModelController, positions_to_ask_for
+from gtpin.compensation.machine import Machine
+from gtpin.errors import ModelError
+from gtpin.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+CLOSE = 1e-5
+"""m by which carriages of a firmware and of the nominal robot may differ: firmwares' files often have hundredths of mm."""
+POINTS = (9, 9, 5)
+"""Points of the box that the dimensions are fitted at."""
+USUAL = 1e-3
+"""m, rad, and relative: a change of a dimension that is nothing unusual."""
+SLACK = 1e-7
+"""m of the TCP's error that a dimension may cost to change by `USUAL`: of dimensions that can't be told apart in the box, the
+smallest change is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Towers:
+    """The dimensions; in m and rad.
+
+    Parameters
+    ----------
+    radius
+        From the middle to each tower, less that of the effector.
+    arms, angles
+        (3,) length of the arms, and direction of the tower from the x axis.
+    ends
+        (3,) height of the nozzle over z = 0 in the middle, if all carriages were as this one at its end stop.
+    scale
+        (3,) travel per step over the travel per step that the drive was configured with.
+    """
+
+    radius: float
+    arms: Floats
+    angles: Floats
+    ends: Floats
+    scale: Floats
+
+    def heights(self, xyz: Floats) -> Floats:
+        """(N, 3) heights of the carriages over z = 0 for nozzles at (N, 3); NaN beyond the arms."""
+        foot = self.radius * np.column_stack([np.cos(self.angles), np.sin(self.angles)])
+        across = ((xyz[:, None, :2] - foot) ** 2).sum(axis=2)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(xyz[:, 2:] + np.sqrt(self.arms**2 - across))
+
+    @property
+    def tops(self) -> Floats:
+        """(3,) heights of the carriages at their end stops."""
+        return np.asarray(self.ends + np.sqrt(self.arms**2 - self.radius**2))
+
+    @property
+    def values(self) -> Floats:
+        """(13,) all of them."""
+        return np.concatenate([[self.radius], self.arms, self.angles, self.ends, self.scale])
+
+    @staticmethod
+    def of(values: Floats) -> Towers:
+        """From :attr:`values`."""
+        return Towers(float(values[0]), *np.split(values[1:], 4))
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """Which tower moves which actuator: q[actuator] = sign * height + zero, height by the dimensions that `towers` has.
+
+    Parameters
+    ----------
+    towers
+        The dimensions that these drives were configured with, of scale 1.
+    actuator, sign, zero
+        (3,) by tower.
+    """
+
+    towers: Towers
+    actuator: npt.NDArray[np.intp]
+    sign: Floats
+    zero: Floats
+
+    def commands(self, towers: Towers, xyz: Floats) -> Floats:
+        """(N, 3) commands of a firmware that has other dimensions, on the same end stops."""
+        travel = (towers.tops - towers.heights(xyz)) / towers.scale
+        q = np.empty_like(travel)
+        q[:, self.actuator] = self.sign * (self.towers.tops - travel) + self.zero
+        return q
+
+
+@dataclass(frozen=True, eq=False)
+class TowerController:
+    """A firmware with the dimensions of `towers`."""
+
+    drives: Drives
+    towers: Towers
+
+    def commands(self, xyz: Floats) -> Floats:
+        """(N, 3) commands for positions (N, 3) in its own coordinates, m; NaN where there are none."""
+        return self.drives.commands(self.towers, xyz)
+
+
+def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
+    """Which tower is which actuator of a nominal robot.
+
+    Raises
+    ------
+    ModelError
+        If the robot has no carriages that move as those of this firmware.
+    """
+    xyz = box.grid(*POINTS)
+    height, q = towers.heights(xyz), ModelController(nominal, box.origin).commands(xyz)
+    there = np.isfinite(height).all(axis=1) & np.isfinite(q).all(axis=1)
+    hint = "give the dimensions that the robot was made from (examples/machines/printer.py), --origin and --box"
+    if there.sum() < 4 or q.shape[1] != 3:
+        raise ModelError(f"{nominal.robot.name} is no linear delta with these dimensions", hint=hint)
+    height, q = height[there], q[there]
+    h, p = height - height.mean(axis=0), q - q.mean(axis=0)
+    apart = np.array([np.abs(p[:, None, :] - s * h[:, :, None]).max(axis=0) for s in (1.0, -1.0)])
+    tower, actuator = linear_sum_assignment(apart.min(axis=0))
+    worst = float(apart.min(axis=0)[tower, actuator].max())
+    if worst > CLOSE:
+        what = f"the carriages of {nominal.robot.name} move otherwise than by these dimensions, by {1e3 * worst:.3g} mm"
+        raise ModelError(what, hint=hint)
+    sign = np.where(apart[0] <= apart[1], 1.0, -1.0)[tower, actuator]
+    return Drives(towers, actuator, sign, q.mean(axis=0)[actuator] - sign * height.mean(axis=0))
+
+
+def fitted_towers(machine: Machine, drives: Drives, box: Box, scales: bool = True) -> Towers:
+    """The dimensions with which the firmware makes the smallest error of the TCP in a box, root mean square.
+
+    Parameters
+    ----------
+    scales
+        Whether the travel per step may change.
+    """
+    wanted = box.grid(*POINTS)
+    asked = positions_to_ask_for(machine, TowerController(drives, drives.towers), box, wanted)
+    needed = drives.commands(drives.towers, asked)
+    kinematics = machine.model.kinematics
+    jacobian = kinematics.command_jacobian(needed, kinematics.forward(needed))[:, :3]
+    start = drives.towers.values
+    free = np.arange(len(start)) < (13 if scales else 10)
+    weight = SLACK * np.sqrt(len(wanted)) / USUAL
+
+    def residuals(change: Floats) -> Floats:
+        values = start.copy()
+        values[free] += change
+        off = np.einsum("nij,nj->ni", jacobian, drives.commands(Towers.of(values), wanted) - needed)
+        return np.concatenate([off.ravel(), weight * change])
+
+    change = least_squares(residuals, np.zeros(free.sum()), x_scale=USUAL, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    values = start.copy()
+    values[free] += change
+    return Towers.of(values)

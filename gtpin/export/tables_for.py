@@ -1,0 +1,58 @@
+"""What tables of all errors are made for: the controller, its coordinates, and temperatures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from gtpin.compensation.box import Box
+from gtpin.compensation.machine import Machine, machine_at
+from gtpin.errors import ModelError
+from gtpin.model.model import Model
+
+
+@dataclass(frozen=True)
+class TablesFor:
+    """What tables are made for.
+
+    Parameters
+    ----------
+    controller
+        The model whose kinematics the controller has; by default the nominal robot.
+    temperatures
+        degC; by default the reference temperature of the fit.
+    box
+        The part of the workspace; printers need it.
+    firmware
+        The present printer.cfg or config.g of a delta, whose dimensions shall be corrected too.
+    """
+
+    controller: Model | None = None
+    temperatures: tuple[float, ...] = ()
+    box: Box | None = None
+    firmware: Path | None = None
+
+    def believed(self, model: Model) -> Model:
+        """The model whose kinematics the controller has, without effects; raises `ModelError` if it is of another robot."""
+        if self.controller is None:
+            return Model(type(model.geometry).nominal(model.robot))
+        if self.controller.robot.n_actuators != model.robot.n_actuators:
+            what = f"the controller's model, {self.controller.robot.name}, is of another robot than {model.robot.name}"
+            raise ModelError(what, hint="give a model of the same robot")
+        return Model(self.controller.geometry)
+
+    def machine(self, model: Model, session: str | None) -> tuple[Machine, tuple[str, ...]]:
+        """The machine, and names of the effects that no table can hold; raises `ModelError` if no effect is thermal."""
+        machine, unknown = machine_at(model, session)
+        if self.temperatures and not machine.temperature_columns:
+            raise ModelError("no effect of the model depends on a temperature", hint="leave out --temperature")
+        return machine, unknown
+
+
+@dataclass(frozen=True)
+class Written:
+    """Text by file name, names of what the files hold nothing of, and what they leave of the rest, in words."""
+
+    files: dict[str, str]
+    left_out: tuple[str, ...]
+    notes: tuple[str, ...]
