@@ -18,6 +18,7 @@ from gtpin.blind.statement import Named, Statement
 from gtpin.blind.truth import TrueEffect, TruePoses, Truth
 from gtpin.blind.worker import Outcome
 from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
 from gtpin.data.instrument_tables import EncoderTable
@@ -70,7 +71,9 @@ def _judged(folder: Path, truth: Truth, outcome: Outcome, without: Outcome | Non
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
         try:
-            return _measured(found, truth, Dataset.read(folder), folder, outcome)
+            dataset = Dataset.read(folder)
+            found = found.model_copy(update={"instruments": _instruments(dataset)})
+            return _measured(found, truth, dataset, folder, outcome)
         except GtpinError as error:  # the diagnosis failed for the same reason, or E and D can't be computed
             return found if found.error or statement else found.model_copy(update={"error": str(error)})
 
@@ -88,9 +91,9 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     }
     lefts: list[Left] = []
     baseline: Calibration | None = None
-    if truth.sigma is not None and truth.effects and all(e.displacement is not None for e in truth.effects):
+    if truth.effects and all(e.displacement is not None for e in truth.effects) and _gradable(dataset, truth):
         baseline = calibrate(dataset)
-        difficulty = Difficulty.of(dataset, np.array(truth.sigma), baseline.model.geometry)
+        difficulty = _difficulty(dataset, truth, baseline)
         lefts = [difficulty.left(np.array(effect.displacement)) for effect in truth.effects]
         graded = [_with_leaves(effect, left) for effect, left in zip(found.truth, lefts, strict=True)]
         changes |= {"truth": tuple(effect for effect, _ in graded)}
@@ -109,6 +112,32 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
         )
         changes["shrunk"] = Shrunk(before=before, after=after)
     return found.model_copy(update=changes)
+
+
+def _gradable(dataset: Dataset, truth: Truth) -> bool:
+    """Whether D can be computed: noise is known, and no encoder reads joints, whose displacements are not in the truth."""
+    if dataset.readings is None:
+        return truth.sigma is not None or bool(truth.noise)
+    tables = dataset.readings.tables
+    return {one.name for one in truth.noise} == {t.name for t in tables} and not any(t.measured_joints for t in tables)
+
+
+def _difficulty(dataset: Dataset, truth: Truth, baseline: Calibration) -> Difficulty:
+    noise = {one.name: np.array(one.sigma) for one in truth.noise}
+    if isinstance(baseline, ReadingsCalibration):
+        return Difficulty.of_readings(dataset, noise, baseline)
+    sigma = np.array(truth.sigma) if truth.sigma is not None else _six(*noise.values())
+    return Difficulty.of(dataset, sigma, baseline.model.geometry)
+
+
+def _six(sigma: Floats) -> Floats:
+    """(M, 6) noise of a tracker's rows, of which orientations may not be measured."""
+    return np.hstack([sigma, np.full((len(sigma), 6 - sigma.shape[1]), np.inf)])
+
+
+def _instruments(dataset: Dataset) -> tuple[str, ...] | None:
+    """Kinds of the instruments of a dataset of schema 2; None for a tracker alone."""
+    return None if dataset.readings is None else tuple(sorted({table.kind for table in dataset.readings.tables}))
 
 
 def _testable(dataset: Dataset, truth: Truth) -> bool:
@@ -153,6 +182,8 @@ def _shrunk(
     T = _true_positions(commands, truth.poses)
     found = Shrunk(before=_rms(np.array(outcome.baseline) - T), after=_rms(np.array(outcome.model) - T))
     if baseline is None or truth.kind not in CAUSES_GIVEN or dataset.instrument.frame == "free":
+        return found
+    if dataset.readings is not None:  # the fits to compare with are to poses
         return found
     changes = {}
     causes = [left[effect.name] for effect, left in zip(truth.effects, lefts, strict=True) if effect.name in left]
