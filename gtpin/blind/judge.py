@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.blind.difficulty import Best, Difficulty
+from gtpin.blind.grading import difficulty_of, gradable
 from gtpin.blind.judged import Judged, Shrunk
 from gtpin.blind.oracle import fit_known_causes
+from gtpin.blind.realised_readings import shrunk_readings
 from gtpin.blind.seal import SealError, opened
 from gtpin.blind.smooth import gaussian_process_positions
 from gtpin.blind.statement import Named, Statement
 from gtpin.blind.truth import TrueEffect, TruePoses, Truth
 from gtpin.blind.worker import Outcome
 from gtpin.calibration.calibrate import calibrate
-from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
-from gtpin.data.instrument_tables import EncoderTable
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
-from gtpin.robot.measured_joints import measured_joint
 from gtpin.threads import in_one_thread
 
 Floats = npt.NDArray[np.float64]
@@ -91,9 +90,9 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     }
     lefts: list[Left] = []
     baseline: Calibration | None = None
-    if truth.effects and all(e.displacement is not None for e in truth.effects) and _gradable(dataset, truth):
+    if gradable(dataset, truth):
         baseline = calibrate(dataset)
-        difficulty = _difficulty(dataset, truth, baseline)
+        difficulty = difficulty_of(dataset, truth, baseline)
         lefts = [difficulty.left(np.array(effect.displacement)) for effect in truth.effects]
         graded = [_with_leaves(effect, left) for effect, left in zip(found.truth, lefts, strict=True)]
         changes |= {"truth": tuple(effect for effect, _ in graded)}
@@ -106,33 +105,8 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     if outcome.baseline is not None and outcome.model is not None and truth.poses is not None:
         changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
     elif truth.readings and outcome.model_readings:
-        before, after = (
-            _whitened_rms(truth, predicted, _turning(dataset))
-            for predicted in (outcome.baseline_readings, outcome.model_readings)
-        )
-        changes["shrunk"] = Shrunk(before=before, after=after)
+        changes["shrunk"] = shrunk_readings(dataset, truth, outcome)
     return found.model_copy(update=changes)
-
-
-def _gradable(dataset: Dataset, truth: Truth) -> bool:
-    """Whether D can be computed: noise is known, and no encoder reads joints, whose displacements are not in the truth."""
-    if dataset.readings is None:
-        return truth.sigma is not None or bool(truth.noise)
-    tables = dataset.readings.tables
-    return {one.name for one in truth.noise} == {t.name for t in tables} and not any(t.measured_joints for t in tables)
-
-
-def _difficulty(dataset: Dataset, truth: Truth, baseline: Calibration) -> Difficulty:
-    noise = {one.name: np.array(one.sigma) for one in truth.noise}
-    if isinstance(baseline, ReadingsCalibration):
-        return Difficulty.of_readings(dataset, noise, baseline)
-    sigma = np.array(truth.sigma) if truth.sigma is not None else _six(*noise.values())
-    return Difficulty.of(dataset, sigma, baseline.model.geometry)
-
-
-def _six(sigma: Floats) -> Floats:
-    """(M, 6) noise of a tracker's rows, of which orientations may not be measured."""
-    return np.hstack([sigma, np.full((len(sigma), 6 - sigma.shape[1]), np.inf)])
 
 
 def _instruments(dataset: Dataset) -> tuple[str, ...] | None:
@@ -193,24 +167,6 @@ def _shrunk(
     if truth.kind in SMOOTHED:
         changes["smoothed"] = _rms(gaussian_process_positions(dataset, baseline.model, commands) - T)
     return found.model_copy(update=changes)
-
-
-def _whitened_rms(truth: Truth, predicted: Mapping[str, list[list[float]]], turning: Collection[str]) -> float:
-    """RMS error of predicted readings, over the instruments' noise; of those that are ``turning``, but for full turns."""
-    errors = []
-    for true in truth.readings:
-        error = np.array(predicted[true.name]) - np.array(true.values)
-        if true.name in turning:
-            error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
-        errors.append((error / np.array(true.sigma)).ravel())
-    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
-
-
-def _turning(dataset: Dataset) -> frozenset[str]:
-    """Names of the encoders at joints that turn."""
-    tables = () if dataset.readings is None else dataset.readings.tables
-    encoders = [table for table in tables if isinstance(table, EncoderTable)]
-    return frozenset(table.name for table in encoders if measured_joint(robot_of(dataset), table.joint).turns)
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:

@@ -149,7 +149,7 @@ class Judged(BaseModel):
 
     @property
     def not_visible(self) -> frozenset[str]:
-        """True effects that what was measured can't show: their E is known, and not more than `VISIBLE`."""
+        """True effects that need not be found in what was measured: their E is known, and not more than `VISIBLE`."""
         return frozenset(e.name for e in self.truth if e.energy is not None and e.energy <= VISIBLE)
 
     @property

@@ -135,6 +135,15 @@ def test_a_case_of_readings_is_judged_with_d_that_is_at_most_e(tmp_path: Path) -
     assert case.rival != case.single.name
 
 
+def test_a_tracker_of_schema_2_is_graded_as_one_of_schema_1(tmp_path: Path) -> None:
+    _, truth = a_case(tmp_path / "x", ["tracker"], "linearity")
+    case = opened_by(tmp_path / "x", truth, Outcome(diagnosis=diagnosis("explained", cause("linearity@cart1"))))
+    assert case.error is None
+    assert case.instruments is None
+    assert truth.readings == ()
+    assert 0.0 <= case.leaves <= 1.02 * case.energy
+
+
 def test_d_stays_open_where_an_encoder_reads_and_the_rest_is_judged(tmp_path: Path) -> None:
     case, truth = a_case(tmp_path / "x", ["encoder"], **ON_FIVE_BAR)
     true = np.array(case.held["encoder"][0])
