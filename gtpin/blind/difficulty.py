@@ -1,13 +1,15 @@
 """How hard an effect is to name: the energy of its displacement that geometry and each other effect leave unexplained.
 
 Of a whitened displacement d, an effect with whitened displacements X for coefficients of typical size leaves
-d' (I + B B' + s^2 X X')^-1 d, where B is the whitened derivative by the geometry in tolerances, and s the scale, out of
-those a diagnosis would consider, at which the effect has the largest evidence. D is the least that an effect other than
-the true one leaves. Nonlinear parameters (a period, a place) are scanned.
+d' (I + B B' + s^2 X X')^-1 d, where B is the whitened derivative by the geometry in tolerances and by the unknowns of
+instruments in prior sigmas, and s the scale, out of those a diagnosis would consider, at which the effect has the largest
+evidence. D is the least that an effect other than the true one leaves. Nonlinear parameters (a period, a place) are scanned.
+What is whitened is the change of what was measured: of poses, or of the readings of any instruments.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
+from gtpin.blind.seen import NumberedRows, Seen, SeenPoses
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.data import Dataset
 from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
@@ -24,6 +28,7 @@ from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
 Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
 
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Over the typical size."""
@@ -63,38 +68,63 @@ class Difficulty:
     Parameters
     ----------
     situation
-        The dataset's rows.
-    sigma
-        (6,) the instrument's noise, m and rad; infinite for components that are not measured.
+        The poses at which something was measured.
+    seen
+        How displacements of these show in what was measured.
+    row
+        (N,) index of each pose's row in the dataset; None where they are the rows of the dataset.
     """
 
     situation: Situation
-    sigma: Floats
+    seen: Seen
+    row: Indices | None = None
 
     @staticmethod
     def of(dataset: Dataset, sigma: Floats, geometry: Geometry) -> Difficulty:
-        """For a dataset and a geometry, which should be close to the machine's own."""
-        kinematics = Model(geometry).kinematics
-        poses = kinematics.forward(dataset.q)
-        temperature = dataset.conditions.reference_temperature
+        """For a tracker's dataset and a geometry, which should be close to the machine's own.
+
+        Parameters
+        ----------
+        sigma
+            (6,) or (N, 6) the instrument's noise, m and rad.
+        """
         measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
-        return Difficulty(Situation(kinematics, dataset.q, poses, dataset.covariates, None, temperature), measured)
+        return Difficulty(_situation(dataset, Model(geometry)), SeenPoses(measured))
+
+    @staticmethod
+    def of_readings(dataset: Dataset, noise: Mapping[str, Floats], baseline: ReadingsCalibration) -> Difficulty:
+        """For a dataset of schema 2 and its calibration; no encoder may be among the instruments.
+
+        Parameters
+        ----------
+        noise
+            By the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad.
+        """
+        rows = NumberedRows.of(dataset, baseline, noise)
+        return Difficulty(_situation(rows.dataset, baseline.model), rows.seen(baseline), rows.row)
 
     @cached_property
     def _geometry(self) -> tuple[Floats, Floats]:
-        """(6 N, p) whitened derivative by the geometry, and the Cholesky factor of I + B'B."""
+        """(c N, p) whitened derivative by the geometry and the unknowns of instruments, and the Cholesky factor of I + B'B."""
         at = self.situation
         geometry = at.kinematics.geometry
         B = self.whitened(at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance)
+        if (unknowns := self.seen.unknowns) is not None:
+            B = np.hstack([B, unknowns.reshape(len(B), -1)])
         return B, cholesky(np.eye(B.shape[1]) + B.T @ B, lower=True)
 
     def whitened(self, columns: Floats) -> Floats:
-        """(6 N, m) of displacements (N, 6, m)."""
-        return np.asarray(columns / self.sigma[:, None]).reshape(6 * len(columns), -1)
+        """(c N, m) of displacements (N, 6, m)."""
+        return self.seen.whitened(columns).reshape(-1, columns.shape[2])
+
+    def _true(self, displacement: Floats) -> Floats:
+        """(c N,) whitened, of a displacement (rows, 6) at the dataset's rows."""
+        here = displacement if self.row is None else displacement[self.row]
+        return self.whitened(here[:, :, None])[:, 0]
 
     def energy(self, displacement: Floats) -> float:
-        """E of a displacement (N, 6)."""
-        d = self.whitened(displacement[:, :, None])[:, 0]
+        """E of a displacement (rows, 6) at the dataset's rows."""
+        d = self._true(displacement)
         return float(d @ self._orthogonal(d))
 
     def _orthogonal(self, d: Floats) -> Floats:
@@ -103,9 +133,9 @@ class Difficulty:
         return np.asarray(d - B @ cho_solve((lower, True), B.T @ d))
 
     def left(self, displacement: Floats) -> dict[str, Best]:
-        """Energy of a displacement (N, 6) that every effect at every site leaves, by ``effect@site``."""
+        """Energy of a displacement (rows, 6) that every effect at every site leaves, by ``effect@site``."""
         at = self.situation
-        d = self.whitened(displacement[:, :, None])[:, 0]
+        d = self._true(displacement)
         past = self._orthogonal(d)
         found = {}
         for effect in effects_by_id().values():
@@ -118,13 +148,13 @@ class Difficulty:
         return found
 
     def parameters(self, best: Best, displacement: Floats) -> dict[str, float]:
-        """Parameters, by name, of an effect's textbook form that comes nearest to a displacement (N, 6).
+        """Parameters, by name, of an effect's textbook form that comes nearest to a displacement (rows, 6).
 
         Coefficients that the poses do not determine are as small as the fit allows, in units of the scale.
         """
         basis = best.effect.basis_of(self.situation, best.site, best.values)
         X = self.whitened(basis.displacement(self.situation) * basis.sigma)
-        d = self.whitened(displacement[:, :, None])[:, 0]
+        d = self._true(displacement)
         c = np.linalg.solve(X.T @ X + np.eye(X.shape[1]) / best.scale**2, X.T @ d) * basis.sigma
         robot = self.situation.robot
         return {n: value for n, (value, _) in best.effect.parameters_of(robot, best.site, c, best.values).items()}
@@ -189,8 +219,9 @@ class Difficulty:
             BtX, moments = B.T @ X, X.T @ past
             whole = X.reshape(len(X), len(bases), width).transpose(1, 2, 0)
         else:
-            # The motion by one actuator times a number for each pose: sums over N numbers, not over 6 N.
-            a = self.situation.command_jacobian[:, :, bases[0].command[0]] / self.sigma
+            # The motion by one actuator times a number for each pose: sums over N numbers, not over c N.
+            actuator = bases[0].command[0]
+            a = self.seen.whitened(self.situation.command_jacobian[:, :, actuator, None])[:, :, 0]
             f = np.stack([b.command[1] * b.sigma for b in bases if b.command], axis=1)
             flat = f.reshape(len(f), -1)
             BtX = np.einsum("nci,nc->ni", B.reshape(*a.shape, -1), a, optimize=True).T @ flat
@@ -201,6 +232,11 @@ class Difficulty:
         values, vectors = np.linalg.eigh(grams)
         squares = np.einsum("sij,si->sj", vectors, moments.reshape(len(bases), width)) ** 2
         return _likeliest(np.maximum(values, 0.0), squares)
+
+
+def _situation(dataset: Dataset, model: Model) -> Situation:
+    kinematics, temperature = model.kinematics, dataset.conditions.reference_temperature
+    return Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates, None, temperature)
 
 
 def _likeliest(values: Floats, squares: Floats) -> tuple[Floats, Floats]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.blind.truth import Kind, TrueEffect, TruePoses, TrueReadings, Truth
+from gtpin.blind.left_out_touches import ONE_IN, LeftOut
+from gtpin.blind.true_readings import true_noise, true_readings
+from gtpin.blind.truth import Kind, TrueEffect, TruePoses, Truth
 from gtpin.plant.build import build, known_robot
 from gtpin.plant.bulk import bulk_recipe
 from gtpin.plant.case import drawn_recipe
@@ -15,6 +17,7 @@ from gtpin.plant.causes.kinds import listed as listed_kinds
 from gtpin.plant.causes.kinds import unlisted as unlisted_kinds
 from gtpin.plant.instruments.build import build_measured
 from gtpin.plant.instruments.case import InstrumentCase
+from gtpin.plant.instruments.choice import TOUCHED
 from gtpin.plant.recipe import Recipe
 from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case
@@ -97,7 +100,18 @@ def measured(draft: Draft) -> InstrumentCase:
 
 
 def recipe(draft: Draft) -> Recipe:
-    """What the plant makes a case from."""
+    """What the plant makes a case from.
+
+    Where all is touched, there are more touches by those that :func:`~gtpin.blind.left_out_touches.without_some_touches`
+    leaves out.
+    """
+    found = _recipe(draft)
+    if draft.instruments and set(draft.instruments) <= set(TOUCHED):
+        return replace(found, poses=found.poses + found.poses // (ONE_IN - 1))
+    return found
+
+
+def _recipe(draft: Draft) -> Recipe:
     if draft.kind == "rough":
         return bulk_recipe(draft.seed, rough=True, robot=draft.robot)
     energy = POWER_ENERGY if draft.kind == "power" else None
@@ -105,15 +119,17 @@ def recipe(draft: Draft) -> Recipe:
     return drawn_recipe(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
 
 
-def truth_of(case: Case | InstrumentCase, kind: Kind) -> Truth:
+def truth_of(
+    case: Case | InstrumentCase, kind: Kind, recipe: Recipe | None = None, left_out: Sequence[LeftOut] = ()
+) -> Truth:
     """The truth of a case, to be sealed.
 
-    Where other instruments than a tracker alone measured, it has their readings at the commands in place of poses, because
-    readings alone do not tell where the base is; and no sigma, so that D stays open.
+    Where other instruments than a tracker alone measured, it has their readings in place of poses, because readings alone do
+    not tell where the base is. ``recipe`` is what the plant made the case from; without it the noise of instruments, on which
+    D depends, is not in the truth. ``left_out`` are the touches that are not in the case.
     """
     noise = Noise()
     alone = isinstance(case, Case) or [gauge.name for gauge in case.gauges] == ["tracker"]
-    held = {} if isinstance(case, Case) or alone else case.held
     sigma = (noise.position_sigma,) * 3 + (noise.orientation_sigma,) * 3
     return Truth(
         kind=kind,
@@ -134,9 +150,7 @@ def truth_of(case: Case | InstrumentCase, kind: Kind) -> Truth:
         )
         if alone
         else None,
-        readings=tuple(
-            TrueReadings(name=name, values=tuple(map(tuple, values.tolist())), sigma=tuple(map(tuple, sigmas.tolist())))
-            for name, (values, sigmas) in held.items()
-        ),
+        readings=() if isinstance(case, Case) or alone else true_readings(case, left_out),
         sigma=sigma if isinstance(case, Case) else None,
+        noise=() if isinstance(case, Case) or recipe is None else true_noise(case, recipe),
     )

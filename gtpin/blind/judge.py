@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.blind.difficulty import Best, Difficulty
+from gtpin.blind.grading import difficulty_of, gradable
 from gtpin.blind.judged import Judged, Shrunk
 from gtpin.blind.oracle import fit_known_causes
+from gtpin.blind.realised_readings import shrunk_readings
 from gtpin.blind.seal import SealError, opened
 from gtpin.blind.smooth import gaussian_process_positions
 from gtpin.blind.statement import Named, Statement
@@ -20,11 +22,9 @@ from gtpin.blind.worker import Outcome
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
-from gtpin.data.instrument_tables import EncoderTable
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
-from gtpin.robot.measured_joints import measured_joint
 from gtpin.threads import in_one_thread
 
 Floats = npt.NDArray[np.float64]
@@ -70,7 +70,9 @@ def _judged(folder: Path, truth: Truth, outcome: Outcome, without: Outcome | Non
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
         try:
-            return _measured(found, truth, Dataset.read(folder), folder, outcome)
+            dataset = Dataset.read(folder)
+            found = found.model_copy(update={"instruments": _instruments(dataset)})
+            return _measured(found, truth, dataset, folder, outcome)
         except GtpinError as error:  # the diagnosis failed for the same reason, or E and D can't be computed
             return found if found.error or statement else found.model_copy(update={"error": str(error)})
 
@@ -88,9 +90,9 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     }
     lefts: list[Left] = []
     baseline: Calibration | None = None
-    if truth.sigma is not None and truth.effects and all(e.displacement is not None for e in truth.effects):
+    if gradable(dataset, truth):
         baseline = calibrate(dataset)
-        difficulty = Difficulty.of(dataset, np.array(truth.sigma), baseline.model.geometry)
+        difficulty = difficulty_of(dataset, truth, baseline)
         lefts = [difficulty.left(np.array(effect.displacement)) for effect in truth.effects]
         graded = [_with_leaves(effect, left) for effect, left in zip(found.truth, lefts, strict=True)]
         changes |= {"truth": tuple(effect for effect, _ in graded)}
@@ -103,12 +105,13 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     if outcome.baseline is not None and outcome.model is not None and truth.poses is not None:
         changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
     elif truth.readings and outcome.model_readings:
-        before, after = (
-            _whitened_rms(truth, predicted, _turning(dataset))
-            for predicted in (outcome.baseline_readings, outcome.model_readings)
-        )
-        changes["shrunk"] = Shrunk(before=before, after=after)
+        changes["shrunk"] = shrunk_readings(dataset, truth, outcome)
     return found.model_copy(update=changes)
+
+
+def _instruments(dataset: Dataset) -> tuple[str, ...] | None:
+    """Kinds of the instruments of a dataset of schema 2; None for a tracker alone."""
+    return None if dataset.readings is None else tuple(sorted({table.kind for table in dataset.readings.tables}))
 
 
 def _testable(dataset: Dataset, truth: Truth) -> bool:
@@ -154,6 +157,8 @@ def _shrunk(
     found = Shrunk(before=_rms(np.array(outcome.baseline) - T), after=_rms(np.array(outcome.model) - T))
     if baseline is None or truth.kind not in CAUSES_GIVEN or dataset.instrument.frame == "free":
         return found
+    if dataset.readings is not None:  # the fits to compare with are to poses
+        return found
     changes = {}
     causes = [left[effect.name] for effect, left in zip(truth.effects, lefts, strict=True) if effect.name in left]
     if len(causes) == len(lefts):
@@ -162,24 +167,6 @@ def _shrunk(
     if truth.kind in SMOOTHED:
         changes["smoothed"] = _rms(gaussian_process_positions(dataset, baseline.model, commands) - T)
     return found.model_copy(update=changes)
-
-
-def _whitened_rms(truth: Truth, predicted: Mapping[str, list[list[float]]], turning: Collection[str]) -> float:
-    """RMS error of predicted readings, over the instruments' noise; of those that are ``turning``, but for full turns."""
-    errors = []
-    for true in truth.readings:
-        error = np.array(predicted[true.name]) - np.array(true.values)
-        if true.name in turning:
-            error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
-        errors.append((error / np.array(true.sigma)).ravel())
-    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
-
-
-def _turning(dataset: Dataset) -> frozenset[str]:
-    """Names of the encoders at joints that turn."""
-    tables = () if dataset.readings is None else dataset.readings.tables
-    encoders = [table for table in tables if isinstance(table, EncoderTable)]
-    return frozenset(table.name for table in encoders if measured_joint(robot_of(dataset), table.joint).turns)
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:

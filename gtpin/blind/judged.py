@@ -55,6 +55,8 @@ class Judged(BaseModel):
         Alternative hypothesis: of the wrong effects, the one that leaves the least energy of a single true effect.
     listed
         Whether all its effects are in the catalogue.
+    instruments
+        Kinds of the instruments that measured it; None for a tracker alone.
     testable
         Whether the dataset has the covariates that its known effects need.
     error
@@ -82,6 +84,7 @@ class Judged(BaseModel):
     truth: tuple[TrueEffect, ...] = ()
     rival: str = ""
     listed: bool = True
+    instruments: tuple[str, ...] | None = None
     testable: bool = True
     error: str | None = None
     said: Statement | None = None
@@ -143,6 +146,18 @@ class Judged(BaseModel):
         """F1 of the set of causes: 2 right / (named + true)."""
         named = frozenset(self.said.names) if self.said else frozenset()
         return 2.0 * len(named & self.names) / max(len(named) + len(self.names), 1)
+
+    @property
+    def not_visible(self) -> frozenset[str]:
+        """True effects that need not be found in what was measured: their E is known, and not more than `VISIBLE`."""
+        return frozenset(e.name for e in self.truth if e.energy is not None and e.energy <= VISIBLE)
+
+    @property
+    def visible_f1(self) -> float:
+        """F1 of the set of causes without the effects that are not visible, whether they are named or not."""
+        named = frozenset(self.said.names if self.said else ()) - self.not_visible
+        true = self.names - self.not_visible
+        return 2.0 * len(named & true) / max(len(named) + len(true), 1)
 
     @property
     def class_f1(self) -> float:

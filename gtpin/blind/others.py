@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from gtpin.blind.truth import Kind, Six, TrueEffect, TruePoses, Truth
+from gtpin.blind.truth import Kind, Six, TrueEffect, TrueNoise, TruePoses, TrueReadings, Truth
 from gtpin.data import columns
 from gtpin.data.description import describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
@@ -45,13 +45,15 @@ class Given:
 
 
 class _TruthFile(BaseModel):
-    """What ``NAME.truth.json`` holds; kind and sigma are given only if gtpin wrote it."""
+    """What ``NAME.truth.json`` holds; all but the effects is given only if gtpin wrote it."""
 
     model_config = ConfigDict(frozen=True)
 
     effects: tuple[TrueEffect, ...]
     kind: Kind | None = None
     sigma: Six | None = None
+    readings: tuple[TrueReadings, ...] = ()
+    noise: tuple[TrueNoise, ...] = ()
 
 
 def given(folder: Path) -> list[Given]:
@@ -100,6 +102,8 @@ def _truth(folder: Path, name: str) -> Truth:
         effects=content.effects,
         poses=_poses(folder, name),
         sigma=content.sigma,
+        readings=content.readings,
+        noise=content.noise,
     )
 
 

@@ -14,6 +14,7 @@ from gtpin.report.provenance import versions
 CONTENTS = (
     ("figures", "Figures"),
     ("effects", "By effect"),
+    ("instruments", "By instrument"),
     ("probabilities", "Probabilities and explained fraction of the gap"),
     ("baselines", "Baselines"),
     ("failures", "Failures"),
@@ -34,7 +35,7 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
     return render(
         "score.html",
         title="Blind check",
-        contents=CONTENTS,
+        contents=[entry for entry in CONTENTS if entry[0] != "instruments" or "by_instrument" in result],
         plots=plots(result, cases),
         provenance=_provenance(result),
         result=result,
@@ -42,6 +43,7 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
         numbers=_numbers(result),
         figures=figure_table(result),
         effects=effect_table(result),
+        instruments=instrument_table(result),
         reliability=reliability_table(result),
         baselines=baseline_table(result),
         failures=failure_table(cases),
@@ -104,6 +106,35 @@ def effect_table(result: Mapping[str, Any]) -> Table:
     return Table(head, rows)
 
 
+def instrument_table(result: Mapping[str, Any]) -> Table:
+    """Rates by instrument; no rows where a tracker alone measured."""
+    columns = {
+        "detected": "detected, E > 63",
+        "in_class": "class right, E > 63",
+        "strict": "strict, D > 63",
+        "silent": "silent",
+        "false_with_confidence": "false with confidence",
+        "set_f1_visible": "F1 of several, E > 63",
+        "shrinkage_error": "shrinkage error",
+    }
+    rows = [
+        (
+            name,
+            str(row["cases"]),
+            *(_cell(row[key]) for key in columns),
+            f"{row['not_visible']} of {row['effects']}",
+        )
+        for name, row in result.get("by_instrument", {}).items()
+    ]
+    return Table(("instrument", "cases", *columns.values(), "not visible"), rows)
+
+
+def _cell(row: Mapping[str, Any]) -> str:
+    """A rate with its bounds and the number of its cases."""
+    within = f" ({bounds(row)})" if row["low"] is not None else ""
+    return f"{number(row['value'])}{within} of {row['of']}" if row["of"] else number(None)
+
+
 def reliability_table(result: Mapping[str, Any]) -> Table:
     """Reliability of the probabilities, by tenths."""
     rows = [
@@ -161,6 +192,8 @@ def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         "set_f1": "F1 of several effects",
         "shrinkage_error": "error of the explained fraction",
     }
+    if "set_f1_visible" in result:
+        words = {k: w for k, w in words.items() if k != "set_f1"} | {"set_f1_visible": "F1 of several visible effects"}
     return [(number(result[key]), words[key]) for key in words]
 
 

@@ -67,8 +67,10 @@ def _single(case: Judged) -> str:
 
 def _several(case: Judged) -> str:
     assert case.said is not None
-    missing, false = sorted(case.names - set(case.said.names)), sorted(case.false_names)
-    reasons = [f"missing {', '.join(missing)}"] if missing else []
+    hidden = case.not_visible if case.instruments else frozenset()
+    missing, false = case.names - set(case.said.names), sorted(case.false_names)
+    reasons = [f"missing {', '.join(sorted(missing - hidden))}"] if missing - hidden else []
+    reasons += [f"not visible (E <= 63) {', '.join(sorted(missing & hidden))}"] if missing & hidden else []
     reasons += [f"false {', '.join(false)}"] if false else []
     return "; ".join(reasons) or f"verdict {case.said.verdict}"
 

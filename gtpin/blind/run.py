@@ -10,10 +10,11 @@ from statistics import median
 from typing import Any, Protocol
 
 from gtpin.blind.claim import claimed
-from gtpin.blind.draw import ROBOT, Draft, drafts, made, measured, truth_of
+from gtpin.blind.draw import ROBOT, Draft, drafts, made, measured, recipe, truth_of
 from gtpin.blind.folder import CheckFolder, Settings, diagnosis_digest
 from gtpin.blind.judge import judge
 from gtpin.blind.judged import Judged
+from gtpin.blind.left_out_touches import LeftOut, without_some_touches
 from gtpin.blind.others import given, source_digest, take_in
 from gtpin.blind.seal import SealError, digest_of, opened, read_manifest, seal, write_manifest
 from gtpin.blind.spread import check_cluster, spread, workers
@@ -21,7 +22,9 @@ from gtpin.blind.truth import Truth
 from gtpin.blind.worker import Outcome, diagnose_alone
 from gtpin.errors import GtpinError, warn
 from gtpin.plant.digest import digest as plant_digest
+from gtpin.plant.instruments.case import InstrumentCase
 from gtpin.plant.instruments.choice import checked
+from gtpin.plant.truth import Case
 from gtpin.threads import in_one_thread
 
 TAKEN_OUT = 2
@@ -122,12 +125,17 @@ def check_given(
 def _make(root: Path, draft: Draft) -> None:
     """Make a case: its dataset, the digest of its truth, and its truth, last."""
     folder = CheckFolder(root)
-    case = measured(draft) if draft.instruments else made(draft)
+    left_out: tuple[LeftOut, ...] = ()
+    case: Case | InstrumentCase = made(draft) if not draft.instruments else measured(draft)
+    if isinstance(case, InstrumentCase):
+        case, left_out = without_some_touches(case, recipe(draft))
     place = folder.case(draft.name)
     shutil.rmtree(place, ignore_errors=True)  # remains of a run that was stopped
     case.dataset.write(place)
     case.commands.write(place / "commands.csv")
-    seal(truth_of(case, draft.kind), place, folder.sealed(draft.name))
+    for touches in left_out:
+        touches.write(place)
+    seal(truth_of(case, draft.kind, recipe(draft), left_out), place, folder.sealed(draft.name))
 
 
 def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch, address: str | None) -> Checked:

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from gtpin.blind.baselines import baselines
+from gtpin.blind.by_instrument import by_instrument, not_visible, visible_f1, with_instruments
 from gtpin.blind.calibration import Tenth, tenths
 from gtpin.blind.explained_fraction import absolute_error, coverage, explained_fractions
 from gtpin.blind.figures import figures, of_kind, taken_out
@@ -57,6 +58,16 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
         "power": [asdict(found) for found in power(cases, POSES)],
         "check": dict(about or {}),
         "failures": [c.name for c in cases if c.error is not None],
+        **(_of_instruments(cases) if with_instruments(cases) else {}),
+    }
+
+
+def _of_instruments(cases: Sequence[Judged]) -> dict[str, Any]:
+    """What a score has besides, where other instruments than a tracker alone measured."""
+    return {
+        "set_f1_visible": visible_f1(cases).value,
+        "not_visible": not_visible(cases),
+        "by_instrument": by_instrument(cases),
     }
 
 

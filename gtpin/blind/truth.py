@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
 Kind = Literal["one", "none", "unlisted", "two", "three", "known_and_unlisted", "rough", "power", "many"]
 """Kind of case: see ``docs/blind.md``."""
@@ -64,9 +64,10 @@ class TruePoses(BaseModel):
 
 
 class TrueReadings(BaseModel):
-    """What an instrument would read at a case's ``commands.csv`` without noise.
+    """What an instrument reads without noise at a case's ``commands-NAME.csv`` or, without this file, ``commands.csv``.
 
-    Row i has id number i of stations or targets, in alphabetical order, again and again: so does what the worker predicts.
+    Row i of ``commands.csv`` has id number i of stations or targets, in alphabetical order, again and again: so does what the
+    worker predicts. Of a touch it is by how much it misses.
 
     Parameters
     ----------
@@ -83,6 +84,23 @@ class TrueReadings(BaseModel):
     sigma: tuple[tuple[Finite, ...], ...]
 
 
+class TrueNoise(BaseModel):
+    """The noise of an instrument's readings by which E is measured.
+
+    Parameters
+    ----------
+    name
+        The instrument's.
+    sigma
+        (M, c) 1 sigma of every number in the rows of its table, with what the machine's repeatability does to it, m or rad.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    sigma: tuple[tuple[Finite, ...], ...]
+
+
 class Truth(BaseModel):
     """The sealed truth of a case.
 
@@ -95,9 +113,11 @@ class Truth(BaseModel):
     poses
         True poses at the held-out commands, if known.
     readings
-        What other instruments than a tracker alone would read there; poses are left out then.
+        What other instruments than a tracker alone would read; poses are left out then.
     sigma
         (6,) the instrument's noise, m and rad, by which energies are whitened; None if not known.
+    noise
+        The same of instruments of schema 2, of each number; empty if not known.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -107,3 +127,10 @@ class Truth(BaseModel):
     poses: TruePoses | None = None
     readings: tuple[TrueReadings, ...] = ()
     sigma: Six | None = None
+    noise: tuple[TrueNoise, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_empty_noise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the noise out where there is none: truths of a tracker's cases keep the digests that were published."""
+        found: dict[str, Any] = handler(self)
+        return found if self.noise else {name: value for name, value in found.items() if name != "noise"}

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, Field
 
 from gtpin.data import Commands, Dataset
+from gtpin.data.files import read_table
 from gtpin.data.names import ORIENTATION
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.errors import GtpinError
@@ -39,7 +40,8 @@ class Outcome(BaseModel):
     baseline, model
         (H, 3) positions, m, at ``commands.csv``, of the geometry alone and with the causes; None without such a file.
     baseline_readings, model_readings
-        What the instruments of a dataset of schema 2 read there by these models, by name: (H, c), with ids in turn.
+        What the instruments of a dataset of schema 2 read there by these models, by name: (H, c), with ids in turn. An
+        instrument with commands of its own, ``commands-NAME.csv``, is read at these, with the ids that they have.
     error
         Message of the error with which the diagnosis failed.
     """
@@ -85,8 +87,8 @@ def _diagnosed(files: Mapping[str, bytes], exclude: tuple[str, ...]) -> Outcome:
             diagnosis=diagnosis.to_json(),
             baseline=_positions(diagnosis.baseline.model, commands),
             model=_positions(diagnosis.model, commands),
-            baseline_readings=_readings(diagnosis.baseline.model, commands),
-            model_readings=_readings(diagnosis.model, commands),
+            baseline_readings=_readings(diagnosis.baseline.model, folder, commands),
+            model_readings=_readings(diagnosis.model, folder, commands),
         )
 
 
@@ -95,14 +97,22 @@ def _positions(model: Model, commands: Commands) -> list[list[float]]:
     return found
 
 
-def _readings(model: Model, commands: Commands) -> dict[str, list[list[float]]]:
-    """What each instrument of a model reads at commands; of a tracker positions."""
+def _readings(model: Model, folder: Path, commands: Commands) -> dict[str, list[list[float]]]:
+    """What each instrument of a model reads at commands, or at its own in the dataset's folder; of a tracker positions."""
     if not model.instruments:
         return {}
     poses = model.predict(commands.q, commands.covariates)
     found: dict[str, list[list[float]]] = {}
     for one in model.instruments:
-        read = predicted_readings(model, poses, one.name, _ids_in_turn(one.known, len(commands)))
+        file = folder / f"commands-{one.name}.csv"
+        if file.exists():
+            own = Commands.read(file, model.robot.n_actuators, ids=one.known)
+            ids = {
+                name: column for name, column in read_table(file, ids=one.known).columns.items() if name in one.known
+            }
+            read = predicted_readings(model, model.predict(own.q, own.covariates), one.name, ids)
+        else:
+            read = predicted_readings(model, poses, one.name, _ids_in_turn(one.known, len(commands)))
         found[one.name] = np.column_stack([values for name, values in read.items() if name not in ORIENTATION]).tolist()
     return found
 

@@ -58,3 +58,8 @@ def test_a_small_run_is_called_one_and_not_logged(script: ModuleType, tmp_path: 
     assert not (tmp_path / "log.md").exists()
     assert "A run of 4 cases (not a full one)" in script.page(run)
     assert "None has been made yet" in script.page(None)
+
+
+def test_the_page_in_docs_begins_with_the_prose_that_the_script_writes() -> None:
+    prose = (SCRIPT.parent / "introduction.md").read_text(encoding="utf-8")
+    assert (SCRIPT.parents[2] / "docs" / "blind.md").read_text(encoding="utf-8").startswith(prose)

@@ -9,7 +9,9 @@ from gtpin.blind.baselines import baselines
 from gtpin.blind.calibration import tenths
 from gtpin.blind.figures import figures
 from gtpin.blind.judged import Judged, Shrunk
+from gtpin.blind.page import instrument_table, score_page
 from gtpin.blind.power import power
+from gtpin.blind.rates import rate
 from gtpin.blind.reasons import failure
 from gtpin.blind.score import confusion, score
 from gtpin.blind.statement import Statement
@@ -238,3 +240,106 @@ def test_nothing_to_count_gives_no_fraction() -> None:
     )
     assert all(told[name] is None for name in (*fractions, "shrinkage_error", "interval_coverage", "failed"))
     assert told["cases"] == 0
+
+
+# ------------------------------------------------------------------------------------- instruments that can't show all
+
+BOTH_SEEN = [("linearity@cart1", 500.0, 100.0), ("backlash@cart2", 500.0, 100.0)]
+ONE_SEEN = [("linearity@cart1", 500.0, 100.0), ("straightness@cart2", 40.0, 5.0)]
+NONE_SEEN = [("target_offset@platform", 0.0, 0.0), ("straightness@cart2", 63.0, 5.0)]
+WIRE, BED = ("range",), ("plane",)
+
+
+def two(name: str, truth: list[tuple[str, float | None, float | None]], *named: str, **more: Any) -> Judged:
+    told = diagnosis("explained" if named else "none", *(cause(one) for one in named))
+    return judged(name, "two", truth, told, **{"instruments": WIRE, **more})
+
+
+def test_an_effect_that_is_not_visible_counts_neither_as_missing_nor_as_false() -> None:
+    assert two("a", ONE_SEEN, "linearity@cart1").visible_f1 == 1.0
+    assert two("b", ONE_SEEN, "linearity@cart1", "straightness@cart2").visible_f1 == 1.0
+    assert two("c", ONE_SEEN, "straightness@cart2").visible_f1 == 0.0
+    assert two("d", ONE_SEEN, "linearity@cart1", "backlash@cart3").visible_f1 == 2 * 1 / (2 + 1)
+    assert two("e", [("linearity@cart1", None, None)], "backlash@cart3").not_visible == frozenset()
+
+
+def test_where_all_effects_are_visible_the_set_is_scored_as_ever() -> None:
+    for named in (
+        [],
+        ["linearity@cart1"],
+        ["linearity@cart1", "backlash@cart2"],
+        ["backlash@cart3", "linearity@cart1"],
+    ):
+        case = two("x", BOTH_SEEN, *named)
+        assert case.visible_f1 == case.f1
+
+
+def test_sets_of_instruments_are_scored_over_what_can_be_seen_and_the_rest_is_counted() -> None:
+    cases = [
+        two("a", ONE_SEEN, "linearity@cart1"),
+        two("b", NONE_SEEN),
+        two("c", BOTH_SEEN, "linearity@cart1"),
+        two("f", BOTH_SEEN).model_copy(update={"said": None, "error": "no"}),
+    ]
+    told = score(cases)
+    assert told["set_f1_visible"] == pytest.approx((1.0 + 2 / 3 + 0.0) / 3)  # nothing can be found in b
+    assert told["not_visible"] == {"effects": 8, "not_visible": 3}
+    assert told["set_f1"] == pytest.approx((2 / 3 + 0.0 + 2 / 3 + 0.0) / 4)  # the contract's: of all effects
+    assert figure(cases, "two effects: F1 of those with E > 63") == (pytest.approx((1.0 + 2 / 3) / 3), 3)
+    (plain,) = [f for f in figures(cases) if f.name == "two effects: F1 of the set"]
+    assert plain.least is None
+
+
+def test_a_check_by_a_tracker_alone_has_no_figures_of_instruments() -> None:
+    cases = [*SINGLES, two("a", ONE_SEEN, "linearity@cart1", instruments=None)]
+    told = score(cases)
+    assert not {"set_f1_visible", "not_visible", "by_instrument"} & set(told)
+    (plain,) = [f for f in figures(cases) if f.name.startswith("two effects: F1")]
+    assert (plain.name, plain.least) == ("two effects: F1 of the set", 0.95)
+    assert ">By instrument<" not in score_page(told, cases)
+    assert failure(cases[-1]) == "missing straightness@cart2"
+
+
+def test_each_instrument_has_its_own_rates_with_wilsons_bounds() -> None:
+    wire = [case.model_copy(update={"instruments": WIRE, "name": f"w{case.name}"}) for case in SINGLES]
+    weak = judged("weak", "one", [("linearity@cart1", 40.0, 10.0)], diagnosis("none"), instruments=BED)
+    near = judged(
+        "near",
+        "one",
+        [("linearity@cart1", 90.0, 10.0)],
+        diagnosis("explained", cause("straightness@cart1")),
+        instruments=BED,
+        shrunk=Shrunk(before=2.0, after=1.0),
+    )
+    gap = diagnosis("explained", cause("linearity@cart1"), shrinkage=0.5)
+    both = one("both", gap, instruments=("plane", "range"), shrunk=Shrunk(before=2.0, after=1.0))
+    silent = judged("silent", "none", [], diagnosis("none"), instruments=BED)
+    plain = judged("plain", "none", [], diagnosis("unknown"))
+    rows = score([*wire, weak, near, silent, both, plain])["by_instrument"]
+    assert {name: row["cases"] for name, row in rows.items()} == {
+        "plane": 3,
+        "plane + range": 1,
+        "range": 7,
+        "tracker": 1,
+    }
+    for key, hits in (("detected", 5), ("in_class", 5), ("strict", 2)):
+        assert rows["range"][key] == rate(i < hits for i in range(7)).to_json()
+    assert rows["plane"]["detected"] == rate([True]).to_json()
+    assert rows["plane"]["in_class"] == rate([False]).to_json()
+    assert rows["plane"]["strict"]["of"] == 0  # no D above 63
+    assert rows["plane"]["silent"] == rate([True]).to_json()
+    assert rows["tracker"]["silent"] == rate([False]).to_json()
+    assert rows["plane"]["false_with_confidence"] == rate([True, False, False]).to_json()
+    assert rows["plane + range"]["shrinkage_error"]["value"] == pytest.approx(0.25)  # 0.5 said, 0.75 realised
+
+
+def test_the_page_of_a_check_by_instruments_has_their_table_and_says_what_could_not_be_seen() -> None:
+    cases = [two("a", ONE_SEEN, "linearity@cart1"), two("b", BOTH_SEEN, "linearity@cart1", instruments=BED)]
+    told = score(cases)
+    table = instrument_table(told)
+    assert [row[0] for row in table.rows] == ["plane", "range"]
+    assert [row[-1] for row in table.rows] == ["0 of 2", "1 of 2"]
+    assert all(len(row) == len(table.head) for row in table.rows)
+    assert ">By instrument<" in score_page(told, cases)
+    assert failure(cases[0]) == "not visible (E <= 63) straightness@cart2"
+    assert failure(cases[1]) == "missing backlash@cart2"

@@ -1,0 +1,42 @@
+"""The realised explained fraction of the gap of cases that instruments read: predicted readings against the true ones."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from gtpin.blind.judged import Shrunk
+from gtpin.blind.truth import Truth
+from gtpin.blind.worker import Outcome
+from gtpin.data import Dataset
+from gtpin.data.instrument_tables import EncoderTable
+from gtpin.model.measured_robot import robot_of
+from gtpin.robot.measured_joints import measured_joint
+
+
+def shrunk_readings(dataset: Dataset, truth: Truth, outcome: Outcome) -> Shrunk:
+    """RMS errors of all instruments' readings over their noise, by the baseline and by the model with the causes."""
+    turning = _turning(dataset)
+    before, after = (
+        _whitened_rms(truth, predicted, turning) for predicted in (outcome.baseline_readings, outcome.model_readings)
+    )
+    return Shrunk(before=before, after=after)
+
+
+def _whitened_rms(truth: Truth, predicted: Mapping[str, list[list[float]]], turning: Collection[str]) -> float:
+    """RMS error of predicted readings, over the instruments' noise; of those that are ``turning``, but for full turns."""
+    errors = []
+    for true in truth.readings:
+        error = np.array(predicted[true.name]) - np.array(true.values)
+        if true.name in turning:
+            error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
+        errors.append((error / np.array(true.sigma)).ravel())
+    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
+
+
+def _turning(dataset: Dataset) -> frozenset[str]:
+    """Names of the encoders at joints that turn."""
+    tables = () if dataset.readings is None else dataset.readings.tables
+    encoders = [table for table in tables if isinstance(table, EncoderTable)]
+    return frozenset(table.name for table in encoders if measured_joint(robot_of(dataset), table.joint).turns)

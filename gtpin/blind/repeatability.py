@@ -1,0 +1,34 @@
+"""What the lack of repeatability of a case's machine does to its poses, which the plant does not hand out."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.instruments.case import InstrumentCase
+from gtpin.plant.recipe import Recipe
+
+Floats = npt.NDArray[np.float64]
+
+
+def jitter(case: InstrumentCase, recipe: Recipe) -> Floats:
+    """(N, 6 + k, n) how each actuator's repeatability moves the poses at the stops, and k joints, 1 sigma, m and rad.
+
+    NaN at stops of no instrument. Repeatability is drawn as :func:`~gtpin.plant.instruments.build.build_measured` draws it
+    from the same seed.
+    """
+    part = np.random.SeedSequence([recipe.seed, 5]).spawn(5)[3]
+    repeatability = recipe.noise.repeatability_of(case.machine, np.random.default_rng(part))
+    used = stops(case)
+    q, poses = case.dataset.q[used], case.true[used]
+    arm = isinstance(case.machine, ArmMachine)
+    by_command = case.machine.command_jacobian(q, tuple(poses.joints) if arm else poses)
+    found = np.full((len(case.dataset.q), *by_command.shape[1:]), np.nan)
+    found[used] = by_command * repeatability
+    return found
+
+
+def stops(case: InstrumentCase) -> npt.NDArray[np.int_]:
+    """Indices of the stops at which an instrument measures."""
+    return np.unique(np.concatenate([gauge.stop for gauge in case.gauges]))

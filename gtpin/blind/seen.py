@@ -1,0 +1,117 @@
+"""How motions of the platform show in what was measured, in units of the noise: in poses, or in readings of instruments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.readings_result import ReadingsCalibration
+from gtpin.data import Dataset
+from gtpin.instruments.readings import Readings, single
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+
+class Seen(Protocol):
+    """What was measured at N poses, c numbers at each."""
+
+    def whitened(self, motions: Floats) -> Floats:
+        """(N, c, m) change of the numbers, over their noise, by motions (N, 6, m) of the platform, m and rad, base frame."""
+
+    @property
+    def unknowns(self) -> Floats | None:
+        """(N, c, k) their derivative by what is unknown of the instruments, in prior sigmas, over their noise; None without."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPoses:
+    """Poses that a tracker measures.
+
+    Parameters
+    ----------
+    sigma
+        (6,) or (N, 6) the noise, m and rad; infinite for components that are not measured.
+    """
+
+    sigma: Floats
+
+    def whitened(self, motions: Floats) -> Floats:
+        """See :class:`Seen`."""
+        return np.asarray(motions / self.sigma[..., None])
+
+    @property
+    def unknowns(self) -> Floats | None:
+        """See :class:`Seen`."""
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class SeenReadings:
+    """Numbers that any instruments read.
+
+    Parameters
+    ----------
+    by_motion
+        (N, c, 6) their derivative by the platform's motion, over their noise.
+    unknowns
+        As in :class:`Seen`.
+    """
+
+    by_motion: Floats
+    unknowns: Floats | None
+
+    def whitened(self, motions: Floats) -> Floats:
+        """See :class:`Seen`."""
+        return np.asarray(self.by_motion @ motions)
+
+
+@dataclass(frozen=True, eq=False)
+class NumberedRows:
+    """The readings of a dataset, each of their numbers with its noise.
+
+    Known distances of sockets are left out: no pose changes them, and E has them neither.
+
+    Parameters
+    ----------
+    dataset
+        The rows, of which each is one number where instruments read different numbers of them.
+    row
+        (N,) index of each among the rows of the dataset as it was read.
+    sigma
+        (N, c) noise, m or rad.
+    """
+
+    dataset: Dataset
+    row: Indices
+    sigma: Floats
+
+    @staticmethod
+    def of(dataset: Dataset, baseline: ReadingsCalibration, noise: Mapping[str, Floats]) -> NumberedRows:
+        """For a dataset of schema 2, and by the instruments' names the noise (M, c) of the numbers in their tables."""
+        split = single(dataset, baseline.model.robot)
+        whole, rows = dataset.readings, split.readings
+        assert whole is not None
+        assert rows is not None
+        row = np.empty(len(split), dtype=np.intp)
+        sigma = [np.zeros(0)] * len(split)
+        for index, table in enumerate(rows.tables):
+            own, mine = whole.rows_of(index), rows.rows_of(index)
+            place = np.searchsorted(whole.line[own], rows.line[mine])
+            row[mine] = own[place]
+            for i, at, which in zip(mine, place, rows.component[mine], strict=True):
+                sigma[i] = noise[table.name][at] if which < 0 else noise[table.name][at, which : which + 1]
+        kept = np.flatnonzero([len(own) > 0 for own in sigma])
+        return NumberedRows(split.take(kept), row[kept], np.stack([sigma[i] for i in kept]))
+
+    def seen(self, baseline: ReadingsCalibration) -> SeenReadings:
+        """How motions show in them, about a calibration."""
+        readings = Readings.of(self.dataset, baseline.model.robot, baseline.u)
+        poses = baseline.model.kinematics.forward(self.dataset.q)
+        unknowns, _ = readings.unknown_columns(baseline.model, poses, False, None)
+        sigma = self.sigma[..., None]
+        return SeenReadings(readings.by_motion(poses) / sigma, unknowns / sigma)
