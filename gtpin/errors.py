@@ -12,16 +12,16 @@ LONGEST = 1000
 
 
 class GtpinError(Exception):
-    """Something that gtpin can't do with what it was given.
+    """The base class of gtpin's errors: an input that gtpin can't use, or a result that it can't give.
 
     Parameters
     ----------
     what
-        What was wrong, in one sentence without a full stop.
+        What is wrong, in one sentence without a full stop.
     file, row, column
-        Where: the file, its line (1 is the header of a table), its column or key.
+        Where it is wrong: the file, the line number in it (1 is the header of a table), the column or key. None where unknown.
     hint
-        What to do about it.
+        What to do about it; None where nothing can be said.
 
     Examples
     --------
@@ -65,23 +65,23 @@ class RobotError(GtpinError):
 
 
 class DatasetError(GtpinError):
-    """A dataset that can't be read, or whose numbers can't be what they claim to be."""
+    """A dataset that can't be read, or whose numbers can't be right; or data that do not have what was asked for."""
 
 
 class ModelError(GtpinError):
-    """A model file that can't be read, or that can't do what was asked."""
+    """A model that can't be read, or an argument that does not fit a model or a robot."""
 
 
 class ClosureError(GtpinError):
-    """The loops can't be closed at the posture that was asked for."""
+    """The loops can't be closed at the commands or the pose that were asked for."""
 
 
 class UnreachableError(ClosureError):
-    """No posture closes the loops there."""
+    """No posture closes the loops at these commands, or brings the TCP to this pose."""
 
 
 class SingularityError(ClosureError):
-    """The posture is, or the way to it passes, too near a singularity."""
+    """The posture is too near a singularity, or the path to it passes too near one."""
 
 
 class AssemblyModeError(ClosureError):
@@ -104,7 +104,7 @@ class GtpinWarning(UserWarning):
 
 
 def warn(text: str, category: type[Warning] = GtpinWarning) -> None:
-    """Warn of something at the line of the user's that called gtpin, however deep inside it was noticed."""
+    """Issue a warning whose place is the line of the user's code that called gtpin."""
     frame = user = sys._getframe(1)
     while frame.f_back is not None:
         called, frame = frame, frame.f_back

@@ -61,24 +61,25 @@ def calibrate(
     Parameters
     ----------
     dataset
-        Measured poses.
+        Measured poses or readings.
     robot
-        The nominal robot; the one that the dataset names by default.
+        The nominal robot; by default the one that the dataset names.
     model
-        One of the paper's models 1 to 5 (see :func:`~gtpin.calibration.paper_models.model_geometry`), in place of the
-        parameters that ``directions``, ``scale`` and ``without`` choose. These models omit effects by design. Therefore the
-        noise is estimated from their residuals, and declared sigmas are not used.
+        One of models 1 to 5 of Dressler et al. 2010 (see :func:`~gtpin.calibration.paper_models.model_geometry`), in place of
+        the parameters that ``directions``, ``scale`` and ``without`` choose. These models leave out known causes of deviations.
+        Therefore the noise is estimated from their residuals, and declared sigmas are not used.
     orientations
-        Whether models 2, 4 and 5 also use the carts' measured rotation along their tracks.
+        Whether models 2, 4 and 5 also use the carts' measured rotations along their tracks; not used without ``model``.
     directions, scale, without
-        Choice of parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is the 48 of
-        joints, lengths and one direction per cart.
+        Choice of parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is 48
+        parameters: those of rod lengths and joints, and one track direction per cart.
     kinematics
         Solver for robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose, in Pinocchio; it is
         an order of magnitude slower, and its result is the same except for rounding. It needs a geometry that a URDF can carry.
         For robots without rods, Pinocchio is used in both cases.
     progress
-        Called with the name of the step, the iteration, and the RMS residual in units of the noise.
+        Called with the name of the step, the number of the iteration, and the RMS residual in units of the noise; None: no
+        calls.
 
     Returns
     -------
@@ -95,7 +96,7 @@ def calibrate(
     Warns
     -----
     GtpinWarning
-        For rejected poses, by name.
+        Names the poses whose rows are rejected as outliers.
 
     Examples
     --------

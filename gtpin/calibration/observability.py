@@ -22,9 +22,10 @@ class Direction:
     Parameters
     ----------
     weights
-        By parameter, in units of tolerance, of a unit vector; the largest first, without small ones.
+        By parameter name: component of the direction's unit vector, in units of the tolerances. The largest first; absolute
+        values below 0.1 are left out.
     learned
-        Variance reduction along it: 1 minus posterior over prior variance.
+        Variance reduction along the direction: 1 minus posterior variance over prior variance.
     """
 
     weights: dict[str, float]
@@ -40,7 +41,7 @@ class Observability:
     learned
         (p,) variance reduction along each principal direction, smallest first.
     directions
-        (p, p) those directions, one a column.
+        (p, p) the principal directions, one per column.
     indices
         O1 to O5 of the scaled whitened Jacobian's singular values s_1 >= ... >= s_p of m rows: (prod s)^(1/p) / sqrt(m),
         s_p / s_1, s_p, s_p^2 / s_1, 1 / sum(1 / s) (Borm and Menq 1991; Driels and Pathre 1990; Nahvi et al. 1994; Nahvi
@@ -52,7 +53,7 @@ class Observability:
     indices: dict[str, float]
 
     def unobservable(self, names: tuple[str, ...]) -> tuple[Direction, ...]:
-        """Unobservable directions, the least observable first."""
+        """Directions with a variance reduction below 0.5, the smallest first; ``names`` are those of the p parameters."""
         found = []
         for k in np.flatnonzero(self.learned < UNSEEN):
             vector = self.directions[:, k]

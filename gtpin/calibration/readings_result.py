@@ -33,10 +33,10 @@ class InstrumentFit:
     readings
         Number of used rows of its table.
     before, after
-        Root mean square error of its readings, m or rad: of the nominal robot with the best values of the instrument's
-        unknowns, and calibrated. Of positions it is that of their length.
+        Root mean square error of its readings, in ``unit``. ``before``: of the nominal robot with the best values of the
+        instrument's unknowns. ``after``: of the calibrated robot. For positions: of the length of the error vector.
     floor
-        What noise alone would leave.
+        The root mean square error that noise alone would leave, in ``unit``.
     unit
         ``m`` or ``rad``.
     """
@@ -68,11 +68,11 @@ class ReadingsCalibration(Calibration):
     unknowns
         The instruments' unknowns.
     u, u_covariance
-        (k,) their deviations from what is declared, and (k, k) the covariance.
+        (k,) identified values of the unknowns less their declared values, m or rad, and the (k, k) covariance.
     by_instrument
         Errors of each instrument.
     sigmas
-        Each instrument's name, and how many of the noise's sigmas are its own.
+        For each instrument its name, and the number of its sigmas in ``noise``.
     remedies
         For each unobservable direction, the measurement that would show it; None where none is known.
 

@@ -41,30 +41,30 @@ class Calibration(Shown):
     model
         Predicts poses with the identified geometry.
     covariance
-        (p, p) of the geometry's parameters, m, rad and m/m, given the data and the tolerances.
+        (p, p) posterior covariance of the geometry's parameters, m, rad and m/m, in the order of ``names``.
     observability
-        Directions in parameter space, and indices.
+        Variance reduction along the principal directions of the parameter space, and observability indices.
     noise
         Noise of the measurements, declared or estimated.
     enlarged
-        Ratio of residuals to noise if chi-square shows a lack of fit, else 1; the covariance is multiplied by its
-        square.
+        Ratio of residuals to noise where chi-square shows a lack of fit, else 1. ``covariance`` includes it already: it is
+        computed with the noise multiplied by this ratio.
     freedom
-        Degrees of freedom of the noise's tails; infinite for Gaussian noise.
+        Degrees of freedom of the Student t distribution of the noise; infinite for Gaussian noise.
     poses, rejected
-        Number of used rows, and the ids of poses with rejected rows.
+        Number of used rows, and the ids of poses with rows that were rejected as outliers.
     rejected_rows
-        Lines of the rejected rows in their file, as the dataset numbers them: other visits to the pose may be used.
+        Line numbers of the rejected rows in their file. Other rows of the same pose may be used.
     chi2, dof
         Sum of squares of the whitened residuals; measured components minus effective number of parameters.
     iterations
-        Number of Gauss-Newton steps of all iterations.
+        Number of Gauss-Newton steps, summed over the fits of the robust reweighting.
     residual
         (poses, 3 or 6) measured less predicted of the used rows, m and rad, instrument's frame.
     residual_before
         The same for the nominal geometry.
     instrument
-        As declared, without values that the data contradict, which are estimated instead.
+        The dataset's instrument. A declared value that the data contradict is left out: it is estimated instead.
     dataset
         The input data.
     paper_model
@@ -113,8 +113,10 @@ class Calibration(Shown):
 
         Parameters
         ----------
+        settled
+            The converged iterations.
         before
-            Nominal poses, as the instrument would see them, of the rows that were used.
+            Poses of the nominal geometry in the instrument's frame, one for each used row.
         rejected, rejected_rows
             Ids of the poses with rejected rows, and the lines of these rows.
         instrument
@@ -155,22 +157,25 @@ class Calibration(Shown):
         )
 
     def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
-        """(N,) mask: True for the rows of the dataset that the calibration used, False for outliers."""
+        """(N,) mask: True for the rows of ``dataset`` that the calibration used, False for outliers.
+
+        ``dataset`` is the calibrated one or a part of it: rows are recognised by their line numbers.
+        """
         return ~np.isin(dataset.row, self.rejected_rows)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
+        """Names of the p parameters of the geometry."""
         return self.model.geometry.names
 
     @property
     def values(self) -> Floats:
-        """(p,) identified values, m, rad, m/m."""
+        """(p,) identified values of the parameters, m, rad or m/m."""
         return self.model.geometry.values
 
     @cached_property
     def sigma(self) -> Floats:
-        """(p,) their standard deviations."""
+        """(p,) standard deviations of the parameters, m, rad or m/m."""
         return np.sqrt(np.diag(self.covariance))
 
     @cached_property
@@ -185,12 +190,12 @@ class Calibration(Shown):
 
     @property
     def unobservable(self) -> tuple[Direction, ...]:
-        """Unobservable directions in parameter space, the least observable first."""
+        """Directions in parameter space with a variance reduction below 0.5, the smallest first."""
         return self.observability.unobservable(self.names)
 
     @cached_property
     def zeros(self) -> tuple[Zero, ...]:
-        """By actuator, the common shift of the joints on its carrier as a shift of its zero."""
+        """For each actuator that carries rods: the shift of its zero that is equivalent to the shifts of its joints."""
         return equivalent_zeros(self.model.geometry, self.covariance)
 
     @property
@@ -199,12 +204,15 @@ class Calibration(Shown):
         return self.chi2 / self.dof
 
     def __getitem__(self, name: str) -> Estimate:
-        """One parameter's value and sigma, by its name."""
+        """One parameter's value and sigma, by its name; `ModelError` where no parameter has this name."""
         value, index = self.model.geometry[name], self.names.index(name)
         return Estimate(value, float(self.sigma[index]), self.model.geometry.parameters[index].unit)
 
     def correlated(self, least: float = CORRELATED) -> list[tuple[str, str, float]]:
-        """Pairs of parameters with at least such an absolute correlation, the strongest first."""
+        """Pairs of parameters with an absolute correlation of at least ``least``, the strongest first.
+
+        Each entry is (name, name, correlation).
+        """
         i, j = np.triu_indices(len(self.names), 1)
         rho = self.correlation[i, j]
         order = [k for k in np.argsort(-np.abs(rho), kind="stable") if abs(rho[k]) >= least]
@@ -225,35 +233,45 @@ class Calibration(Shown):
             write_calibration(self, new)
 
     def plot_residuals(self, against: str, component: str | None = None) -> Figure:
-        """Residuals against a command (``q1``) or covariate.
+        """Plot a component of the residuals against a command or covariate.
 
         Parameters
         ----------
         against
-            The column.
+            The column: ``q1``, ``time``, ...
         component
-            ``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz`` or the travel of an actuator by its site; that of the first by default.
-            Of readings also a reading, by default: ``range`` of a single instrument; ``wire`` or ``cup.x`` of several.
+            An axis of the pose (``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz``), or the site of an actuator for the error of its
+            travel. By default the first actuator. For a dataset of schema 2 a component of its readings takes the place of the
+            axis and of the default: its name (``range``) where there is one instrument; where there are several, the
+            instrument's name (``wire``), followed by the component if it reads more than one (``cup.x``).
+
+        Raises
+        ------
+        DatasetError
+            If there is no such column or component.
         """
         from gtpin.report.show.calibration import residuals_against
 
         return residuals_against(self, against, component)
 
     def plot_workspace(self, view: str = "xy") -> Figure:
-        """Position residuals, of other readings their size over sigma, seen along two axes: ``xy``, ``xz`` or ``yz``."""
+        """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
+
+        For a dataset of schema 2: the size of each reading's residual over its sigma.
+        """
         from gtpin.report.show.calibration import workspace
 
         return workspace(self, view)
 
     def plot_ball_bar(self, circle: int = 0) -> Figure:
-        """Polar plots of a circular test: deviations of the radius as measured, and left by the calibrated geometry.
+        """Polar plots of a circular test: deviations of the radius as measured, and as the calibrated geometry leaves them.
 
-        The data need a ``range`` instrument with readings along half a turn or more about a station, as a ball bar's are.
+        The dataset needs a ``range`` instrument with readings along half a turn or more about a station, as a ball bar gives.
 
         Parameters
         ----------
         circle
-            Place of the circle among those of the data, counted from 0.
+            Index of the circle, counted from 0, where the dataset has several.
 
         Raises
         ------
@@ -265,7 +283,7 @@ class Calibration(Shown):
         return ball_bar(self, circle)
 
     def plot_parameters(self) -> Figure:
-        """The table of the geometry's parameters."""
+        """The table of the geometry's parameters, as a figure."""
         from gtpin.report.show.calibration import parameter_table
 
         return parameter_table(self)

@@ -22,8 +22,8 @@ class Zero:
     site
         The actuator.
     value, sigma
-        Shift and its standard deviation: at command 0 the actuator is at ``value``. For joints that did not move equally it is
-        the common part.
+        Shift and its standard deviation, in ``unit``: at command 0 the actuator is at ``value``. Where the joints were not
+        shifted equally, it is the common part of their shifts.
     unit
         ``m`` or ``rad``.
     """

@@ -54,12 +54,14 @@ class Contribution:
     source
         What contributes.
     covariance
-        (N, 6, 6) of the TCP's pose, m and rad, at each pose of the budget; None where it is not known, ``missing`` says why.
+        (N, 6, 6) covariance that it adds to the TCP's pose, m and rad, at each pose of the budget; None where it is not known.
         That of ``correlation`` may be negative.
     input
-        Standard uncertainty of the quantity itself, in ``unit``, where it is one number.
+        Standard uncertainty of the quantity that contributes, in ``unit``, where it is one number; else None.
     kind
         A: evaluated by statistics of the measurements; B: by other knowledge (JCGM 100, 4.2 and 4.3).
+    missing
+        Why ``covariance`` is None.
     """
 
     source: Source
@@ -71,7 +73,7 @@ class Contribution:
 
     @property
     def position(self) -> float | None:
-        """Standard uncertainty of the position, m: root of the summed variances of the axes, mean square over the poses.
+        """What it adds to the standard uncertainty of the position, m: root of the sum of the axes' variances, mean over poses.
 
         Negative where a correlation lessens the sum.
         """
@@ -82,20 +84,22 @@ class Contribution:
 
     @property
     def sensitivity(self) -> float | None:
-        """The position's standard uncertainty over the input's."""
+        """``position`` over ``input``, m per ``unit``; None where one of them is not known."""
         return None if self.position is None or not self.input else self.position / self.input
 
 
 @dataclass(frozen=True)
 class Direction:
-    """A direction of the model's unknowns that is uncorrelated with the others.
+    """A direction in the space of the model's unknowns that is uncorrelated with the other directions.
 
     Parameters
     ----------
     changes
-        The unknowns that move the TCP most in it: name, change for one standard deviation of the direction, and unit.
+        The three unknowns of this direction that move the TCP most: name, change for one standard deviation of the direction,
+        and unit.
     position
-        What it contributes to the position, m; the squares of all directions add up to the posterior's variance.
+        What it adds to the standard uncertainty of the position, m. The squares of all directions add up to the posterior's
+        variance of the position.
     """
 
     changes: tuple[tuple[str, float, str], ...]
@@ -113,9 +117,9 @@ class Budget:
     rows
         The contributions.
     directions
-        The directions of the model's unknowns that contribute most.
+        The six directions of the model's unknowns that contribute most.
     radius
-        95 % of the position errors of machines like this one at these poses are shorter, m.
+        95th percentile of the length of the position error, m, over these poses and over machines drawn from the budget.
     orientation
         Whether orientation was measured.
     """
@@ -128,12 +132,12 @@ class Budget:
 
     @cached_property
     def covariance(self) -> Floats:
-        """(N, 6, 6) combined, m and rad (JCGM 100, 5.2.2)."""
+        """(N, 6, 6) combined covariance of the TCP's pose, m and rad (JCGM 100, 5.2.2)."""
         return np.asarray(sum(row.covariance for row in self.rows if row.covariance is not None))
 
     @cached_property
     def at(self) -> Floats:
-        """(N, 6) expanded uncertainty of each axis at each pose, m and rad."""
+        """(N, 6) expanded uncertainty of each axis at each pose, m and rad, with coverage factor 2."""
         return COVERAGE * np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
     @cached_property

@@ -44,16 +44,17 @@ def certify(
     Parameters
     ----------
     dataset
-        Measured poses of one tracker.
+        Poses measured by one tracker.
     model
-        The model that corrects the machine, identified from other poses; by default a diagnosis of these data makes it.
+        The model that corrects the machine, best identified from other poses. By default a diagnosis of these data makes it.
     instrument
-        Systematic error of the instrument at the TCP, m, one standard uncertainty per axis, from its certificate; blank in the
-        budget where left out.
+        Standard uncertainty of the instrument's systematic error at the TCP, m, per axis, from the instrument's certificate.
+        None: this row of the budget stays blank.
     seed
-        Of the diagnosis, and of the poses and machines that are drawn for the budget.
+        Seed of the diagnosis, and of the poses and machines that are drawn for the budget.
     progress
-        Called with a message, a count and a misfit at each stage.
+        Called at each stage with a message, the number of the iteration, and the RMS residual in units of the noise (NaN where
+        there is none).
 
     Raises
     ------

@@ -63,17 +63,18 @@ class Quantity:
     symbol
         Its key among the definitions: ``AP_p``, ``RP_l``, ``B``, ...
     value, sigma
-        In ``unit``, and its standard uncertainty; None where not known.
+        The value and its standard uncertainty, both in ``unit``; None where not known.
     unit
         ``m`` or ``rad``.
     poses, rows
         Number of different poses, and of measurements, on which it rests.
     missing
-        Why ``value`` is None.
+        Why ``value`` is None; None where there is a value.
     site
         The actuator; empty for the TCP.
     have
-        What the data have of what is missing, as a number: visits of the pose with most, targets of the longest line, ...
+        Where ``missing`` says that the data have too few of something: how many they have (``few_cycles``: visits to the pose
+        with most visits; ``few_targets``: targets of the longest line).
     """
 
     symbol: str

@@ -27,28 +27,29 @@ class Certificate(Shown):
     Parameters
     ----------
     model
-        Of the corrected machine: a controller that uses it commands what it predicts.
+        Model of the corrected machine, whose controller inverts it to compute the commands.
     quantities
         Pose accuracy and repeatability (ISO 9283), positioning of each actuator (ISO 230-2).
     budget
         The uncertainty budget (GUM).
     noise
-        Of the instrument.
+        Noise of the instrument.
     basis
-        On which poses the errors of the corrected machine are known.
+        Which poses the errors of the corrected machine are from. ``left_out``: poses that were left out of the fit in turn.
+        ``new``: poses that the given model was not fitted to. ``fitted``: poses that the given model was fitted to.
     one_way
-        Whether repeatabilities are of visits with the same directions of approach.
+        Whether a repeatability compares only visits with the same directions of approach.
     noise_known
-        Where the noise of a visit is known from: declared, repeated visits, or nothing but residuals, which have in them what
-        the model does not explain. Then all of it counts as unexplained.
+        Where the noise of a visit is known from. ``declared``: dataset.toml. ``visits``: repeated visits. ``no``: only from
+        residuals, which also contain what the model does not explain; then all residuals count as unexplained.
     verdict
-        Of the diagnosis behind it; None where the model was given.
+        Verdict of the diagnosis that made the model; None where the model was given.
     poses, rows
-        Number of different poses, and of measurements, that were used.
+        Number of different poses, and number of rows, that were used.
     set_aside
-        Ids of poses of which rows were set aside.
+        Ids of poses with rows that were set aside.
     dataset, seed
-        The data, and the seed of the draws.
+        The data, and the seed of the random draws.
 
     Examples
     --------
@@ -76,7 +77,7 @@ class Certificate(Shown):
     seed: int = 0
 
     def __getitem__(self, name: str) -> Quantity:
-        """One number, by its symbol; of an actuator ``B[cart1]``."""
+        """One quantity by its symbol (``AP_p``), of an actuator with its site (``B[cart1]``); else `KeyError`."""
         symbol, _, site = name.partition("[")
         found = [one for one in self.quantities if (one.symbol, one.site) == (symbol, site.rstrip("]"))]
         if not found:
@@ -92,7 +93,7 @@ class Certificate(Shown):
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin certify`` writes: ``certificate.html`` and ``certificate.json``.
 
-        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
         from gtpin.report.certificate_files import CERTIFICATE, write_certificate
 

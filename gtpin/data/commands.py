@@ -27,15 +27,15 @@ class Commands:
     Parameters
     ----------
     pose
-        (N,) ids, `str`; rows that share one have the same commands.
+        (N,) ids, `str`. Rows with the same id have the same commands.
     q
         (N, n) commands, m or rad.
     covariates
         By name, (N,) each: `session` as ids, everything else as float64 in SI units.
     row
-        (N,) line of each row in its file; numbered from 2 where none are given.
+        (N,) line number of each row in its file, for messages; by default 2, 3, ... (line 1 is the header).
     file
-        Where the rows were read from.
+        The file that the rows were read from; None where they were not read from a file.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class Commands:
         return len(self.pose)
 
     def place(self, index: int) -> tuple[Path | None, int]:
-        """File and line of a row, by its index."""
+        """File, and line in it, of the row with this index (counted from 0)."""
         return self.file, int(self.row[index])
 
     @property
@@ -86,9 +86,10 @@ class Commands:
     def read(cls, file: Path | str, n_actuators: int | None = None, ids: Collection[str] = ()) -> Commands:
         """Read a CSV or Parquet file of commands; FILE.parquet is read if FILE.csv does not exist.
 
-        Measured columns (`x y z qw qx qy qz`) are ignored, so that a dataset's poses.csv can be used; so are
-        columns of `ids`, such as stations.
-        Raises `DatasetError` for a file that can't be read or does not have `n_actuators` commands, where that is given.
+        Measured columns (`x y z qw qx qy qz`) are ignored, so that a dataset's poses.csv can be used. `ids` names
+        further columns to ignore, such as `station`. All other columns are covariates.
+        Raises `DatasetError` for a file that can't be read, or whose number of command columns is not `n_actuators`
+        (None: any number).
         """
         file = Path(file)
         twin = file.with_suffix(".parquet") if file.name else file

@@ -56,7 +56,7 @@ class Dataset(Shown):
     robot
         The robot's name or a path to its URDF or MJCF file, as dataset.toml has it.
     pose
-        (N,) ids, `str`; rows that share one are visits to the same commands.
+        (N,) ids, `str`. Rows with the same id are visits to the same commands.
     q
         (N, n) commands, m or rad.
     position
@@ -79,14 +79,14 @@ class Dataset(Shown):
     path
         The folder that holds the dataset.
     row
-        (N,) line of each row in its file; numbered from 2 where none are given.
+        (N,) line number of each row in its file, for messages; by default 2, 3, ... (line 1 is the header).
     file
-        The table that the rows were read from.
+        The table that the rows were read from; None where they were not read from a file.
     unusable
-        Recorded covariates with impossible values, which were removed from ``covariates``.
+        Names of recorded covariates that were removed from ``covariates`` because their values are impossible.
     readings
-        What other instruments than one tracker read, row by row (schema 2); None for a tracker's poses. With them, ``position``
-        has where the nominal TCP is, base frame, and zeros until a robot is known.
+        The rows of the instruments of a dataset of schema 2; None where the dataset has the poses of one tracker. With
+        readings, ``position`` is not measured: it is zero until a robot is known, then the nominal TCP in the base frame.
 
     Raises
     ------
@@ -156,7 +156,7 @@ class Dataset(Shown):
         return int(self.q.shape[1])
 
     def place(self, index: int) -> tuple[Path | None, int]:
-        """File and line of a row, by its index."""
+        """File, and line in it, of the row with this index (counted from 0)."""
         return (self.file, int(self.row[index])) if self.readings is None else self.readings.place(index)
 
     @property
@@ -168,7 +168,7 @@ class Dataset(Shown):
 
     @cached_property
     def visits(self) -> NDArray[np.intp]:
-        """(N,) index of each row's pose among the dataset's sorted pose ids; visits to one pose share it."""
+        """(N,) index of each row's pose among the dataset's sorted pose ids: equal for all visits to one pose."""
         import pandas as pd
 
         visit, _ = pd.factorize(self.pose, sort=True)
@@ -180,12 +180,12 @@ class Dataset(Shown):
         return Commands(self.pose, self.q, self.covariates, self.row, self.file)
 
     def without(self, names: Collection[str]) -> Dataset:
-        """The dataset without covariates that have impossible values."""
+        """The dataset without the covariates ``names``, which have impossible values; ``unusable`` then lists them."""
         kept = {name: values for name, values in self.covariates.items() if name not in names}
         return replace(self, covariates=kept, unusable=self.unusable | frozenset(names))
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.integer] | slice | list[int]) -> Dataset:
-        """The dataset of some rows, by mask or index, in the given order; carts are not changed."""
+        """The dataset of the rows that a mask or indices select, in the order of the indices; ``carts`` is not changed."""
         if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.shape == (len(self),) and rows.all():
             return self
         return replace(
@@ -200,7 +200,7 @@ class Dataset(Shown):
         )
 
     def in_order(self) -> Dataset:
-        """Sort rows by pose, and visits of a pose by the measured values: the result does not depend on the input order."""
+        """The dataset with rows sorted by pose, and visits to a pose by their values: independent of the input order."""
         import pandas as pd
 
         keys = [pd.factorize(values, sort=True)[0] for values in self.covariates.values()]
@@ -213,7 +213,8 @@ class Dataset(Shown):
     def read(cls, path: Path | str, instruments: Iterable[type[Any]] = ()) -> Dataset:
         """Read a dataset folder.
 
-        ``instruments`` are classes of a user's own kinds of instruments: see :class:`~gtpin.instruments.Instrument`.
+        ``instruments`` are your own classes of instruments, in addition to those of gtpin: see
+        :class:`~gtpin.instruments.Instrument`.
 
         Raises `DatasetError`, with file, line, column and what to do, for anything that the format does not allow.
         Warns of columns that have text in place of numbers, and of covariates that do not vary.
@@ -282,11 +283,11 @@ class Dataset(Shown):
         return dataset
 
     def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv", *, force: bool = False) -> None:
-        """Write a dataset folder. `read` gives exactly the same values; after an error no part of it is there.
+        """Write a dataset folder. `read` gives exactly the same values; after an error no part of the folder is there.
 
         A dataset that gtpin wrote there is replaced. A relative path to a URDF is rewritten to start at `folder`.
-        Raises `DatasetError` where the folder holds anything that gtpin has not written, or that was changed since, or can't
-        be written. With `force`, tables and a dataset.toml of others are renamed (NAME.old-1), and other files stay.
+        Raises `DatasetError` where the folder can't be written, or holds a file that gtpin has not written or that was changed
+        since. With `force`, such tables and such a dataset.toml are renamed (NAME.old-1), and other files stay.
         """
         folder = Path(folder)
         poses: dict[str, Column] = {"pose": self.pose}
@@ -317,9 +318,9 @@ class Dataset(Shown):
         self.write(folder, force=force)
 
     def plot_workspace(self, view: str = "xy", color: str | None = None) -> Figure:
-        """A plot of the measured positions in the plane of two axes, m: ``xy``, ``xz`` or ``yz``.
+        """Plot the measured positions, m, in a plane of the instrument's frame: ``xy``, ``xz`` or ``yz``.
 
-        ``color``: a column of numbers that colours them.
+        ``color``: name of a command (``q1``) or covariate whose values colour the points; None: one colour.
         """
         from gtpin.report.show.dataset import workspace
 

@@ -20,10 +20,24 @@ Distance = Annotated[tuple[Text, Text, Positive, Positive], Field(strict=False)]
 
 
 class InstrumentTable(BaseModel):
-    """What every instrument says of itself; a kind of a user's own derives from it.
+    """The keys of an ``[[instrument]]`` section of dataset.toml; the class of your own kind of instrument derives from it.
 
-    ``sigma`` is of its reading, of each axis, m or rad, None where it is to be estimated. ``target`` is a point on the
-    platform in the TCP frame, m; ``targets`` several of them, by the ids of the column ``target``.
+    Parameters
+    ----------
+    name
+        The instrument's name: letters, digits, ``_`` and ``-``.
+    kind
+        The kind of instrument: ``range``, ``plane``, ...
+    file
+        Name of its table of rows, where it is not the usual one.
+    sigma
+        Standard deviation of a reading, per axis, m or rad; None where it is to be estimated.
+    target
+        (3,) the observed point of the platform, TCP frame, m; None for the TCP.
+    targets
+        Several such points, by the ids in the column ``target``; empty where there is one.
+    target_sigma
+        Standard deviation of the priors of the targets' coordinates, m; 0 where they are exact.
 
     Examples
     --------
@@ -58,12 +72,12 @@ class InstrumentTable(BaseModel):
 
     @property
     def fixed_targets(self) -> dict[str, tuple[float, float, float]]:
-        """Targets by id; one of the id "" where there is one alone."""
+        """Targets by id, (3,) each, TCP frame, m; a single target has the id ``""``."""
         return self.targets or {"": self.target or (0.0, 0.0, 0.0)}
 
     @property
     def measured_joints(self) -> tuple[str, ...]:
-        """Passive joints whose coordinates it reads, by their names in the URDF; none by default."""
+        """Names in the URDF of the passive joints whose coordinates it reads; none by default."""
         return ()
 
 

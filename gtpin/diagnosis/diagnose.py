@@ -69,30 +69,32 @@ def diagnose(
     Parameters
     ----------
     dataset
-        Measured poses, with all covariates that were recorded.
+        Measured poses or readings, with all covariates that were recorded.
     robot
-        The nominal robot, or a model of it; the one that the dataset names by default.
+        The nominal robot, or a model whose ``robot`` is taken; by default the robot that the dataset names.
     effects
         The effects to try; by default the whole catalogue. To add your own effects: ``[*gtpin.catalogue(), MyEffect()]``.
-        The dataset's drivers are tried beside them.
+        The dataset's drivers (``[[driver]]`` in dataset.toml) are tried in addition.
     exclude
-        ``effect`` or ``effect@site``: effects, or sites of an effect, that are not tried.
+        What is not tried, each as ``effect`` (at all its sites) or ``effect@site``.
     false_alarm
-        Chance of naming a cause where there is none.
+        Probability of naming a cause where there is none.
     priors
-        The numbers that move verdicts, each with its source: docs/priors.md.
+        The constants on which verdicts depend, each with its source: docs/priors.md.
     hold_out
-        What is left out together to compute the gap: ``region`` (neighbouring poses), ``session``, ``time`` (stretches of it)
-        or ``random`` (any poses). Nothing but ``gap`` and the causes' shrinkages depends on it.
+        The poses that are left out together to compute the gap: ``region`` (neighbouring poses), ``session``, ``time``
+        (neighbours in time) or ``random``. Only ``gap`` and the causes' ``shrinkage`` depend on it.
     seed
         Seed of the random numbers: subsets of large datasets, and the draws from which intervals are computed.
     progress
-        Called with a message, a count and a misfit at each stage; None: no calls.
+        Called at each stage with a message, the number of the iteration, and the RMS residual in units of the noise (NaN where
+        there is none); None: no calls.
 
     Raises
     ------
     GtpinError
-        If the dataset does not match this robot, an excluded effect is not known, or the data can't be held out so.
+        If the dataset does not match this robot, an excluded effect is not known, or the data do not have the column or the
+        number of poses that ``hold_out`` needs.
 
     Examples
     --------

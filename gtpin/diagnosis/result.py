@@ -24,28 +24,42 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Shown):
-    """Verdict, causes, where the gap lies and how far it shrinks; see ``docs/diagnosis.md``.
+    """Verdict, causes, where the gap lies and how much of it the causes explain; see ``docs/diagnosis.md``.
 
     Parameters
     ----------
+    verdict
+        ``none``, ``explained``, ``ambiguous`` or ``unknown``: see ``docs/glossary.md``.
+    causes
+        The causes that are named, each with its class, parameters and explained fraction of the gap.
+    candidates
+        Every hypothesis that was considered: its gain in log evidence, or why it can't be tested.
+    where
+        Where the gap lies: by rod, site, axis, covariate and region.
+    gap
+        Errors on left-out poses, of the geometry alone and with the causes, and the noise floor.
+    unexplained
+        What the causes do not explain.
+    baseline
+        The calibration of the geometry alone.
     model
-        Predicts with the causes in; ``baseline.model`` without.
+        The geometry and the causes, fitted together. The model without causes is ``baseline.model``.
     set_aside
-        Ids of the poses of which rows were taken for outliers, given the causes.
+        Ids of the poses with rows that are outliers even if the causes are taken into account.
     set_aside_rows
-        Lines of these rows in their file.
-    next_experiment
-        What to measure to tell more.
+        Line numbers of these rows in their file.
     dataset
-        The data, as they were given.
+        The input data.
+    next_experiment
+        Proposals of what to measure next.
     questions
-        Parameters that are outside what physics allows or machines have.
+        Parameters of causes whose values physics does not allow, or are unusual for machines.
     effects
-        Those that were tried.
-    doubts
-        Why something unknown is inferred; each makes the verdict ``unknown``.
+        The effects that were tried.
     seed
-        Of the resampling behind intervals.
+        Seed of the random numbers.
+    doubts
+        Reasons for which something unknown is assumed. Each makes the verdict ``unknown``.
 
     Examples
     --------
@@ -79,7 +93,7 @@ class Diagnosis(Shown):
     doubts: tuple[Doubt, ...] = ()
 
     def effect(self, name: str) -> Effect:
-        """The effect that has an id, of those that were tried."""
+        """The effect with the id ``name``, of those that were tried; `StopIteration` where there is none."""
         return next(effect for effect in self.effects if effect.id == name)
 
     def to_json(self) -> dict[str, Any]:
@@ -91,7 +105,7 @@ class Diagnosis(Shown):
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin diagnose`` writes: ``diagnosis.json``, ``report.html``, ``baseline/``, ``model/`` and next poses.
 
-        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
         from gtpin.report.files import DIAGNOSIS, write_diagnosis
 
@@ -99,18 +113,25 @@ class Diagnosis(Shown):
             write_diagnosis(self, new)
 
     def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:
-        """Residuals against a command (``q1``) or covariate, with what the causes make of them.
+        """Plot a component of the residuals against a command or covariate, with the prediction by the causes.
 
         Parameters
         ----------
         against
-            The column.
+            The column: ``q1``, ``time``, ...
         component
-            ``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz`` or the travel of an actuator by its site; by default that of the first
-            cause's site, or the axis of which the gap has most.
-            Of readings also a reading, by default: ``range`` of a single instrument; ``wire`` or ``cup.x`` of several.
+            An axis of the pose (``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz``), or the site of an actuator for the error of its
+            travel. By default the first cause's site that is an actuator, else the axis with the largest share of the gap. For
+            a dataset of schema 2 a component of its readings takes the place of the axis: its name (``range``) where there is
+            one instrument; where there are several, the instrument's name (``wire``), followed by the component if it reads
+            more than one (``cup.x``). The default is then the component of which the causes explain most.
         after
-            Show what the geometry with the causes leaves, not what geometry alone leaves.
+            True: the residuals of the geometry with the causes; False: those of the geometry alone.
+
+        Raises
+        ------
+        DatasetError
+            If there is no such column or component.
         """
         from gtpin.report.show.diagnosis import residuals_against
 
@@ -122,18 +143,25 @@ class Diagnosis(Shown):
         Parameters
         ----------
         cause
-            Its place in ``causes``.
+            Index of the cause in ``causes``, counted from 0.
         quantity
-            Which of the quantities that it moves, ``travel of cart2`` for example; by default the first that is seen.
+            One of the quantities that the cause changes, ``travel of cart2`` for example; by default the first that the report
+            shows.
+
+        Raises
+        ------
+        GtpinError
+            If there is no such cause, or it has no curve of this quantity; the message lists those that it has.
         """
         from gtpin.report.show.diagnosis import effect_curve
 
         return effect_curve(self, cause, quantity)
 
     def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
-        """Position residuals, of other readings their size over sigma, in a plane of the base frame (``xy``, ``xz``, ``yz``).
+        """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
 
-        Those of geometry alone, or ``after`` the causes were added.
+        ``after``: True for the residuals of the geometry with the causes, False for those of the geometry alone. For a dataset
+        of schema 2: the size of each reading's residual over its sigma.
         """
         from gtpin.report.show.diagnosis import workspace
 

@@ -44,7 +44,7 @@ class AxisMotion(Effect):
     coefficient = ("radial", "m")
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Every counted joint of a robot without rods."""
+        """Every actuated joint of a robot without rods."""
         return joints(robot)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:

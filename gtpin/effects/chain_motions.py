@@ -21,7 +21,7 @@ from gtpin.robot.parameters import rotation_axes
 
 @dataclass(frozen=True)
 class JointFrame:
-    """The placement frame of a counted joint, in which its error motions are expressed.
+    """The placement frame of an actuated joint, in which its error motions are expressed.
 
     Parameters
     ----------

@@ -35,17 +35,18 @@ class Column:
 class DriverEffect(Effect):
     """u = c (v + s 2 v^2), v = (column - mean) / range: a site moves with a recorded column.
 
-    mean and range, highest less lowest, are of the data that it is fitted to, so that c is the motion over the column's range.
-    u is along or about an axis of the site's frame, positive towards its positive axis; the modulation s says that it rises
-    more at one end of the range than at the other.
+    u is the displacement along an axis of the site's frame, m, or the rotation about it, rad, positive in the direction of the
+    axis (right-handed). The mean and the range (largest less smallest value) of the column are those of the fitted data, so c
+    is the motion over the column's range. The modulation s: the motion is not linear in the column.
 
-    Parameters: by its motion (``x y z``, m; ``rx ry rz``, rad; ``q``, m or rad) c, and with ``_curvature`` c s.
+    Parameters, for each motion that the ``[[driver]]`` tables name: ``x``, ``y``, ``z``, m, ``rx``, ``ry``, ``rz``, rad, or
+    ``q``, m or rad: c; ``x_curvature`` and so on: c s, in the same unit.
 
-    Typical size: that of the dataset's ``[[driver]]``.
+    Typical size: ``size`` in the dataset's ``[[driver]]`` table.
     """
 
     def __init__(self, column: Column, drivers: Iterable[Driver], instrument: Instrument | None = None) -> None:
-        """Take a column, what it may move, and where the instrument stands."""
+        """Take a column, its ``[[driver]]`` tables, and for the site ``frame`` the instrument's pose (None: the base frame)."""
         self.column, self.drivers, self.instrument = column, tuple(drivers), instrument or Instrument()
         self.id = PREFIX + column.name
         self.title = f"moves with the column {column.name}"
@@ -64,7 +65,7 @@ class DriverEffect(Effect):
         return [driver for driver in self.drivers if driver.site == site]
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Those that the dataset names."""
+        """The sites that the dataset's ``[[driver]]`` tables name."""
         return self._places
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
@@ -86,7 +87,7 @@ class DriverEffect(Effect):
     def parameters_at(
         self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
     ) -> dict[str, tuple[float, str]]:
-        """Motion over the column's range, and how it curves."""
+        """Motion over the column's range, and its curvature."""
         found: dict[str, tuple[float, str]] = {}
         for driver, (linear, curved) in zip(self._at(site), coefficients.reshape(-1, 2), strict=True):
             angular = driver.motion.startswith("r") or (driver.motion == "q" and turns(robot, site))
@@ -98,10 +99,12 @@ class DriverEffect(Effect):
 def driver_effects(dataset: Dataset, robot: Robot, instrument: Instrument | None = None) -> tuple[DriverEffect, ...]:
     """The effects that a dataset's ``[[driver]]`` tables describe, one for each column.
 
+    ``instrument``: its pose, for motions of the site ``frame``; None: the base frame.
+
     Raises
     ------
     DatasetError
-        If a site of this robot can't move so, or the column is not recorded.
+        If a site of this robot can't make the named motion, or the column is not recorded.
     """
     file: Path | None = None if dataset.path is None else dataset.path / "dataset.toml"
     for number, driver in enumerate(dataset.drivers):

@@ -21,14 +21,14 @@ from gtpin.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class Instrument:
-    """Where the instrument's origin is in the base frame, (3,) m, and (3, 3) its axes as columns."""
+    """The instrument's pose in the base frame: its origin (3,), m, and its axes as the columns of a (3, 3) matrix."""
 
     origin: Floats = field(default_factory=lambda: np.zeros(3))
     axes: Floats = field(default_factory=lambda: np.eye(3))
 
 
 def refusal(robot: Robot, site: str, motion: str) -> str | None:
-    """Why a site can't move so; None where it can."""
+    """Why a site can't make a motion (``x`` ... ``rz``, ``q``), as a sentence; None where it can."""
     if site in ("platform", "frame"):
         return f"{site} is no joint, so it has no q" if motion == "q" else None
     if site in robot.sites:
@@ -45,11 +45,12 @@ def refusal(robot: Robot, site: str, motion: str) -> str | None:
 def moved(
     at: Situation, site: str, motions: Sequence[str], columns: Floats, sigma: Floats, instrument: Instrument
 ) -> Basis:
-    """Displacements of a site: columns (N, w, c), c for each of w motions, in m or rad.
+    """Displacements of a site by w motions with c columns each: ``columns`` is (N, w, c), m or rad; ``sigma`` (w c,) sizes.
 
-    ``q`` is along or about the joint's own axis. A joint moves in its placement frame, a moving link at its tip in the tip's
-    frame, a link of the base in its own, a cart in the base frame's axes about the mean of its joints, the platform in the
-    TCP frame, and ``frame`` (what is seen) in the instrument's frame about its origin.
+    ``q`` is along or about the joint's own axis. The other motions are along and about the axes of a frame: for a joint its
+    placement frame; for a moving link the frame of its tip; for a link that is fixed to the base its own frame; for a cart the
+    base frame's axes through the mean of the cart's joints; for the platform the TCP frame; for ``frame`` (the measured poses)
+    the instrument's frame.
     """
     robot = at.robot
     if all(motion == "q" for motion in motions):

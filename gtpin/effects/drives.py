@@ -40,16 +40,18 @@ LEAST_ORDERS = 3
 
 
 def smooth_orders(at: Situation, j: int, most: int) -> int:
-    """Half waves over a drive's travel that are slow: all, but at a turning joint of a chain up to ``SLOWEST_LINE``."""
+    """Number of cosines over the travel of drive j that count as smooth: ``most``, but for a turning joint of a robot without
+    rods only those with at most ``SLOWEST_LINE`` periods a turn, and ``LEAST_ORDERS`` at least.
+    """
     if at.robot.rods or not at.robot.actuators[j].revolute:
         return most
     return min(most, max(LEAST_ORDERS, int(SLOWEST_LINE / _turns(at, j))))
 
 
 def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floats, Floats]:
-    """(N, m) cosines over a drive's travel and (m,) their sizes, as :func:`~gtpin.effects.smooth.cosines` has them.
+    """(N, most) cosines over the travel of drive j, and (most,) their sizes: see :func:`~gtpin.effects.smooth.cosines`.
 
-    At a turning joint of a chain those of many periods a turn are smaller: see ``FALL``.
+    For a turning joint of a robot without rods, cosines with many periods a turn are smaller: see ``FALL``.
     """
     columns, size = cosines(at.travel[:, j], 1, most, decay)
     if at.robot.rods or not at.robot.actuators[j].revolute:

@@ -110,22 +110,23 @@ class Effect(ABC):
     coefficient: tuple[str, str]
     """Name and unit of the first coefficient as a parameter: the only one, unless :meth:`parameters` gives others."""
     clause: str = ""
-    """What it does, as a clause, with ``{site}`` for where: ``{site} has backlash``. Left out, it is made from ``title``."""
+    """What it does, as a clause in which ``{site}`` stands for the site: ``{site} has backlash``. If empty, it is made
+    from ``title``."""
     changed: ClassVar[str] = ""
-    """The clause of a change since an earlier model, where ``clause`` says something else."""
+    """The clause that reports use for a change since an earlier model; if empty, ``clause``."""
     first_checked: ClassVar[bool] = False
-    """Whether crashes and wear cause it first: poses of a health check are chosen for it, and reports name the smallest change
-    that they show. Assumed of shifted zeros and backlash."""
+    """Whether a health check looks for it first, because crashes and wear cause it: the poses of a check are chosen for it, and
+    reports name the smallest change of it that they show. True for shifted zeros and backlash (assumed)."""
     plural_clause: ClassVar[str] = ""
-    """The same where the site is ``arm``, all links together."""
+    """The clause that reports use where the site is ``arm``, all links together; if empty, ``clause``."""
     remedy: str = "Use the corrected model, or take the effect away at its source."
-    """What an engineer can do about it, as a sentence."""
+    """What an engineer can do against it, as a sentence."""
     of_chains: ClassVar[ChainWords] = ChainWords()
-    """Words for joints and links of robots without rods, where the others speak of carts, tracks and rods."""
+    """Texts for robots without rods, where ``clause``, ``plural_clause`` and ``remedy`` speak of carts, tracks and rods."""
     core: tuple[int, ...] = ()
-    """Indices of the columns of B that are its core; the others modulate it (a backlash that varies along
-    the track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation alone
-    is not this effect. Left out, all columns are the core."""
+    """Indices of the columns of B that are its core. The other columns are its modulation (a backlash that varies along the
+    track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation alone is not
+    this effect. If empty, all columns are the core."""
     plausible: ClassVar[Mapping[str, Range]] = {}
     """By parameter, the range that physics allows. A cause with a parameter outside its range by more than three standard
     deviations is dropped."""
@@ -137,11 +138,12 @@ class Effect(ABC):
     between_visits: ClassVar[bool] = False
     """Whether the displacement differs between visits of one pose. The effect then looks like a lack of repeatability."""
     since_a_model: ClassVar[bool] = False
-    """Whether the effect also is a change since an earlier model: fitted without its covariates, it acts on all poses alike."""
+    """Whether a health check tests it also without its covariates, as a change since the earlier model that is the same at all
+    poses."""
     of_travel: ClassVar[bool] = False
     """Whether the parameters in metres are of an actuator's travel. They are in radians where the actuator turns."""
     stretches_frame: ClassVar[bool] = False
-    """Whether it scales all measured positions by one factor. The smooth nonparametric terms then contain no such scaling."""
+    """Whether it scales all measured positions by one factor. If so, the smooth nonparametric terms contain no such scaling."""
     exported_as: ClassVar[
         Literal["", "link_spring", "cart_springs", "drive_scale", "joint_spring", "bearing_springs"]
     ] = ""

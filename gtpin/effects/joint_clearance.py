@@ -53,7 +53,7 @@ class JointClearance(Effect):
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Each rod; each counted joint of a robot without rods."""
+        """Each rod; each actuated joint of a robot without rods."""
         return links(robot) or joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:

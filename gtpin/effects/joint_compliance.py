@@ -49,7 +49,7 @@ class JointCompliance(Effect):
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Every counted joint of a robot without rods."""
+        """Every actuated joint of a robot without rods."""
         return joints(robot)
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:

@@ -163,9 +163,9 @@ class Situation:
         return np.asarray(np.linalg.inv(pose_jacobian(*self.vectors)) * self.length[:, None, :])
 
     def with_joints(self, moved: Floats, carrier_joints: Floats | None = None) -> Floats:
-        """(N, 6 + j, m) a motion (N, 6, m) of a platform on rods, then that of the robot's j measured joints.
+        """(N, 6 + j, m) the motion ``moved`` (N, 6, m) of a platform on rods, then that of the robot's j measured joints.
 
-        ``carrier_joints`` (N, k, 3, m): how the rods' joints on their carriers move, base frame, m; by default not.
+        ``carrier_joints``: (N, k, 3, m) displacements of the carrier joints, base frame, m; None: they do not move.
         """
         if not self.robot.measured_joints:
             return moved
@@ -192,7 +192,7 @@ class Situation:
 
     @cached_property
     def carrier_joints(self) -> Floats:
-        """(N, k, 3) the rods' joints on their carriers, base frame, m."""
+        """(N, k, 3) positions of the carrier joints, base frame, m."""
         return self._rods.ends(self.q).C
 
     @cached_property

@@ -45,9 +45,15 @@ told apart it is 1: one of them acts, and the others are no larger than usual.""
 
 @dataclass(frozen=True)
 class Told:
-    """Standard deviation of an effect's first parameter after the planned poses, and after as many random ones.
+    """How well an effect is distinguished from all others.
 
-    Everything else that the plan may name is unknown too. Of several coefficients: that of the first core coefficient.
+    Parameters
+    ----------
+    effect, site, parameter
+        The effect's first parameter; where the effect has several coefficients, the first core coefficient.
+    sigma, sigma_random
+        Its standard deviation, in ``unit``, after the planned poses, and after as many random poses. All other effects of the
+        plan and the geometry are unknown too.
     """
 
     effect: str
@@ -60,7 +66,15 @@ class Told:
 
 @dataclass(frozen=True)
 class Information:
-    """What the poses of a calibration tell, nats, and the error, m, that the calibrated model leaves; and random poses."""
+    """What a calibration by the planned poses gives, and in ``..._random`` what as many random poses give.
+
+    Parameters
+    ----------
+    nats, nats_random
+        Information about the geometry, nats.
+    error, error_random
+        Position error of the calibrated model, m, root mean square.
+    """
 
     nats: float
     nats_random: float
@@ -75,17 +89,19 @@ class PosePlan(Shown):
     Parameters
     ----------
     purpose
-        What they are for.
+        ``calibration``, ``health`` or ``discrimination``: see :func:`gtpin.plan`.
     commands
-        With the conditions to set, in the order in which they are to be measured.
+        The commands and measurement conditions of the poses, in the order of measurement.
     model, noise, frame
-        What they are planned for.
+        The model, the noise of the measurement, and ``robot`` or ``free``, for which the poses were chosen.
     smallest, false_alarm, power, threshold
-        For health: the smallest changes that a check of these poses finds with that power, at these false alarms.
+        For ``health``: the smallest changes that a check of these poses finds with the probability ``power``, if the
+        probability of a false alarm is ``false_alarm``; ``threshold``, nats, is the gain in log evidence from which a change
+        is named.
     told
-        For discrimination: how well each effect is told from all others.
+        For ``discrimination``: how well each effect is distinguished from all others.
     information
-        For calibration.
+        For ``calibration``: what the poses tell about the geometry; None for the other purposes.
 
     Examples
     --------
@@ -139,27 +155,28 @@ def plan(
     Parameters
     ----------
     model
-        A model of the machine; its uncertainty is what is known. A nominal one has its tolerances.
+        A model of the machine. Its covariance says how well the geometry is known; for a nominal model, the tolerances do.
     purpose
-        ``calibration``: the poses that tell most about the geometry (D-optimal). ``health``: those that show shifted zeros and
-        backlash of every actuator best, for ``gtpin.diagnose(data, against=model)``. ``discrimination``: those that tell the
-        effects of the catalogue, or those in ``between``, from each other and from the geometry.
+        ``calibration``: the poses that give most information about the geometry (D-optimal). ``health``: the poses that show
+        shifted zeros and backlash of every actuator best, for ``gtpin.diagnose(data, against=model)``. ``discrimination``: the
+        poses that best distinguish effects from each other and from the geometry.
     poses
-        How many.
+        Number of poses.
     noise
-        Of the measurement; by default that of the model's fit.
+        Noise of the measurement; by default that of the model's fit.
     q
-        (N, n) commands to choose from, m or rad; by default some that fill the workspace. Obstacles are not known.
+        (N, n) commands to choose from, m or rad; by default about 300 that fill the workspace. Obstacles are not known: where
+        there are any, give commands that are free of them.
     frame
-        ``free``: the instrument may stand anywhere. By default, as it was for the model.
+        ``robot``: the instrument measures in the base frame. ``free``: its pose is unknown. By default as for the model.
     orientation
         Whether orientations are measured.
     between
-        For discrimination: ``effect`` or ``effect@site``.
+        For ``discrimination``: the effects to distinguish, each ``effect`` or ``effect@site``; by default the catalogue.
     false_alarm
-        For health: chance of an alarm where nothing has changed.
+        For ``health``: probability of an alarm where nothing has changed.
     seed
-        Of the candidates and the draws; same seed, same plan.
+        Seed of the random numbers. The same seed gives the same plan.
 
     Raises
     ------

@@ -26,9 +26,11 @@ class Smallest:
 
     Parameters
     ----------
+    effect, site
+        The effect that changes, and where.
     parameter, value, unit
-        Its first parameter. Of several coefficients: the median over changes of random shape. The value is None where no size
-        up to 1,000 times the typical one is found.
+        The size of the change, as the effect's first parameter. Where the effect has several coefficients: the median over
+        changes of random shape. ``value`` is None where not even 1,000 times the typical size is found.
     """
 
     effect: str

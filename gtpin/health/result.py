@@ -25,27 +25,31 @@ class HealthCheck(Shown):
     Parameters
     ----------
     verdict, causes, candidates, where, gap, unexplained, doubts
-        As of a :class:`~gtpin.diagnosis.result.Diagnosis`; the causes are changes since the model.
+        As in a :class:`~gtpin.diagnosis.result.Diagnosis`, but the causes are changes since the earlier model.
     baseline
-        The earlier model, the instrument where it stands now.
+        The earlier model, with the present pose of the instrument.
     model
-        It with the changes in, and updated by the check's poses.
+        The earlier model with the changes added, fitted again with the check's poses. A change whose covariate is in
+        ``assumed`` is left out: the model could not predict it.
     poses, set_aside, set_aside_rows
-        Number of rows that were used; ids of poses that are gross errors, and their lines in the file.
+        Number of rows that were used; ids of the poses with rows that are gross errors, and the line numbers of these rows.
     false_alarm, threshold
-        Chance of an alarm where nothing has changed, and the gain in log evidence, nats, from which there is one.
+        Probability of an alarm where nothing has changed, and the gain in log evidence, nats, from which a change is named.
     power, smallest
-        The smallest change of each tested effect that poses like these show with that probability.
+        For each tested effect, the smallest change that poses like these show with the probability ``power``.
     assumed
-        Covariates that were not recorded or did not vary, whose change since the model is possible all the same.
+        Temperatures for which it is not known how much they have changed since the earlier model. A check assumes that they
+        may have changed.
     noise
-        Expected position error of the earlier model at these poses if nothing has changed, RMS, m: noise alone.
+        Root mean square length of the position error, m, that noise alone gives at these poses.
     free_frame
-        Whether the instrument may stand anywhere.
+        Whether the pose of the instrument is unknown and identified too.
     effects
-        Those that were tried.
+        The effects that were tried.
     dataset, seed
-        The data, and the seed of the draws.
+        The input data, and the seed of the random draws.
+    questions, next_experiment
+        Empty: a check finds neither.
 
     Examples
     --------
@@ -83,7 +87,7 @@ class HealthCheck(Shown):
     next_experiment: tuple[Experiment, ...] = ()
 
     def effect(self, name: str) -> Effect:
-        """The effect that has an id, of those that were tried."""
+        """The effect with the id ``name``, of those that were tried; `StopIteration` where there is none."""
         return next(effect for effect in self.effects if effect.id == name)
 
     def to_json(self) -> dict[str, Any]:
@@ -95,7 +99,7 @@ class HealthCheck(Shown):
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin diagnose --against`` writes: ``diagnosis.json``, ``report.html``, ``baseline/`` and ``model/``.
 
-        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
         from gtpin.report.health_files import CHECK, write_check
 

@@ -19,7 +19,8 @@ Floats = npt.NDArray[np.float64]
 class Encoder(Instrument):
     """The coordinate x of a passive joint, as in the URDF, plus the encoder's zero: z = x + zero, rad or m.
 
-    Readings of a joint that turns may differ by full turns. Unknown: the zero (prior ``zero_sigma``).
+    Readings of a revolute joint are compared modulo one turn. Unknown: the zero (standard deviation of its prior:
+    ``zero_sigma``; where that is 0, the zero is exact).
     """
 
     kind, Table = "encoder", EncoderTable
@@ -39,34 +40,34 @@ class Encoder(Instrument):
         return [Unknown(f"{self.table.name}.zero", unit, 0.0, self.table.zero_sigma)]
 
     def measured(self) -> Floats:
-        """(M, 1) readings, rad or m."""
+        """(M, 1) what was read, rad or m."""
         return self.read.numbers["reading"][:, None]
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1) readings, rad or m."""
+        """(M, 1) what would be read, rad or m."""
         return np.asarray(poses.joints[self.table.joint][:, None] + u.sum())
 
     def minus(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1) measured less predicted; of a joint that turns, within a half turn of zero."""
+        """(M, 1) measured less predicted, rad or m; for a revolute joint between -pi and pi."""
         left = super().minus(poses, u)
         return np.asarray(left - 2.0 * np.pi * np.round(left / (2.0 * np.pi))) if self.turns else left
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, 6): the platform's pose does not matter beside the joint's coordinate."""
+        """(M, 1, 6) zeros: given the joint's coordinate, the reading does not depend on the platform's pose."""
         return np.zeros((len(poses), 1, 6))
 
     def by_joints(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, k): 1 by its own joint."""
+        """(M, 1, j): 1 for the encoder's own joint, 0 for the others."""
         found = np.zeros((len(poses), 1, len(poses.joints)))
         found[:, :, list(poses.joints).index(self.table.joint)] = 1.0
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, 1): 1 by the zero."""
+        """(M, 1, k): 1 for the zero; k = 0 where the zero is exact."""
         return np.ones((len(poses), 1, len(u)))
 
     def start(self, nominal: Poses) -> Floats:
-        """(1,) the zero, of a joint that turns by the mean of directions: the readings may wrap about it."""
+        """(k,) first guess of the zero: for a revolute joint the circular mean of measured less predicted, else 0."""
         left = (self.measured() - self.predicted(nominal, np.zeros(1)))[:, 0]
         if not len(self.unknowns) or not self.turns or not len(left):
             return np.zeros(len(self.unknowns))

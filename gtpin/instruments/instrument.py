@@ -27,18 +27,18 @@ STEP = 1e-6
 
 @dataclass(frozen=True)
 class Unknown:
-    """Something of an instrument that is identified together with the robot.
+    """An unknown parameter of an instrument, which is identified together with the robot's geometry.
 
     Parameters
     ----------
     name
-        As in ``wire.station[A].x``.
+        Its name in results, beginning with the instrument's: ``wire.station[A].x``.
     unit
         ``m`` or ``rad``.
     nominal
-        Value that is declared.
+        The declared value, in ``unit``.
     sigma
-        Standard deviation of its prior about ``nominal``; infinite if it has none.
+        Standard deviation of its prior about ``nominal``, in ``unit``; infinite if it has no prior.
 
     Examples
     --------
@@ -60,15 +60,16 @@ class Component:
     Parameters
     ----------
     name
-        As in reports: ``range``, ``x``.
+        Its name in reports: ``range``, ``x``.
     unit
         ``m`` or ``rad``.
     group
-        Index of the sigma that it shares with others: those of a tracker's position have one, those of its orientation another.
+        Index of its noise sigma. Components with the same index share one sigma: the three of a tracker's position have index
+        0, the three of its orientation index 1.
     usual
-        Sigma at which the estimation starts if none is declared.
+        Sigma, in ``unit``, at which its estimation starts if none is declared.
     shown
-        Whether residuals of it are a part of the instrument's root mean square error.
+        Whether its residuals are part of the instrument's root mean square error.
 
     Examples
     --------
@@ -86,18 +87,18 @@ class Component:
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """M rows of one instrument, with what the table has of each.
+    """M rows of one instrument's table.
 
     Parameters
     ----------
     numbers
         By name, (M,) columns of numbers.
     ids
-        By name, (M,) ids of stations, planes, sockets and targets.
+        By name, (M,) columns of ids: stations, planes, sockets, targets.
     component
-        (M,) the one number that a row stands for; -1 where it stands for all.
+        (M,) index of the only component that a row holds; -1 where a row holds all components of a reading.
     known
-        By name, the ids that the column had in all rows that were read, of which these may be some.
+        By name of a column of ids: all ids in the instrument's whole table. The M rows may have fewer.
     """
 
     numbers: dict[str, Floats]
@@ -112,7 +113,7 @@ class Read:
 
     @staticmethod
     def of(rows: InstrumentRows, index: int) -> Read:
-        """The rows of an instrument."""
+        """The rows of the instrument with the index ``index`` in dataset.toml."""
         mine = rows.rows_of(index)
         numbers, ids = {}, {}
         for name, column in rows.columns.items():
@@ -125,7 +126,7 @@ class Read:
 
 
 class RowError(DatasetError):
-    """A reading of a row, by its index among the instrument's, that can't be."""
+    """An impossible reading, with the index of its row among the instrument's rows."""
 
     def __init__(self, index: int, what: str, column: str, hint: str) -> None:
         """Take the row's index; its file and line are added where they are known."""
@@ -134,21 +135,22 @@ class RowError(DatasetError):
 
 
 class Instrument(ABC):
-    """What an instrument reads: z = h(X, u) + noise, with u the instrument's own unknowns.
+    """The measurement equation of an instrument: z = h(X, u) + noise, with u the instrument's own unknowns.
 
-    X is the pose of the platform and, where the table names passive joints (``measured_joints``), their coordinates.
+    X is the pose of the platform and, where ``table.measured_joints`` names passive joints, their coordinates. The instrument
+    has M rows, c components in a reading and k unknowns.
 
-    A subclass says which columns its table has (``Table``), which unknowns it has with which priors (``unknowns``), which
-    numbers a reading has (``components``), and what it would read at given poses (``predicted``). Derivatives are numerical if
-    a subclass does not give its own. To use an instrument of your own, pass its class:
+    A subclass defines the keys and columns of its table (``Table``), its unknowns with their priors (``_unknowns``), the
+    numbers of a reading (``components``), what was read (``measured``) and what it would read at given poses (``predicted``).
+    Derivatives are numerical if a subclass does not give its own. To use an instrument of your own, pass its class:
     ``Dataset.read(folder, instruments=[MyInstrument])``.
 
     Parameters
     ----------
     table
-        What dataset.toml says of it.
+        Its ``[[instrument]]`` section of dataset.toml, as a ``Table``.
     read
-        Its rows.
+        Its M rows.
     robot
         The nominal robot.
 
@@ -156,10 +158,14 @@ class Instrument(ABC):
     ----------
     up
         (3,) unit vector against gravity, base frame.
+    unknowns : tuple of Unknown
+        The k unknowns.
     kind
-        Its name in dataset.toml.
+        Name of this kind of instrument: ``kind`` in dataset.toml.
     Table
-        The keys that its ``[[instrument]]`` may have, and the columns of its table.
+        The keys that its ``[[instrument]]`` section may have, and the columns of its table of rows.
+    components : tuple of Component
+        The c numbers of a reading.
 
     Examples
     --------
@@ -195,7 +201,7 @@ class Instrument(ABC):
 
     @property
     def declared(self) -> tuple[float | None, ...]:
-        """Declared sigma of each group of components; None if it is to be estimated."""
+        """Declared noise sigma of each group of components, m or rad; None if it is to be estimated."""
         return (self.table.sigma,) * (1 + max(c.group for c in self.components))
 
     def _unknowns(self) -> Sequence[Unknown]:
@@ -203,39 +209,39 @@ class Instrument(ABC):
         return ()
 
     def read_components(self) -> npt.NDArray[np.bool_]:
-        """(M, c) which of the components each row has; all by default."""
+        """(M, c) True for the components that a row has; all by default."""
         return np.ones((self.read.count, len(self.components)), dtype=bool)
 
     def row_sigmas(self) -> Floats | None:
-        """(M, c) sigmas that rows declare themselves; None if they do not."""
+        """(M, c) sigmas that the table declares row by row, m or rad; None, the default, if it has none."""
         return None
 
     def counted(self) -> Floats:
-        """(M, c) how many independent numbers each is: 1 by default, less where rows share one."""
+        """(M, c) what each number counts in the degrees of freedom: 1 by default, less where rows share one measurement."""
         return np.ones((self.read.count, len(self.components)))
 
     @abstractmethod
     def measured(self) -> Floats:
-        """(M, c) what was read."""
+        """(M, c) what was read, in the units of ``components``."""
 
     @abstractmethod
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c) what would be read.
+        """(M, c) what would be read without noise, in the units of ``components``.
 
         Parameters
         ----------
         poses
             (M) poses of the TCP, base frame, with the coordinates of measured joints.
         u
-            (k,) deviations of the unknowns from their declared values.
+            (k,) deviations of the unknowns from their declared values, m or rad.
         """
 
     def minus(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c) measured less predicted."""
+        """(M, c) measured less predicted; ``poses`` and ``u`` as for :meth:`predicted`."""
         return self.measured() - self.predicted(poses, u)
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c, 6) derivative of the prediction by a shift, m, and a turn, rad, of the platform, base frame."""
+        """(M, c, 6) derivative of the prediction by the TCP's position (m) and rotation vector (rad), base frame."""
         found = np.empty((len(poses), len(self.components), 6))
         for i in range(6):
             step = np.zeros(6)
@@ -246,7 +252,7 @@ class Instrument(ABC):
         return found
 
     def by_joints(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c, k) derivative of the prediction by the coordinates, rad or m, of ``poses.joints``, in their order."""
+        """(M, c, j) derivative of the prediction by the coordinates, rad or m, of the j joints in ``poses.joints``."""
         found = np.zeros((len(poses), len(self.components), len(poses.joints)))
         for i, (name, x) in enumerate(poses.joints.items()):
             if name in self.table.measured_joints:
@@ -256,7 +262,7 @@ class Instrument(ABC):
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c, k) derivative of the prediction by the unknowns."""
+        """(M, c, k) derivative of the prediction by the unknowns ``u``."""
         found = np.empty((len(poses), len(self.components), len(self.unknowns)))
         for i in range(len(u)):
             step = np.zeros(len(u))
@@ -265,12 +271,15 @@ class Instrument(ABC):
         return found
 
     def looked_at(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3) the point of the platform that is looked at or touches, base frame, m; the TCP by default."""
+        """(M, 3) the point of the platform that the instrument observes or that touches, base frame, m; the TCP by default."""
         return poses.T
 
     def start(self, nominal: Poses) -> Floats:
-        """(k,) first guess of the unknowns' deviations from the nominal poses (M), base frame; zeros by default."""
+        """(k,) first guess of the unknowns' deviations ``u``, for a fit; zeros by default.
+
+        ``nominal``: the M poses of the nominal robot, base frame.
+        """
         return np.zeros(len(self.unknowns))
 
     def check(self) -> None:  # noqa: B027
-        """Raise `RowError` for readings that can't be; accept all by default."""
+        """Raise `RowError` for an impossible reading; accept all readings by default."""

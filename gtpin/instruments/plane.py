@@ -18,10 +18,11 @@ Floats = npt.NDArray[np.float64]
 
 
 class Plane(Instrument):
-    """Height n . (p - p0) of a target p over a plane with the point p0 and the normal n, m; 0 where there is no column.
+    """Height z = n . (p - p0) - h of a target p over a plane, m; p0 is a point of the plane, n its unit normal, base frame.
 
-    Unknown: each plane's height along n (prior ``plane_sigma``) and its tilts a and b (``normal_sigma``), the normal being
-    exp(a e_a + b e_b) n with e_a and e_b as for tracks (docs/conventions.md); targets.
+    Without a column ``height`` the reading is 0: the target touches the plane. Unknown, in brackets the standard deviation of
+    the prior: each plane's shift h along n, m (``plane_sigma``), its tilts a and b, rad (``normal_sigma``), which turn n to
+    exp(a e_a + b e_b) n, with e_a and e_b as for tracks (docs/conventions.md), and the targets (``target_sigma``).
     """
 
     kind, Table = "plane", PlaneTable
@@ -51,11 +52,11 @@ class Plane(Instrument):
         return found
 
     def measured(self) -> Floats:
-        """(M, 1) heights, m."""
+        """(M, 1) measured heights, m."""
         return self._height[:, None]
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1) heights, m."""
+        """(M, 1) predicted heights, m."""
         t, shifts, tilts = self._split(u)
         away = self.targets.positions(poses, t) - self.point[self.plane]
         normal = self._normals(tilts)[self.plane]
@@ -66,12 +67,12 @@ class Plane(Instrument):
         return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, 6): the normal, times the motion of the target."""
+        """(M, 1, 6) derivative by the TCP's pose: n . (motion of the target)."""
         t, _, tilts = self._split(u)
         return np.asarray(self._normals(tilts)[self.plane][:, None] @ self.targets.by_pose(poses, t))
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, k) by targets, and by each plane's height and tilts."""
+        """(M, 1, k) derivative by the targets, then by each plane's shift and tilts."""
         t, _, tilts = self._split(u)
         normals = self._normals(tilts)
         found = np.zeros((len(poses), 1, len(u)))

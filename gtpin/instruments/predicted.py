@@ -46,19 +46,26 @@ def predicted_readings(
 
     Parameters
     ----------
+    model
+        A model that was fitted to readings.
     poses
         (N) poses of the TCP that the model predicts, base frame.
     name
-        The instrument.
+        Name of the instrument.
     ids
-        By name, (N,) ids of stations, planes, sockets and targets.
+        By name of a column of ids (``station``, ``plane``, ``socket``, ``target``): (N,) ids.
     given
-        The commands; errors name their file and line.
+        The commands, whose file and line an error names; None where they were not read from a file.
+
+    Returns
+    -------
+    columns
+        By name, (N,) numbers, m or rad; quaternions without unit.
 
     Raises
     ------
     ModelError
-        If there is no such instrument, or it lacks an id.
+        If there is no such instrument, or an id is missing or unknown.
     """
     fitted = instrument_of(model, name)
     kind = BUILT_IN.get(fitted.table.kind)
@@ -85,9 +92,10 @@ def predicted_readings(
 
 
 def as_seen(model: Model) -> tuple[Model, str | None]:
-    """The model whose poses a prediction writes, and the tracker that reads them.
+    """The model whose poses ``gtpin predict`` writes, and the name of the tracker that reads them.
 
-    Without a tracker these are the poses of the TCP in the base frame without effects of the frame.
+    The name is None where the model has one tracker that was not named (schema 1), or none. A model with other instruments but
+    no tracker predicts the TCP in the base frame, without effects at the site ``frame``.
     """
     trackers = [one.name for one in model.instruments if one.table.kind == "tracker"]
     if not model.instruments or trackers:

@@ -18,7 +18,8 @@ Floats = npt.NDArray[np.float64]
 class Range(Instrument):
     """Distance from a station's centre s to the target p, plus the station's offset o: z = |p - s| + o, m.
 
-    Unknown: each station's centre (prior ``station_sigma`` per axis) and offset (``offset_sigma``), and targets.
+    Unknown, in brackets the standard deviation of the prior: each station's centre (``station_sigma`` per axis) and offset
+    (``offset_sigma``), and the targets (``target_sigma``).
     """
 
     kind, Table = "range", RangeTable
@@ -52,11 +53,11 @@ class Range(Instrument):
             raise RowError(int(bad[0]), f"{value:.6g} can't be", "range", "a range is a distance in m, above 0")
 
     def measured(self) -> Floats:
-        """(M, 1) ranges, m."""
+        """(M, 1) measured ranges, m."""
         return self.read.numbers["range"][:, None]
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1) ranges, m; see :meth:`Instrument.predicted`."""
+        """(M, 1) predicted ranges, m; see :meth:`Instrument.predicted`."""
         away = self.away(poses, u)
         return np.asarray(np.linalg.norm(away, axis=1)[:, None] + self._offset(u))
 
@@ -65,11 +66,11 @@ class Range(Instrument):
         return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, 6): the line of sight, times the motion of the target."""
+        """(M, 1, 6) derivative by the TCP's pose: unit vector from station to target, times the motion of the target."""
         return self._sight(poses, u)[:, None] @ self.targets.by_pose(poses, self._split(u)[0])
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, k): by targets and centres along the line of sight, by offsets 1."""
+        """(M, 1, k) derivative by the targets and the stations' centres, along the line of sight, then by the offsets: 1."""
         sight = self._sight(poses, u)
         of_targets = sight[:, None] @ self.targets.by_unknown(poses)
         of_centres = np.zeros((len(poses), 1, self._n_centres))

@@ -30,18 +30,19 @@ VAGUE = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """N rows of c numbers each, what the instruments read at commands q (N, n).
+    """What all instruments read at N commands: N rows with c numbers each.
 
     Parameters
     ----------
     q
-        Commands, m or rad.
+        (N, n) commands, m or rad.
     rows
-        The rows. Where instruments read different numbers of numbers, each row stands for one of them, and c is 1.
+        The rows. Where the instruments' readings have different numbers of components, each row is one component, and c = 1.
     robot
         The nominal robot.
     u
-        (k,) deviations of all unknowns from their declared values, about which ``minus`` and the derivatives are taken.
+        (k,) deviations of all instruments' unknowns from their declared values, m or rad. Residuals and derivatives are at
+        these values.
     """
 
     q: Floats
@@ -51,12 +52,14 @@ class Readings:
 
     @staticmethod
     def of(dataset: Dataset, robot: Robot, u: Floats | None = None) -> Readings:
-        """The readings of a dataset whose rows are :func:`single`.
+        """The readings of a dataset that :func:`single` has returned.
+
+        ``u``: (k,) deviations of the unknowns; None: zeros.
 
         Raises
         ------
         DatasetError
-            For readings that can't be.
+            For impossible readings.
         """
         rows = dataset.readings
         assert rows is not None
@@ -64,21 +67,21 @@ class Readings:
         return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> Readings:
-        """Some of the rows."""
+        """The rows that a mask, indices or a slice select."""
         return replace(self, q=self.q[rows], rows=self.rows.take(rows))  # type: ignore[arg-type]
 
     def at(self, u: Floats) -> Readings:
-        """The same readings with other unknowns."""
+        """The same readings with other values (k,) of the unknowns' deviations."""
         return replace(self, u=u)
 
     @cached_property
     def instruments(self) -> tuple[Instrument, ...]:
-        """The instruments, each with its own rows."""
+        """The instruments in the order of dataset.toml, each with its own rows."""
         return instruments_of(self.rows, self.robot)
 
     @cached_property
     def components(self) -> int:
-        """Numbers of a row."""
+        """The number c of components of a row."""
         if (self.rows.component >= 0).any():
             return 1
         return max(len(one.components) for one in self.instruments)
@@ -95,7 +98,7 @@ class Readings:
 
     @cached_property
     def group(self) -> npt.NDArray[np.intp]:
-        """(N, c) index of each number's sigma among those of all instruments."""
+        """(N, c) index of each number's noise sigma, counted over all instruments."""
         first = self._first_groups
         return self._each(
             lambda i, one: np.broadcast_to(
@@ -105,21 +108,21 @@ class Readings:
 
     @property
     def alike(self) -> list[Indices]:
-        """Rows whose residuals are judged by each other: those of an instrument, and where a row is one number, of one sigma.
+        """Indices of rows whose residuals are compared with each other: of one instrument; where c = 1, of one sigma.
 
-        A rough guess may be off in position by much more, in sigmas, than in orientation.
+        Before a fit, residuals of positions may be many more sigmas than those of orientations.
         """
         first = self.group[:, 0]
         return [np.flatnonzero(first == group) for group in np.unique(first)]
 
     @cached_property
     def declared(self) -> tuple[float | None, ...]:
-        """Declared sigma of each group; None where it is to be estimated."""
+        """Declared sigma of each of the G groups, m or rad; None where it is to be estimated."""
         return tuple(sigma for one in self.instruments for sigma in one.declared)
 
     @cached_property
     def usual(self) -> Floats:
-        """(G,) declared sigmas, and where there is none the usual one at which an estimation starts."""
+        """(G,) declared sigmas, m or rad; where none is declared, the one at which its estimation starts."""
         found = []
         for one in self.instruments:
             for group, sigma in enumerate(one.declared):
@@ -128,7 +131,7 @@ class Readings:
 
     @cached_property
     def row_sigma(self) -> Floats:
-        """(N, c) sigmas that rows declare themselves; NaN where they do not."""
+        """(N, c) sigmas that the tables declare row by row, m or rad; NaN where there is none."""
 
         def own(_: int, one: Instrument) -> Floats:
             sigmas = one.row_sigmas()
@@ -138,7 +141,7 @@ class Readings:
 
     @cached_property
     def counted(self) -> Floats:
-        """(N, c) how many independent numbers each is."""
+        """(N, c) what each number counts in the degrees of freedom: see :meth:`Instrument.counted`."""
         return self._each(lambda _, one: one.counted())
 
     @cached_property
@@ -167,7 +170,7 @@ class Readings:
         return self._each(own)
 
     def by_unknown(self, poses: Poses) -> Floats:
-        """(N, c, k) derivative of the readings by the unknowns."""
+        """(N, c, k) derivative of the readings by the unknowns ``u``."""
 
         def own(i: int, one: Instrument) -> Floats:
             mine = one.by_unknown(poses[self._rows[i]], self.u[self._own[i]])
@@ -178,47 +181,56 @@ class Readings:
         return self._each(own)
 
     def left(self, _: Model, poses: Poses) -> Floats:
-        """(N, c) measured less what a model has at poses, base frame."""
+        """(N, c) measured less predicted at poses (N), base frame; as :meth:`minus`, without use of the model."""
         return self.minus(poses)
 
     def scatter(self, J: Floats, model: Model, poses: Poses) -> Floats:
-        """(N, c, n) derivative of the readings by the commands, J (N, 6 + k, n) being that of the poses, base frame."""
+        """(N, c, n) derivative of the readings by the commands; J (N, 6 + k, n) is that of the poses, base frame."""
         return self.seen(J, model, poses)
 
     def seen(self, J: Floats, _: Model, poses: Poses) -> Floats:
-        """(N, c, m) motions J (N, 6 + k, m) of the poses, base frame, and measured joints, as they are read."""
+        """(N, c, m) change of the readings by m motions J (N, 6 + k, m) of the poses, base frame, and of k measured joints."""
         return np.asarray(self.by_motion(poses) @ J)
 
     def unknown_columns(self, _: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
-        """(N, c, k) derivatives by the unknowns in prior sigmas, ``VAGUE`` where there is none; and 0: all have one then."""
+        """(N, c, k) derivatives by the unknowns in units of their prior sigmas; and 0, the number of unknowns without a prior.
+
+        An unknown without a prior gets one of the sigma ``VAGUE``.
+        """
         assert not free_frame
         assert pivot is None
         return self.by_unknown(poses) * np.where(np.isfinite(self.sigma), self.sigma, VAGUE), 0
 
     def at_trials(self, rows: npt.NDArray[np.intp], q: Floats, _: Poses) -> Readings:
-        """These readings, and others after them as ``rows`` are read: at all commands; what they would read is not known."""
+        """Readings at commands q, of which each is read as one of the present rows: ``rows`` are their indices.
+
+        Their measured numbers have no meaning: only derivatives are used.
+        """
         return replace(self.take(rows), q=q)
 
     def own(self, index: int) -> Floats:
-        """(k,) deviations of an instrument's unknowns, by its index."""
+        """Deviations of the unknowns of the instrument with the index ``index``."""
         return self.u[self._own[index]]
 
     @property
     def deviation(self) -> Floats:
-        """(k,) values of the unknowns in prior sigmas, 0 where there is none: those are where they were fitted."""
+        """(k,) deviations of the unknowns in units of their prior sigmas; 0 for an unknown without a prior."""
         return np.asarray(np.where(np.isfinite(self.sigma), self.u / self.sigma, 0.0))
 
     def taken(self, _: bool) -> int:
-        """Number of unknowns without a prior, which take as many numbers of the readings."""
+        """Number of unknowns without a prior: so many degrees of freedom they take."""
         return int((~np.isfinite(self.sigma)).sum())
 
     def start(self, nominal: Poses) -> Floats:
-        """(k,) first guess of the unknowns from nominal poses (N), base frame."""
+        """(k,) first guess of the unknowns' deviations from the poses (N) of the nominal robot, base frame."""
         parts = [one.start(nominal[self._rows[i]]) for i, one in enumerate(self.instruments)]
         return np.concatenate([np.zeros(0), *parts])
 
     def rms(self, index: int, values: Floats) -> float:
-        """Root mean square length of an instrument's errors (N, c): of positions that of vectors, of ranges that of numbers."""
+        """Root mean square of one instrument's errors, m or rad; for positions that of the vector's length.
+
+        ``index``: the instrument's. ``values``: (N, c) errors of all rows.
+        """
         mine = self.rows.of == index
         some = values[mine][self.shown[mine]]
         if not len(some):
@@ -267,12 +279,12 @@ class Readings:
 
 
 def instruments_of(rows: InstrumentRows, robot: Robot) -> tuple[Instrument, ...]:
-    """The instruments of some rows.
+    """The instruments of some rows, in the order of dataset.toml.
 
     Raises
     ------
     DatasetError
-        For readings that can't be, with their file and line.
+        For impossible readings, with file and line.
     """
     found = []
     for i, table in enumerate(rows.tables):
@@ -296,9 +308,10 @@ def instruments_of(rows: InstrumentRows, robot: Robot) -> tuple[Instrument, ...]
 
 
 def single(dataset: Dataset, robot: Robot) -> Dataset:
-    """The dataset with as many numbers in each row: a row for each number, where instruments read different numbers of them.
+    """The dataset with the same number of components in each row.
 
-    Rows keep their number in ``row``; those that were split share it.
+    Where instruments' readings differ in their number of components, each row is split into one row for each component. These
+    keep the line number of the original row in ``row``.
     """
     rows = dataset.readings
     if rows is None or (rows.component >= 0).any():

@@ -20,12 +20,13 @@ SHOWN = 10
 
 
 class Socket(Instrument):
-    """Position p of the target less the point s of its socket, which is zero, m; and known distances |s1 - s2| of sockets.
+    """Position p of the target less the point s of its socket, base frame: the reading is 0. Known distances |s1 - s2|, m.
 
-    A known distance is shared out over K rows, each with sigma * sqrt(K): together they say what one number says, and the fit
-    without some of the rows still knows nearly all of it.
+    A known distance between two sockets is assigned to K rows, each with the sigma of the distance times sqrt(K). Together they
+    carry the information of one number; a fit without some of these rows still has most of it.
 
-    Unknown: each point (prior ``socket_sigma`` about ``sockets``, where both are given), and targets.
+    Unknown: each socket's point (prior: mean ``sockets``, standard deviation ``socket_sigma``; none where one of them is not
+    given), and the targets (``target_sigma``).
     """
 
     kind, Table = "socket", SocketTable
@@ -87,22 +88,22 @@ class Socket(Instrument):
 
     @property
     def link(self) -> npt.NDArray[np.intp]:
-        """(M,) index of the distance that a row carries; -1 for none."""
+        """(M,) index in ``distances`` of the known distance that is assigned to a row; -1 for none."""
         return self._link
 
     def read_components(self) -> npt.NDArray[np.bool_]:
-        """(M, 4): x, y and z in all rows; the distance in those that carry one."""
+        """(M, 4) True for x, y and z in all rows, and for the distance in rows that have one."""
         own = np.ones((self.read.count, 4), dtype=bool)
         own[:, 3] = self._link >= 0
         return own
 
     @property
     def declared(self) -> tuple[float | None, ...]:
-        """Declared sigma per axis; those of distances are each row's."""
+        """Declared sigma per axis, m; and 1, which is not used: rows declare the sigma of a distance themselves."""
         return (self.table.sigma, 1.0)
 
     def row_sigmas(self) -> Floats | None:
-        """(M, 4) NaN, but for the sigmas of distances."""
+        """(M, 4) sigmas of distances, m, in rows that have one; all else is NaN."""
         sigmas = np.full((self.read.count, 4), np.nan)
         rows = self._link >= 0
         if rows.any():
@@ -111,7 +112,7 @@ class Socket(Instrument):
         return sigmas
 
     def counted(self) -> Floats:
-        """(M, 4) 1, but for distances, of which each is one number that its rows share."""
+        """(M, 4) 1, but 1 / K for a distance that is assigned to K rows."""
         counted = np.ones((self.read.count, 4))
         rows = self._link >= 0
         if rows.any():
@@ -119,7 +120,7 @@ class Socket(Instrument):
         return counted
 
     def measured(self) -> Floats:
-        """(M, 4) zeros, and known distances."""
+        """(M, 4) zeros for x, y and z, then the known distance (0 in rows without one), m."""
         values = np.zeros((self.read.count, 4))
         rows = self._link >= 0
         if rows.any():
@@ -127,7 +128,7 @@ class Socket(Instrument):
         return values
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 4) target less its socket's point, base frame, and the distance between points."""
+        """(M, 4) target less its socket's point, base frame, and the distance between two sockets' points, m."""
         t, points = self._split(u)
         found = np.zeros((len(poses), 4))
         found[:, :3] = self.targets.positions(poses, t) - points[self.socket]
@@ -140,13 +141,13 @@ class Socket(Instrument):
         return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 4, 6) motion of the target."""
+        """(M, 4, 6) derivative by the TCP's pose: motion of the target; 0 for the distance."""
         found = np.zeros((len(poses), 4, 6))
         found[:, :3] = self.targets.by_pose(poses, self._split(u)[0])
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 4, k) by targets and points."""
+        """(M, 4, k) derivative by the targets, then by the sockets' points."""
         _, points = self._split(u)
         k = self.targets.count
         found = np.zeros((len(poses), 4, len(u)))
@@ -163,7 +164,7 @@ class Socket(Instrument):
         return found
 
     def start(self, nominal: Poses) -> Floats:
-        """(k,) sockets where nominal targets are in the median; targets and points with a prior as declared."""
+        """(k,) first guess: a socket without a prior is at the median of its nominal targets; all else as declared."""
         u = np.zeros(len(self.unknowns))
         k = self.targets.count
         at = self.targets.positions(nominal, u[:k])
@@ -174,7 +175,7 @@ class Socket(Instrument):
         return u
 
     def at(self, u: Floats, name: str) -> Floats:
-        """(3,) where a socket is, base frame, m."""
+        """(3,) position of the socket ``name``, base frame, m."""
         return np.asarray(self._split(u)[1][self.names.index(name)])
 
     def _pairs(self) -> list[tuple[int, int]]:

@@ -16,12 +16,14 @@ AXES = ("x", "y", "z")
 
 
 def indices(read: Read, column: str, known: dict[str, object], what: str) -> npt.NDArray[np.intp]:
-    """(M,) index, among the ids that dataset.toml has, of each row's id; the only one if the column is missing.
+    """(M,) index of each row's id among the ids ``known``; 0 if the column is missing and there is one id only.
+
+    ``what``: what the ids are of, for messages (``station``).
 
     Raises
     ------
     DatasetError
-        For an id that dataset.toml does not have, or none where it has several.
+        For an id that is not in ``known``, or if the column is missing and there are several ids.
     """
     if not read.count:
         return np.zeros(0, dtype=np.intp)
@@ -47,14 +49,14 @@ def indices(read: Read, column: str, known: dict[str, object], what: str) -> npt
 
 
 class Targets:
-    """Targets of an instrument's rows.
+    """The targets of an instrument's M rows.
 
     Parameters
     ----------
     table, read
-        The instrument's.
+        The instrument's table in dataset.toml, and its rows.
     free
-        Whether they have no prior.
+        True: the targets' coordinates have no prior. False: the standard deviation of their priors is ``table.target_sigma``.
     """
 
     def __init__(self, table: InstrumentTable, read: Read, *, free: bool = False) -> None:
@@ -75,23 +77,23 @@ class Targets:
         return len(self.unknowns)
 
     def lever(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3) from the TCP to the targets, base frame, m; u (count,) their deviations."""
+        """(M, 3) vectors from the TCP to the targets, base frame, m; u (count,): the targets less what is declared, m."""
         at = self.declared + (u.reshape(-1, 3) if self.count else 0.0)
         return np.asarray(np.einsum("nij,nj->ni", poses.R, at[self.of]))
 
     def positions(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3) positions, base frame, m."""
+        """(M, 3) positions of the targets, base frame, m; u as for :meth:`lever`."""
         return poses.T + self.lever(poses, u)
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3, 6) derivative of the positions by a shift and a turn of the platform."""
+        """(M, 3, 6) derivative of the positions by the TCP's position (m) and rotation vector (rad), base frame."""
         moved = np.zeros((len(poses), 3, 6))
         moved[:, :, :3] = np.eye(3)
         moved[:, :, 3:] = -skew(self.lever(poses, u))
         return moved
 
     def by_unknown(self, poses: Poses) -> Floats:
-        """(M, 3, count) derivative of the positions by the targets' deviations."""
+        """(M, 3, count) derivative of the positions by the deviations u of the targets."""
         found = np.zeros((len(poses), 3, self.count))
         if self.count:
             for i in range(len(self.declared)):

@@ -21,10 +21,10 @@ MOST = 1.05
 
 
 class Tilt(Instrument):
-    """x and y of S' up, with ``up`` the unit vector against gravity and S = R exp(m) the sensor's orientation.
+    """x and y component of S' up, with up the unit vector against gravity and S = R exp(m) the sensor's orientation.
 
-    They are angles, rad, as long as these are small. R is the platform's orientation. Unknown: the sensor's mounting m on the
-    platform, TCP frame (prior ``mount_sigma``).
+    Small components are angles in rad. R is the rotation from the TCP frame to the base frame. Unknown: the rotation vector m
+    of the sensor's mounting on the platform, TCP frame, rad (standard deviation of its prior: ``mount_sigma``).
     """
 
     kind, Table = "tilt", TiltTable
@@ -37,7 +37,7 @@ class Tilt(Instrument):
         return [Unknown(f"{self.table.name}.mount.{axis}", "rad", 0.0, self.table.mount_sigma) for axis in TURNS]
 
     def check(self) -> None:
-        """Raise for tilts that are no components of a unit vector."""
+        """Raise `RowError` for tilts that can't be components of a unit vector."""
         size = np.hypot(self.read.numbers["tilt_x"], self.read.numbers["tilt_y"])
         bad = np.flatnonzero(size > MOST)
         if len(bad):
@@ -45,22 +45,22 @@ class Tilt(Instrument):
             raise RowError(int(bad[0]), f"tilts of {size[bad[0]]:.4g} together can't be", "tilt_x tilt_y", hint)
 
     def measured(self) -> Floats:
-        """(M, 2) tilts."""
+        """(M, 2) measured tilts."""
         return np.column_stack([self.read.numbers["tilt_x"], self.read.numbers["tilt_y"]])
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 2) tilts."""
+        """(M, 2) predicted tilts."""
         return np.asarray((np.swapaxes(poses.R, 1, 2) @ self.up) @ self._mount(u))[:, :2]
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 2, 6) turns alone matter: the vector against gravity turns the other way in the sensor."""
+        """(M, 2, 6) derivative by the TCP's pose; 0 for its position."""
         found = np.zeros((len(poses), 2, 6))
         turned = np.swapaxes(poses.R, 1, 2) @ skew(self.up)
         found[:, :, 3:] = (self._mount(u).T @ turned)[:, :2]
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 2, 3) by the mounting."""
+        """(M, 2, k) derivative by the mounting's rotation vector; k = 0 where the mounting is exact."""
         if not len(u):
             return np.zeros((len(poses), 2, 0))
         seen = np.swapaxes(poses.R, 1, 2) @ self.up

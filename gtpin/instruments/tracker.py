@@ -22,9 +22,11 @@ TURNS = ("rx", "ry", "rz")
 
 
 class Tracker(Instrument):
-    """Position F p + f of a target p, and the orientation F R of the platform, in the instrument's frame (F, f).
+    """Position F p + f of a target p, and where measured its orientation F R, in the instrument's frame.
 
-    A camera or motion capture is one with its own sigmas. Unknown: the frame if it is free, with no prior; targets.
+    p and R: the target's position and the platform's orientation in the base frame; F, f: the base frame in the instrument's
+    frame. Cameras and motion capture are trackers too. Unknown: F and f for ``frame = "free"``, without a prior; the targets
+    (``target_sigma``); for ``target = "free"`` also the target's orientation on the platform, both without a prior.
     """
 
     kind, Table = "tracker", TrackerTable
@@ -58,23 +60,23 @@ class Tracker(Instrument):
 
     @property
     def declared(self) -> tuple[float | None, ...]:
-        """Declared sigmas of the position and of the orientation."""
+        """Declared sigma of the position, m, and where it is measured of the orientation, rad; None if to be estimated."""
         both = (self.table.position_sigma or self.table.sigma, self.table.orientation_sigma)
         return both if self.turned else both[:1]
 
     def row_sigmas(self) -> Floats | None:
-        """(M, c) sigmas along the instrument's own axes, where the table has them."""
+        """(M, c) sigmas along the axes of the instrument's frame, m and rad, if the table has such columns; else None."""
         names = SIGMAS[: len(self.components)]
         if not all(name in self.read.numbers and np.isfinite(self.read.numbers[name]).all() for name in names):
             return None
         return np.column_stack([self.read.numbers[name] for name in names])
 
     def measured(self) -> Floats:
-        """(M, c) positions, m; the orientation is in :meth:`minus`."""
+        """(M, c) measured positions, m, and zeros for the orientation: :meth:`predicted` has its residual."""
         return np.hstack([self._T, np.zeros((len(self._T), len(self.components) - 3))])
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c) position, m, and the rotation vector, rad, of the predicted less the measured orientation."""
+        """(M, c) in the instrument's frame: position, m, and rotation vector, rad, of the predicted less measured orientation."""
         t, mount, shift, turn = self._split(u)
         F = exp(turn)
         positions = self.targets.positions(poses, t) @ F.T + shift
@@ -84,7 +86,7 @@ class Tracker(Instrument):
         return np.hstack([positions, -log(self._R @ np.swapaxes(R, 1, 2))])
 
     def orientations(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3, 3) orientations that would be read, instrument's frame."""
+        """(M, 3, 3) orientations of the targets that would be read, instrument's frame."""
         _, mount, _, turn = self._split(u)
         return np.asarray(exp(turn) @ poses.R @ self._mounted(mount))
 
@@ -93,7 +95,7 @@ class Tracker(Instrument):
         return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c, 6) derivative by the platform's motion, turned to the instrument's frame."""
+        """(M, c, 6) derivative, in the instrument's frame, by the TCP's position (m) and rotation vector (rad), base frame."""
         t, _, _, turn = self._split(u)
         F = exp(turn)
         moved = F @ self.targets.by_pose(poses, t)
@@ -104,7 +106,7 @@ class Tracker(Instrument):
         return np.concatenate([moved, turned], axis=1)
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c, k) by targets, their orientations, and the frame."""
+        """(M, c, k) derivative by the targets, their orientations on the platform, and the frame."""
         t, mount, _, turn = self._split(u)
         F = exp(turn)
         found = np.zeros((len(poses), len(self.components), len(u)))
@@ -124,7 +126,7 @@ class Tracker(Instrument):
         return found
 
     def start(self, nominal: Poses) -> Floats:
-        """(k,) the frame by the best fit of nominal and measured poses; zeros where it is the base frame."""
+        """(k,) first guess: a free frame by least squares between nominal and measured poses; all else 0."""
         u = np.zeros(len(self.unknowns))
         if self.table.frame == "free":
             at = Poses(self.targets.positions(nominal, u[: self.targets.count]), nominal.R)

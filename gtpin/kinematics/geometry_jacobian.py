@@ -20,20 +20,21 @@ Floats = npt.NDArray[np.float64]
 def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
     """(6, p) derivative of the TCP's pose by geometric parameters: position (m) and rotation vector (rad), base frame.
 
-    A parameter moves joint placements or loop anchors. The motion of the TCP along the tree is from Pinocchio's
-    ``computeJointKinematicRegressor``. The change of the passive coordinates that closes the loops again is added to it.
+    A parameter displaces joints or loop anchors. Pinocchio's ``computeJointKinematicRegressor`` gives the motion of the TCP
+    with all joint coordinates held. To it is added the motion by the passive coordinates, which close the loops again.
 
     Parameters
     ----------
     posture
         A posture of the robot whose URDF has this geometry.
     geometry
-        Parameters of that robot, all at nominal where the robot has rods.
+        Its p parameters. For a robot with rods their values must be nominal.
 
     Raises
     ------
     ModelError
-        If the geometry is not that of the posture's robot.
+        If the geometry is not that of the posture's robot, or has shared rod lengths or measured tracks, which a URDF can't
+        have.
 
     Examples
     --------
@@ -178,7 +179,8 @@ def _direction(posture: ClosedPosture, regressors: Regressors, geometry: Geometr
 def _seat_position(posture: ClosedPosture, constraint: object, rod_end: int) -> Floats:
     data = posture.robot.data
     if rod_end == 0:
-        return np.asarray((data.oMi[constraint.joint2_id] * constraint.joint2_placement).translation)  # type: ignore[attr-defined]
+        return np.asarray((data.oMi[constraint.joint2_id] * constraint.joint2_placement).translation)  # type:
+        ignore[attr - defined]
     return np.asarray((data.oMi[constraint.joint1_id] * constraint.joint1_placement).translation)  # type: ignore[attr-defined]
 
 

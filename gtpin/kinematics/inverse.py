@@ -26,12 +26,17 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
     Parameters
     ----------
     posture
-        Where to start; the assembly mode is kept.
+        The posture to start from; its assembly mode is kept.
     T
         (3,) wanted position, base frame, m.
     R
-        (3, 3) wanted rotation from the TCP frame to the base frame. Left out, the orientation is free; a robot with three
-        actuators, such as the Gantry-Tau, can't reach a wanted rotation.
+        (3, 3) wanted rotation from the TCP frame to the base frame; None: the orientation is free. With three actuators, as
+        the Gantry-Tau has, a wanted rotation can't be reached.
+
+    Returns
+    -------
+    posture
+        With the TCP at T (and R).
 
     Raises
     ------
@@ -87,23 +92,23 @@ def commands_for(
     Parameters
     ----------
     kinematics
-        Of a model: ``model.kinematics``.
+        The kinematics to invert: ``model.kinematics``. Effects of the model are not in it.
     T
-        (N, 3) wanted positions, base frame, m.
+        (N, 3) wanted positions of the TCP, base frame, m.
     R
-        (N, 3, 3) wanted rotations, or None where the orientation is free.
+        (N, 3, 3) wanted rotations from the TCP frame to the base frame; None: the orientation is free.
     start
-        (N, n) commands to start from; home by default.
+        (N, n) commands to start from, m or rad; home by default.
 
     Returns
     -------
     q, poses
-        (N, n) commands and the (N) poses there; NaN where the TCP can't be brought there.
+        (N, n) commands, m or rad, and the (N) poses at them, base frame; both NaN where Newton's method does not get there.
 
     Raises
     ------
     ModelError
-        If T, R or ``start`` is not of that shape.
+        If T, R or ``start`` does not have this shape.
 
     Examples
     --------

@@ -19,28 +19,31 @@ Solver = Literal["arrays", "pinocchio"]
 
 
 class Kinematics(Protocol):
-    """What both kinds can do. All poses and derivatives are in the base frame.
+    """Kinematics of one geometry for many commands. All poses and derivatives are in the base frame.
 
-    Derivatives have six rows, of the TCP's position (m) and rotation vector (rad), then one for the coordinate (rad or m)
-    of each of the k measured joints of the robot: by default there are none. Poses have these coordinates under ``joints``.
+    Derivatives have six rows, for the TCP's position (m) and rotation vector (rad), then one row for the coordinate (rad or m)
+    of each of the robot's k measured joints (by default k = 0). Poses have these coordinates under ``joints``.
     """
 
     @property
     def geometry(self) -> Geometry:
-        """The geometry that it is of."""
+        """The geometry whose kinematics these are."""
 
     @property
     def home(self) -> Poses:
         """(1) pose at the home commands, base frame."""
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
-        """Poses at commands q (N, n); NaN where the loops can't be closed."""
+        """Poses (N) at commands q (N, n), m or rad; NaN where the loops can't be closed.
+
+        ``start``: poses (N) near the wanted ones, from which the solver starts; None: it finds a start itself.
+        """
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + k, n) derivative by the commands."""
+        """(N, 6 + k, n) derivative of ``poses``, those at commands q (N, n), by the commands."""
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + k, p) derivative by the parameters."""
+        """(N, 6 + k, p) derivative of ``poses``, those at commands q (N, n), by the parameters of the geometry."""
 
 
 def kinematics(geometry: Geometry, solver: Solver = "arrays") -> Kinematics:
@@ -49,8 +52,8 @@ def kinematics(geometry: Geometry, solver: Solver = "arrays") -> Kinematics:
     Parameters
     ----------
     solver
-        Of robots with rods: ``arrays``, all poses at once, or ``pinocchio``, pose by pose and slower, with the same results.
-        Robots without rods have Pinocchio alone.
+        For robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose, slower, with the same
+        results. For robots without rods Pinocchio is used in both cases.
 
     Raises
     ------

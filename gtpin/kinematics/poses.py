@@ -23,17 +23,16 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class Poses(Shown):
-    """Positions T (N, 3), m, of the TCP, and rotations R (N, 3, 3) from the TCP frame to the frame of T.
+    """N poses of the TCP: positions and rotations in one frame, the base frame or the instrument's frame.
 
-    The function that returns the poses states this frame: the base frame or the instrument's frame. All numbers of a pose
-    that could not be computed are NaN.
+    The function that returns the poses states this frame. All numbers of a pose that could not be computed are NaN.
 
     Parameters
     ----------
     T, R
-        Positions and rotations.
+        (N, 3) positions of the TCP, m, and (N, 3, 3) rotations from the TCP frame to this frame.
     joints
-        By name, (N,) coordinates, rad or m, of the robot's measured joints at these poses: see
+        By name, (N,) coordinates, rad or m, of the robot's measured joints at these poses; empty where it has none: see
         :meth:`~gtpin.robot.robot.Robot.measuring`.
 
     Examples
@@ -53,7 +52,7 @@ class Poses(Shown):
 
     @staticmethod
     def unknown(count: int, joints: Iterable[str] = ()) -> Poses:
-        """``count`` poses that are to be computed, NaN, with coordinates of some joints."""
+        """``count`` poses whose numbers are all NaN, to be filled in; ``joints`` names the measured joints."""
         coordinates = {name: np.full(count, np.nan) for name in joints}
         return Poses(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan), coordinates)
 
@@ -61,10 +60,11 @@ class Poses(Shown):
         return len(self.T)
 
     def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> Poses:
+        """The poses that a mask, indices or a slice select."""
         return Poses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()})
 
     def followed_by(self, others: Poses) -> Poses:
-        """These poses, then others after them."""
+        """These poses, followed by the poses ``others``."""
         joints = {name: np.concatenate([x, others.joints[name]]) for name, x in self.joints.items()}
         return Poses(np.vstack([self.T, others.T]), np.concatenate([self.R, others.R]), joints)
 
@@ -83,14 +83,14 @@ class Poses(Shown):
     def moved(self, T: Floats, R: Floats) -> Poses:
         """The same poses in another frame, in which the present frame has the position T (3,), m, and the rotation R (3, 3).
 
-        A position p becomes R p + T.
+        A position p becomes R p + T, and a rotation Q becomes R Q.
         """
         return replace(self, T=self.T @ R.T + T, R=R @ self.R)
 
     def minus(self, other: Poses) -> Floats:
-        """(N, 6) these poses less other poses: position, m, and rotation vector, rad, both in the frame of the poses.
+        """(N, 6) these poses less the N poses ``other``: position (m) and rotation vector (rad), in the frame of the poses.
 
-        NaN where one of the two poses could not be computed.
+        Both must be in the same frame. NaN where one of the two poses could not be computed.
         """
         difference = np.full((len(self), 6), np.nan)
         for rows in chunks(len(self)):
@@ -111,7 +111,7 @@ class Poses(Shown):
             table.to_csv(new, index=False, lineterminator="\n")
 
     def plot_workspace(self, view: str = "xy") -> Figure:
-        """A plot of the positions in the plane of two axes, m: ``xy``, ``xz`` or ``yz``."""
+        """Plot the positions, m, in a plane of their frame: ``xy``, ``xz`` or ``yz``."""
         from gtpin.report.show.positions import position_map
 
         return position_map(self.T, range(1, len(self) + 1), view, "Positions of the TCP")

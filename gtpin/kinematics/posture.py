@@ -26,23 +26,25 @@ SINGULAR = 1e3
 
 
 class ClosedPosture:
-    """A posture of a robot with its loops closed. It exists only where they are.
+    """A posture of a robot: commands and a Pinocchio configuration at which all loops are closed. It can't be changed.
 
-    Get one from :func:`home`, move it by :meth:`moved_to`. Nothing in it can be written to.
+    :func:`home` gives the first one, :meth:`moved_to` others.
 
     Parameters
     ----------
     robot
+        The robot.
     q
-        (n,) commands. A continuous joint's may go round and round: its configuration does not tell how often.
+        (n,) commands, m or rad. Of a continuous joint, q may be more than one turn; the configuration does not count turns.
     configuration
-        Pinocchio configuration at which the loops close.
+        (nq,) Pinocchio configuration at which the loops are closed.
     jacobian
-        (m, nv) constraint Jacobian there or within a Newton step of it: enough to tell the assembly mode and to look ahead.
+        (m, nv) constraint Jacobian (not the property :attr:`jacobian`) at this configuration or within a Newton step of it. It
+        identifies the assembly mode and predicts the next posture.
     reference
-        The home posture, whose assembly mode this one shares; None for the home posture itself.
+        The home posture, whose assembly mode this posture has; None for the home posture itself.
     steps
-        Newton steps that the last solve took.
+        Number of Newton steps that closed the loops.
 
     Examples
     --------
@@ -114,15 +116,18 @@ class ClosedPosture:
 
     @cached_property
     def constraint_jacobian(self) -> Floats:
-        """(m, nv) derivative of the loops' gaps (m, in each first anchor's frame) by Pinocchio velocities."""
+        """(m, nv) derivative of the m loop equations by Pinocchio velocities.
+
+        A loop equation is a component of the gap between a loop's two anchors, in metres, in the frame of the first anchor.
+        """
         self.refresh()
         return _frozen(newton.constraint_jacobian(self.robot))
 
     @cached_property
     def tcp_jacobian(self) -> Floats:
-        """(6, nv) derivative of the TCP by Pinocchio velocities: position and rotation vector, base frame.
+        """(6, nv) derivative of the TCP by Pinocchio velocities: position (m) and rotation vector (rad), base frame.
 
-        The columns of a joint that others follow are those of all of them.
+        The column of a joint that other joints follow (``<mimic>``) includes the motion of these joints.
         """
         data = self.refresh()
         frame = pin.getFrameJacobian(
@@ -132,7 +137,7 @@ class ClosedPosture:
 
     @cached_property
     def passive_response(self) -> Floats:
-        """(6, m) motion of the TCP that closes a unit gap of each loop equation, the actuators held; base frame."""
+        """(6, m) motion of the TCP, m and rad, base frame, that closes a gap of 1 m in each loop equation, actuators at rest."""
         return _frozen(-self.tcp_jacobian[:, self.robot.passive] @ self.passive_inverse)
 
     @cached_property
@@ -143,7 +148,7 @@ class ClosedPosture:
 
     @cached_property
     def passive_inverse(self) -> Floats:
-        """(p, m) inverse of the constraint Jacobian's passive columns."""
+        """(n_passive, m) inverse of the constraint Jacobian's passive columns; the pseudoinverse if they are not square."""
         return _frozen(newton.Passive(self.constraint_jacobian[:, self.robot.passive]).inverse)
 
     @cached_property
@@ -152,13 +157,14 @@ class ClosedPosture:
 
     @property
     def amplification(self) -> float:
-        """Motion of the passive coordinates by unit gaps, to within a Newton step: infinite at a singularity."""
+        """Frobenius norm of :attr:`passive_inverse`, to within a Newton step: infinite at a singularity."""
         return self._passive.amplification
 
     def moved_to(self, q: npt.ArrayLike) -> ClosedPosture:
         """Move the actuators to ``q`` along the straight line of commands, and close the loops there.
 
-        The line is divided into steps, so short that Newton's method converges from each to the next in the same assembly mode.
+        The line is divided into steps so short that Newton's method converges from each step to the next in the same assembly
+        mode.
 
         Parameters
         ----------
@@ -168,11 +174,11 @@ class ClosedPosture:
         Raises
         ------
         UnreachableError
-            If the loops can't be closed at some point of the line; the message says up to which commands they can.
+            If the loops can't be closed at some point of the line; the message gives the last commands at which they close.
         SingularityError
             If the line comes too near a singularity.
         AssemblyModeError
-            If the posture that was reached belongs to another assembly mode.
+            If the loops close in another assembly mode only.
         """
         robot = self.robot
         target = _commands(robot, q)
@@ -219,14 +225,14 @@ class ClosedPosture:
 
 
 def home(robot: Robot) -> ClosedPosture:
-    """Close a robot's loops at its home, which fixes the assembly mode.
+    """The home posture: the loops closed at the home commands. It selects the assembly mode.
 
     Raises
     ------
     UnreachableError
-        If the loops don't close there.
+        If the loops don't close at these commands.
     AssemblyModeError
-        If they close somewhere else than the robot's URDF says.
+        If the TCP's pose is more than 0.1 m or 0.2 rad from the one that the URDF's ``<home>`` gives.
 
     Examples
     --------

@@ -21,16 +21,16 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StaticForces:
-    """What holds a posture still.
+    """The forces that hold a robot at rest at a posture.
 
     Parameters
     ----------
     loops
-        (m, 3) force of the second anchor's body on the first's through each loop, base frame, N.
+        (number of loops, 3) force of the second anchor's body on the first anchor's body in each loop, base frame, N.
     rods
-        (k,) axial force at each rod's middle, N, tension positive.
+        (k,) axial force at each rod's middle, N, tension positive; k = 0 for a robot without rods.
     actuators
-        (n,) force (N) or torque (N m) that each actuator must bring up, in the sense of its command.
+        (n,) force (N) or torque (N m) that each actuator must apply, positive in the direction of its command.
     """
 
     loops: Floats
@@ -46,15 +46,18 @@ def static_forces(
 ) -> StaticForces:
     """Static forces by Pinocchio: gravity of all bodies, a force and moment on the tool, and a payload.
 
-    The passive coordinates' balance J' lambda = g - J_tcp' w gives the loops' forces, the driven ones' the actuators'. A planar
-    loop holds no force across its plane.
+    The balance of the passive coordinates, J' lambda = g - J_tcp' w, gives the forces lambda in the loops, with J the
+    constraint Jacobian, g the generalized gravity, J_tcp the Jacobian of the TCP and w force and moment on it. The balance of
+    the driven coordinates then gives the actuators' forces. A planar loop holds no force across its plane.
 
     Parameters
     ----------
+    posture
+        Where the robot is at rest.
     force, moment
-        (3,) on the tool at the TCP, base frame, N and N m.
+        (3,) force, N, and moment, N m, on the tool at the TCP, base frame; zero by default.
     payload
-        Mass held at the TCP, kg.
+        Mass held at the TCP, kg; zero by default.
 
     Raises
     ------
@@ -157,26 +160,30 @@ def rod_forces(
     force: Floats | None = None,
     payload: Floats | None = None,
 ) -> Floats:
-    """Axial forces at the middle of the rods for many poses: J' f = w over the closures, in arrays.
+    """Axial forces f at the middle of the k rods for many poses, from the platform's balance J' f = w.
+
+    J is the derivative of the closures by the platform's pose, w the wrench on the platform.
 
     Parameters
     ----------
+    kinematics
+        ``model.kinematics`` of a robot with rods.
     q, poses
-        (N, n) commands and the (N) poses there, base frame.
+        (N, n) commands, m or rad, and the (N) poses at them, base frame.
     force
-        (N, 3) force on the tool at the TCP, base frame, N.
+        (N, 3) force on the tool at the TCP, base frame, N; None: zero.
     payload
-        (N,) mass held at the TCP, kg.
+        (N,) mass held at the TCP, kg; None: zero.
 
     Returns
     -------
     forces
-        (N, k) N, tension positive.
+        (N, k) axial forces, N, tension positive.
 
     Raises
     ------
     SingularityError
-        If rods can't hold a platform at some pose.
+        If the rods can't hold the platform at some pose: J is singular.
 
     Examples
     --------

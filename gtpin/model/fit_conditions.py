@@ -21,12 +21,12 @@ class FitConditions:
     Parameters
     ----------
     position_sigma, orientation_sigma
-        The instrument's, per axis, m and rad, declared or estimated.
+        Noise of the instrument, per axis, m and rad, declared or estimated.
     drives
-        Of every actuator, m or rad: repeatability, and what the model lacks along the motions of single drives.
+        Noise of every actuator, m or rad: repeatability, and errors along its motion that the model does not explain.
     misfit
-        Largest ratio of the residuals to this noise that the fit allows: sqrt(chi-square per degree of freedom), one standard
-        deviation up, and 1 at least. A small scatter of the drives may not show in a fit, but adds to the noise of a check.
+        Ratio of the residuals to this noise, sqrt(chi-square per degree of freedom), plus one standard deviation and at least
+        1. A check multiplies its noise by it.
     temp_frame, temp_link
         Mean temperatures, degC; None where they were not recorded.
     """

@@ -15,13 +15,14 @@ class FittedInstrument:
     Parameters
     ----------
     table
-        What dataset.toml says of it.
+        Its ``[[instrument]]`` section of dataset.toml.
     columns
-        Columns of numbers that its table had: an orientation is predicted where it was measured.
+        Names of the columns of numbers in its table of rows. They say what is predicted: an orientation only where it was
+        measured.
     known
-        By name, the ids that columns of ids had.
+        By name of a column of ids (``station``, ``target``, ...): the ids in it.
     unknowns
-        By name, the deviation of each unknown from what is declared, m or rad.
+        By name, the identified value of each unknown less its declared value, m or rad.
     """
 
     table: InstrumentTable

@@ -61,14 +61,15 @@ class Model:
     effects
         Effects that the geometry does not describe, with their coefficients.
     covariance
-        (p, p) of the geometry's parameters, m, rad and m/m, if they were identified; None if they are nominal.
+        (p, p) posterior covariance of the geometry's parameters, m, rad and m/m; None if they are nominal.
     solver
         Solver of the loop closures of a robot with rods: see :func:`~gtpin.kinematics.kinematics.kinematics`.
     instruments
-        The instruments of a dataset of schema 2, with the values of their unknowns. With them, ``frame`` is the base frame.
+        The instruments of a dataset of schema 2, with the values of their unknowns; empty for one tracker. With such
+        instruments, ``frame`` keeps its default, and predictions are in the base frame.
     joint_covariance
-        (p + m, p + m) of the geometry's parameters and of all effects' m coefficients after them, in the order of ``effects``;
-        None where it is not known, or there are no effects.
+        (p + m, p + m) posterior covariance of the p parameters of the geometry, then the m coefficients of all effects in the
+        order of ``effects``. None where it is not known, or there are no effects.
     fit
         Noise and temperatures of the poses that the model was fitted to; None where they are not known.
 
@@ -101,7 +102,7 @@ class Model:
 
     @cached_property
     def kinematics(self) -> Kinematics:
-        """The kinematics of its geometry, in the base frame."""
+        """The kinematics of the model's geometry, without effects, in the base frame."""
         return kinematics(self.geometry, self.solver)
 
     def predict(self, q: npt.ArrayLike, covariates: Mapping[str, Column] | None = None) -> Poses:
@@ -109,9 +110,11 @@ class Model:
 
         Parameters
         ----------
+        q
+            (N, n) commands, m or rad.
         covariates
-            By name, (N,) each: the covariates on which the effects depend. A session that was not in the effects' fit gets
-            their mean shift, with a warning.
+            By name, (N,) each: the covariates on which the effects depend; None where they depend on none. For a session that
+            was not in the fit, an effect of sessions takes the mean over the fitted sessions, with a warning.
 
         Returns
         -------
@@ -131,7 +134,7 @@ class Model:
         return self.seen(with_effects(kinematics, commands, known, self.effects))
 
     def without(self, names: Collection[str]) -> Model:
-        """The model without effects of some names (``effect@site``)."""
+        """The model without the effects whose names (``effect@site``) are in ``names``; unknown names are ignored."""
         kept = [active.name not in names for active in self.effects]
         sizes = [len(self.geometry.parameters), *(len(active.coefficients) for active in self.effects)]
         joint = self.joint_covariance
@@ -144,9 +147,9 @@ class Model:
     def sample(self, n: int, rng: np.random.Generator) -> tuple[Model, ...]:
         """Models drawn from the posterior: machines that the data of the fit allow.
 
-        Geometry and coefficients of the effects are drawn from a normal distribution with ``joint_covariance``; without it,
-        from ``covariance`` and each effect's own, as if they were independent. Geometry that was not identified is drawn from
-        its manufacturing tolerances. Periods, places of steps, and the instrument keep their values.
+        The geometry and the effects' coefficients are drawn from a normal distribution with ``joint_covariance``. Where that is
+        None, they are drawn independently, from ``covariance`` and each effect's own covariance. A nominal geometry is drawn
+        from its manufacturing tolerances. Nonlinear parameters of effects and the instrument keep their values.
 
         Parameters
         ----------
@@ -158,7 +161,7 @@ class Model:
         Returns
         -------
         models
-            Without covariances: each is one machine.
+            The n models. Their covariances are zero: each stands for one machine.
 
         Examples
         --------
@@ -188,7 +191,7 @@ class Model:
         )
 
     def seen(self, poses: Poses) -> Poses:
-        """Poses in the base frame, transformed to the instrument's frame."""
+        """``poses``, given in the base frame, transformed to the instrument's frame."""
         return poses if self.frame.is_base else poses.moved(self.frame.T, self.frame.R)
 
 

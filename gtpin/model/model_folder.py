@@ -154,7 +154,8 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
     tcp
         For a robot by its name or path: the link that is the TCP, where it is not the robot's own.
     effects
-        Your own effects that the model may have, in addition to those of :func:`gtpin.catalogue`.
+        Your own effects that the model may have, in addition to those of :func:`gtpin.catalogue`: their coefficients are in
+        ``model.json``, but not their equations.
 
     Raises
     ------

@@ -22,26 +22,27 @@ class Noise:
     Parameters
     ----------
     position_sigma
-        Per axis, m; with a station, the root mean square over its axes at the mean range.
+        Of the instrument, per axis, m. Where the noise depends on the distance: the root mean square over the axes at the mean
+        distance.
     orientation_sigma
-        Per axis, rad.
+        Of the instrument, per axis, rad.
     repeatability
-        Of every actuator, in units of its command: the scatter of the machine itself.
+        Standard deviation with which every actuator returns to a command, m or rad.
     sight
-        (N, 3) unit vectors from the instrument to the poses, or None where the station is not known.
+        (N, 3) unit vectors from the instrument to the poses; None where the instrument's position is not known.
     reach
-        (N,) distance from the instrument over its mean, with ``sight``.
+        (N,) distance from the instrument to each pose over its mean; None where ``sight`` is None.
     range_ratio
-        Noise along the line of sight over noise across it at the mean range.
+        Noise along the line of sight over noise across it, at the mean distance.
     source
         Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
     dof
-        Degrees of freedom that the sigmas were estimated with; infinite where they are declared.
+        Degrees of freedom of the estimate of the sigmas; infinite where they are declared.
     estimated
-        Whether the position's and the orientation's sigma were estimated from the data.
+        Whether ``position_sigma`` and ``orientation_sigma`` were estimated from the data.
     lack
-        Like repeatability, of what the model lacks along the motions of single drives: alike at neighbouring poses, so no
-        scatter, but it weighs like one.
+        Standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain. They are
+        equal at neighbouring poses, so they are no scatter, but ``covariance`` treats them like ``repeatability``.
     """
 
     position_sigma: float
@@ -56,12 +57,14 @@ class Noise:
     lack: float = 0.0
 
     def covariance(self, command_jacobian: Floats, components: int) -> Floats:
-        """(N, c, c) covariance of the measured pose: position alone (c = 3) or with the rotation vector (c = 6).
+        """(N, c, c) covariance of measured poses, m and rad: of the position (c = 3), or also of the rotation vector (c = 6).
 
         Parameters
         ----------
         command_jacobian
-            (N, 6, n) derivative of the pose by the commands, in the frame that was measured in.
+            (N, 6, n) derivative of the poses by the commands, in the instrument's frame.
+        components
+            c, 3 or 6.
         """
         count = len(command_jacobian)
         covariance = np.zeros((count, components, components))
@@ -75,7 +78,7 @@ class Noise:
 
     @property
     def along_drives(self) -> float:
-        """Of every actuator, in units of its command: repeatability and lack together."""
+        """Root of the sum of the squares of ``repeatability`` and ``lack``, m or rad."""
         return float(np.hypot(self.repeatability, self.lack))
 
     def whitening(self, command_jacobian: Floats, components: int) -> Floats:

@@ -25,11 +25,11 @@ class ChainSkeleton:
     Parameters
     ----------
     joints, axes
-        By counted joint: (3,) its origin and the unit vector of its axis.
+        By actuated joint: (3,) its origin and the unit vector of its axis.
     links
         By moving link: (2, 3) from its own joint to its tip.
     fixed
-        (m, 2, 3) lines from the base to the first joints, and along bodies that no counted joint moves.
+        (m, 2, 3) lines from the base to the first joints, and along bodies that no actuated joint moves.
     tcp
         (3,) the TCP.
     up

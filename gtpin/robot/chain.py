@@ -28,19 +28,20 @@ class Actuator:
     Parameters
     ----------
     joint, site
-        The URDF joint, and the name of what it moves (``cart1``, ``leg3``).
+        Name of the URDF joint, and of the part that it moves (``cart1``, ``leg3``).
     joint_id, index_q, index_v
-        Where Pinocchio keeps it.
+        The joint's index in Pinocchio, and its first index in a configuration and in a velocity.
     lower, upper
         Range of its command, m or rad; infinite where the URDF gives none.
     revolute
-        Whether it turns (rad) instead of sliding (m).
+        True for a revolute joint (rad), False for a prismatic one (m).
     axis
-        Its direction at zero, a unit vector in the base frame.
+        (3,) direction of the joint's axis with all commands zero, a unit vector in the base frame.
     origin
-        A point of its axis at zero, base frame, m.
+        (3,) a point of this axis with all commands zero, base frame, m.
     scale_unknown
-        Whether travel per commanded unit is a parameter of the robot's geometry even where nobody asks for it.
+        Whether the drive scale (travel per commanded unit) is always a parameter of the geometry: ``scale="unknown"`` in the
+        URDF.
     """
 
     joint: str
@@ -57,12 +58,12 @@ class Actuator:
 
 
 class Chain:
-    """A robot's kinematic chains as Pinocchio sees them, built from the URDF alone.
+    """A robot's kinematic chains as a Pinocchio model with constraints, built from the URDF alone.
 
-    The tree is Pinocchio's; every ``<loop_joint>`` is a ``PointAnchorConstraintModel``. The base frame is the URDF's root
-    link's. Commands ``q`` are in the order of the ``<actuator>`` elements, whatever order Pinocchio uses inside. A robot
-    without loops and without a ``<gtpin>`` element works too: every moving joint is then an actuator, in document order.
-    Joints with ``<mimic>`` follow their masters. Moving joints that no command and no loop moves rest at neutral.
+    Every ``<loop_joint>`` is a ``PointAnchorConstraintModel``. The base frame is the frame of the URDF's root link. Commands
+    ``q`` are in the order of the ``<actuator>`` elements; Pinocchio's order may differ. A robot without loops and without a
+    ``<gtpin>`` element works too: every moving joint is then an actuator, in document order. Joints with ``<mimic>`` follow
+    their masters. Moving joints that no command and no loop moves stay at Pinocchio's neutral configuration.
 
     Parameters
     ----------
@@ -87,11 +88,12 @@ class Chain:
     tcp_joint, tcp_placement
         The joint that carries the TCP frame, and the frame's placement on it.
     load_placement
-        Placement, on that joint, of the URDF's TCP, at which payloads and tool forces act wherever the target sits.
+        Placement, on ``tcp_joint``, of the TCP of the URDF. Payloads and tool forces act there, also where the measured target
+        is elsewhere.
     planes : tuple of (3,) arrays, or None
-        Of each loop that is planar, the normal of its plane in the frame of its first anchor.
+        For each loop that is planar, the normal of its plane in the frame of its first anchor; for other loops None.
     home_joint, home_placement
-        The same of the TCP that the URDF names and whose pose its ``<home>`` tells.
+        As ``tcp_joint`` and ``tcp_placement``, for the TCP whose pose the URDF's ``<home>`` gives.
 
     Raises
     ------

@@ -80,26 +80,29 @@ class Geometry:
 
         Parameters
         ----------
+        robot
+            The robot.
         directions
             Parameters of the track direction: one set per ``actuator``, or one per ``rod`` as in models 3 to 5 of
             Dressler et al. 2010.
         scale
-            Whether drive scales are parameters: one per ``actuator``, one per ``rod``, or (None) only those of actuators
-            with ``scale="unknown"`` in the URDF.
+            Which drive scales (travel per commanded unit) are parameters: one per ``actuator``, one per ``rod``, or (None) only
+            those of actuators with ``scale="unknown"`` in the URDF.
         arm
-            ``reduced``: the rods of a cart share one length and move together, for robots whose rods are parallel.
+            ``full``: each rod has its own length and joints. ``reduced``: the rods of a cart share one length, and their joints
+            on the cart move together; for robots whose rods are parallel.
         tracks
             One entry per rod: the measured track of its cart, or None where the track is straight.
         tolerance
             1-sigma tolerances, m, rad or m/m, by kind of parameter (as in the URDF's ``<tolerance>``). They override the
             robot's.
         without
-            Names, or beginnings of names (``track_direction``, ``length[2a]``), of parameters to leave at nominal.
+            Names, or beginnings of names (``track_direction``, ``length[2a]``), of parameters that keep their nominal values.
 
         Raises
         ------
         ModelError
-            If a kind of tolerance or a name in ``without`` is not known.
+            If an option has another value, or a kind of tolerance or a name in ``without`` is not known.
         """
         for option, value, allowed in (
             ("directions", directions, ("actuator", "rod")),
@@ -126,30 +129,30 @@ class Geometry:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
+        """Names of the p parameters."""
         return tuple(p.name for p in self.parameters)
 
     @property
     def tolerance(self) -> Floats:
-        """(p,) 1-sigma tolerances."""
+        """(p,) 1-sigma tolerances of the parameters, m, rad or m/m."""
         return np.array([p.tolerance for p in self.parameters])
 
     @property
     def deviation(self) -> Floats:
-        """(p,) values less nominal."""
+        """(p,) values less nominal values, m, rad or m/m."""
         return np.asarray(self.values - np.array([p.nominal for p in self.parameters]))
 
     def track(self, rod: int) -> MeasuredTrack | None:
-        """The measured track that carries a rod, or None where its track is straight."""
+        """The measured track of the rod with the index ``rod``, or None where its track is straight."""
         return self.tracks[rod] if self.tracks else None
 
     @property
     def reduced(self) -> bool:
-        """Whether the arm is reduced: rods of a cart share their length."""
+        """Whether the rods of a cart share one length: ``arm="reduced"`` of :meth:`nominal`."""
         return any(p.kind == "length" and p.per == "actuator" for p in self.parameters)
 
     def outside_tracks(self, q: Floats) -> npt.NDArray[np.bool_]:
-        """(N,) commands (N, n) that leave a measured track's range."""
+        """(N,) True where commands q (N, n) are outside the range of a measured track."""
         outside = np.zeros(len(q), dtype=bool)
         for rod, track in zip(self.robot.rods, self.tracks, strict=False):
             if track is not None and rod.carrier is not None:
@@ -157,13 +160,14 @@ class Geometry:
         return outside
 
     def with_values(self, values: Floats) -> Geometry:
-        """The same parameters at other values (p,)."""
+        """A geometry with the same parameters and other values (p,), m, rad or m/m."""
         return replace(self, values=values)
 
     def deviations(self, kind: Kind, per: Literal["actuator", "rod", "joint"], shape: tuple[int, int]) -> Floats:
-        """A table of the deviations from nominal of one kind of parameter, m, rad or m/m.
+        """A table (of ``shape``) of the deviations from nominal of one kind of parameter, m, rad or m/m.
 
-        Row: index of the actuator, rod or joint; column: component of the vector. Zero where there is no such parameter.
+        Row: index of the actuator, rod or Pinocchio joint, as ``per`` says; column: component of the vector. Zero where there
+        is no such parameter.
         """
         table = np.zeros(shape)
         for parameter, deviation in zip(self.parameters, self.deviation, strict=True):
@@ -173,7 +177,10 @@ class Geometry:
 
     @property
     def platform(self) -> Floats:
-        """(6,) twist, m and rad, of the TCP on the body that carries it: values, since a free target has no nominal one."""
+        """(6,) twist, m and rad, by which the TCP is displaced on the body that carries it.
+
+        These parameters exist where the place of the target is unknown (``target = "free"``); without them it is zero.
+        """
         twist = np.zeros(6)
         for parameter, value in zip(self.parameters, self.values, strict=True):
             if parameter.kind == "platform":
@@ -181,6 +188,7 @@ class Geometry:
         return twist
 
     def __getitem__(self, name: str) -> float:
+        """One parameter's value, m, rad or m/m, by its name; `ModelError` where no parameter has this name."""
         if name not in self.names:
             raise ModelError(f"no parameter is called {name!r}", hint=f"names look like {self.names[0]}")
         return float(self.values[self.names.index(name)])

@@ -58,12 +58,12 @@ def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[st
     Parameters
     ----------
     robot
-        The name of a shipped robot, or of one of example-robot-data; or a path (a ``Path``, or anything that ends in ``.urdf``,
-        ``.xml`` or ``.mjcf``, contains a separator, or is the name of a file where no robot is called so).
+        The name of a shipped robot, or of one of the package example-robot-data; or a path. A string is a path if it ends in
+        ``.urdf``, ``.xml`` or ``.mjcf``, if it contains a separator, or if a file but no robot has this name.
     tcp
-        The link whose pose is the robot's pose, where it is not the one that the file names.
+        The link whose pose is the robot's pose; None: the one that the file names.
     actuators
-        The joints that are commanded, in the order of q; by default those that the file names, or all that move.
+        The joints that are commanded, in the order of q; by default those that the file names, else all that move.
 
     Raises
     ------

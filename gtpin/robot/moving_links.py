@@ -1,4 +1,4 @@
-"""The links that the counted joints of a robot without rods move."""
+"""The links that the actuated joints of a robot without rods move."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gtpin.robot.chain import Chain
 
 @dataclass(frozen=True)
 class MovingLink:
-    """The child of a counted joint, with what is fixed to it; from that joint's frame to its tip.
+    """The child of an actuated joint, with what is fixed to it; from that joint's frame to its tip.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class MovingLink:
 
 
 def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
-    """The links of the counted joints, in the joints' order; those without a joint or TCP beyond them are left out."""
+    """The links of the actuated joints, in the joints' order; those without a joint or TCP beyond them are left out."""
     found = []
     for actuator in robot.actuators:
         tip = _tip(robot, actuator.joint_id)

@@ -45,9 +45,9 @@ class Parameter:
     name
         ``length[2a]``, ``track_direction[cart1].a``, ...
     kind, owner, component
-        What it is, whose (index of a rod, an actuator or a Pinocchio joint, see ``per``), and which component.
+        Kind of quantity, index of the part that has it, and index of the vector's component.
     per
-        What ``owner`` counts.
+        What ``owner`` is the index of: an actuator, a rod or a Pinocchio joint.
     unit
         ``m``, ``rad`` or ``m/m``.
     nominal, tolerance
@@ -69,9 +69,9 @@ class Parameter:
 
 
 def rotation_axes(direction: Floats) -> Floats:
-    """(3, 3) the unit vectors about which small rotations of a direction (3,) turn: a, b and the direction itself.
+    """(3, 3) unit vectors, one per row, about which a direction (3,) is rotated by small angles: a, b, and the direction.
 
-    a turns about the base axis that is least aligned with the direction, less its part along it; b about direction x a.
+    a: the base axis that is least aligned with the direction, projected onto the plane normal to it; b: direction x a.
     """
     least = np.eye(3)[int(np.argmin(np.abs(direction)))]
     a = least - (least @ direction) * direction

@@ -35,7 +35,7 @@ class Robot(Chain):
     rods : tuple of Rod
         In the order of the URDF's ``<rod>`` elements; empty for a robot without rods.
     measured_joints : tuple of MeasuredJoint
-        Passive joints whose coordinates are computed beside each pose; none by default: see :meth:`measuring`.
+        Passive joints whose coordinates are computed with each pose; none by default: see :meth:`measuring`.
 
     Raises
     ------
@@ -57,26 +57,29 @@ class Robot(Chain):
 
     @staticmethod
     def from_urdf(path: str | Path, tcp: str | None = None) -> Robot:
-        """Build the robot of a URDF file. ``tcp`` names the link or frame of the TCP; None: the one that the URDF names."""
+        """Build the robot of a URDF file.
+
+        ``tcp``: name of the link that is the TCP; None: as for :class:`~gtpin.robot.chain.Chain`.
+        """
         return Robot(Description.read(Path(path)), tcp)
 
     @property
     def rod_sites(self) -> tuple[str, ...]:
-        """Names of the rods' sites."""
+        """Names of the rods' sites (``link2a``), in the order of ``rods``."""
         return tuple(rod.site for rod in self.rods)
 
     @property
     def motion_size(self) -> int:
-        """Numbers of a motion: six of the TCP, then one of each measured joint."""
+        """How many numbers a motion has: six of the TCP, then one of each measured joint."""
         return 6 + len(self.measured_joints)
 
     def measuring(self, joints: Iterable[str]) -> Robot:
-        """A copy some of whose passive joints are measured; a joint named twice is measured once.
+        """A copy of the robot with some measured joints: passive joints whose coordinates are computed with each pose.
 
         Parameters
         ----------
         joints
-            Their names in the URDF.
+            Names of these joints in the URDF; a name given twice counts once. They replace the present measured joints.
 
         Raises
         ------
@@ -91,9 +94,11 @@ class Robot(Chain):
         return other
 
     def with_placements(self, twists: Floats, platform: Floats | None = None) -> Robot:
-        """A copy with joints moved: each placement times the exponential of its twist (njoints, 6), m and rad.
+        """A copy of the robot with displaced joints.
 
-        ``platform`` (6,) is the twist of the TCP on the body that carries it.
+        Each joint's placement is multiplied from the right by the exponential of its twist: ``twists`` is (njoints, 6),
+        position (m) then rotation (rad), by Pinocchio joint. ``platform`` (6,) is the twist of the TCP on the body that
+        carries it; None: zero.
         """
         other = copy.copy(self)
         other.model = self.model.copy()

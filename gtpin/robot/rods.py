@@ -33,19 +33,19 @@ class Rod:
     loop
         Index of its loop among the robot's constraints.
     joint_id
-        The Pinocchio joint by which it hangs on the platform.
+        The Pinocchio joint that connects the rod to the platform.
     P
-        (3,) its joint on the platform, TCP frame, m.
+        (3,) position of the rod's joint on the platform, TCP frame, m.
     C
-        (3,) its joint on the carrier with all commands zero, base frame, m.
+        (3,) position of the carrier joint with all commands zero, base frame, m.
     L
-        Its length with all commands zero, m.
+        Length of the rod with all commands zero, m.
     carrier
-        Index of the actuator that moves its joint on the carrier, or None where that is fixed to the base.
+        Index of the actuator that moves the carrier joint, or None where this joint is fixed to the base.
     extension
-        Index of the actuator that changes its length, or None.
+        Index of the actuator that changes the rod's length, or None.
     rod_end
-        0 or 1: which anchor of the loop is the rod's own end.
+        0 or 1: index of the loop's anchor that is on the rod.
     """
 
     name: str

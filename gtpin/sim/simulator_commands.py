@@ -82,7 +82,7 @@ def commands_for_simulator(
     Raises
     ------
     ModelError
-        If a covariate that an effect needs is missing, q is not of that shape, or the simulator's model has effects.
+        If a covariate that an effect needs is missing, q does not have the shape (N, n), or the simulator's model has effects.
     UnreachableError
         If the machine or the simulator can't close its loops at a command.
 

@@ -16,7 +16,7 @@ from gtpin.sim.simulator_commands import SimulatorCommands, commands_for_simulat
 
 
 class Environment(Protocol):
-    """What is needed of an environment: the interface of Gymnasium, whose actions are the commands q of the robot."""
+    """The methods that an environment must have: those of Gymnasium, with the robot's commands q as actions."""
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         """Start an episode: the observation, and further information."""
@@ -28,23 +28,23 @@ class Environment(Protocol):
 class Diagnosed:
     """An environment that behaves as diagnosed machines do: each episode has one of them, drawn at random.
 
-    Actions are the commands q (n,), m or rad, that a controller sends. The simulator gets those with which its nominal robot
-    shows the machine's pose: see :func:`commands_for_simulator`. What they can't show is in ``info["simulator_commands"]``;
-    its ``offset`` belongs on the simulator's TCP. Each actuator's direction of approach is that of its last change.
-    All other attributes are the environment's.
+    Actions are the commands q (n,), m or rad, that a controller sends. The environment gets other commands, with which its
+    nominal robot takes the machine's pose: see :func:`commands_for_simulator`. ``info["simulator_commands"]`` of a step has
+    these commands and the remaining ``offset``, which a simulator can apply to its TCP. The direction of approach of each
+    actuator is that of its last motion, 0 before the first. All other attributes are the environment's.
 
     Parameters
     ----------
     environment
-        With ``reset`` and ``step`` as in Gymnasium.
+        The environment to wrap, with ``reset`` and ``step`` as in Gymnasium.
     machines
-        Models of machines: ``model.sample(n, rng)``, or one model.
+        Models of machines, such as ``model.sample(n, rng)``, or one model.
     rng
-        Draws the machine of each episode.
+        Random generator that draws the machine of each episode.
     conditions
-        Covariates that the models' effects need, besides the directions of approach, by name.
+        By name, one value of each covariate that the models' effects need, besides the directions of approach; None: no others.
     simulator
-        The geometry that the simulator has, by default nominal.
+        A model without effects, with the geometry of the simulator; None: the nominal geometry.
 
     Raises
     ------
@@ -94,14 +94,14 @@ class Diagnosed:
         return getattr(self.environment, name)
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
-        """Start an episode with another machine."""
+        """Start an episode with a machine drawn at random; returns what the environment's ``reset`` returns."""
         self.machine = self.machines[int(self._rng.integers(len(self.machines)))]
         self._before = np.array(self.machine.robot.home_q)
         self._approach = np.zeros(len(self._before))
         return self.environment.reset(**options)
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Send the commands of an action (n,) to the machine."""
+        """Send the commands ``action`` (n,), m or rad; returns what the environment's ``step`` returns, with a longer ``info``."""
         q = np.array(action, dtype=float)
         self._approach = np.where(q == self._before, self._approach, np.sign(q - self._before))
         self._before = q

@@ -13,7 +13,10 @@ Verdict = Literal["none", "explained", "ambiguous", "unknown"]
 
 @dataclass(frozen=True)
 class Member:
-    """An effect at a site that could be the cause; ``recorded`` is false where only a proxy of its covariate shows it."""
+    """An effect at a site that could be the cause, with its probability.
+
+    ``recorded`` is False where its covariate is missing and only a proxy of it supports the effect.
+    """
 
     effect: str
     site: str
@@ -28,12 +31,12 @@ class Cause:
     Parameters
     ----------
     effect, site, probability
-        The leader of its class.
+        Of the leader of the class.
     members
-        Its class: itself and what has at least 5 % of its probability; also what can't be tested for lack of a covariate, as
-        far as a proxy of it shows.
+        The class: the leader and every hypothesis with at least 5 % of its probability. An effect with a missing covariate is
+        one of them where a proxy supports it.
     parameters
-        By name.
+        The parameters of the leader, by name.
     shrinkage
         Explained fraction of the gap's power, given the other causes.
     """
@@ -48,10 +51,22 @@ class Cause:
 
 @dataclass(frozen=True)
 class Considered:
-    """A hypothesis that was considered, and its evidence; what can't be tested has a probability where a proxy shows it.
+    """A hypothesis that was considered.
 
-    ``reason`` says why it can't be tested or, of what can be, why it could be the cause all the same; None where nothing
-    does.
+    Parameters
+    ----------
+    effect, site
+        The hypothesis.
+    log_evidence
+        Its gain in log evidence, nats.
+    probability
+        Its probability as a member of the class of a cause; 0 where it is in none. An untestable effect has one where a proxy
+        supports it.
+    testable
+        Whether these data can test it.
+    reason
+        Of an untestable effect: why it is untestable. Of a testable one: why it could be the cause although its test did not
+        show it (a payload that was not recorded); else None.
     """
 
     effect: str
@@ -64,16 +79,20 @@ class Considered:
 
 @dataclass(frozen=True)
 class Question:
-    """A parameter outside what its effect calls plausible or usual.
+    """A parameter of a cause whose value is outside the range that its effect states as plausible or usual.
 
     Parameters
     ----------
-    effect, site, parameter, value, sigma, unit
-        What it is, and what was found.
-    low, high, why
-        What was expected.
+    effect, site, parameter
+        The parameter.
+    value, sigma, unit
+        Its estimate.
+    low, high
+        The range, in ``unit``.
+    why
+        The reason for this range.
     believed
-        Whether the cause is named all the same.
+        Whether the cause is named in spite of it.
     """
 
     effect: str
@@ -95,13 +114,13 @@ class Unexplained:
     Parameters
     ----------
     share
-        Of the excess of chi-square that geometry alone leaves.
+        Share that is left of the chi-square beyond its expected value, 1 being what the geometry alone leaves.
     p_value
-        Chance of a larger chi-square from noise alone.
+        Probability that noise alone gives a larger chi-square.
     correlates
-        Site, coordinates and p-value of smooth terms that correlate with it.
+        Site, coordinates and p-value of the smooth terms that correlate with the residuals; five at most.
     could_be
-        Effect and site of what can't be tested for lack of a covariate, and would account for what is unknown all the same.
+        Effect and site of untestable effects whose proxies explain the residuals about as well as the best smooth term.
     """
 
     share: float
@@ -137,7 +156,10 @@ Reason = Literal[
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason for which something unknown is inferred; ``site`` and ``over``, its coordinates, where they are known."""
+    """A reason for which something unknown is assumed.
+
+    ``site`` and ``over``: where it acts, and the names of the coordinates that it depends on; empty where not known.
+    """
 
     reason: Reason
     site: str = ""

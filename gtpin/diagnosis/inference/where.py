@@ -29,7 +29,8 @@ class Where:
     Parameters
     ----------
     rod, axis
-        By name: shares of the gap's mean square beyond noise; of the closure residuals, and of the whitened components.
+        By name: shares of the gap's mean square beyond noise. ``rod``: in the closure residuals of the rods. ``axis``: in the
+        whitened components of the pose or the readings.
     site
         By name: shares of the largest gain in log evidence at each site, by an effect or a smooth term alone. Common
         motions and proxies are left out.

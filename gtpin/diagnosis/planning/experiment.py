@@ -23,9 +23,9 @@ class Lacking:
     Parameters
     ----------
     covariates
-        Those that are missing or do not vary; none where something else is the matter.
+        The covariates that are missing or do not vary; empty where the reason is another one.
     missing
-        Whether they are missing.
+        True: these covariates are missing. False: they do not vary.
     reason
         Why the first of the effects can't be tested.
     """
@@ -47,11 +47,12 @@ class Visits:
         ``line``: one actuator alone, there and back. ``net``: two actuators alone. ``spread``: poses all over the workspace.
         ``repeated``: the same few poses under one level of some covariates after the other.
     actuators
-        Of ``line`` and ``net``: sites of the actuators that move.
+        For ``line`` and ``net``: sites of the actuators that move.
     stations
-        Of ``repeated``: number of poses that are visited at each level.
+        For ``repeated``: number of poses that are visited at each level.
     varied, levels
-        Of ``repeated``: names of the covariates, all of one kind, and (R,) what all of them are set to in each round.
+        For ``repeated``: names of the covariates, all of one kind, and (R,) the value to which all of them are set in each
+        round of visits.
     """
 
     site: str
@@ -70,31 +71,32 @@ class Experiment:
     Parameters
     ----------
     kind
-        ``discriminate``: it tells effects that the data can't tell apart from each other, or one from no effect.
-        ``map_unknown``: it shows an unknown effect along its coordinates. ``make_testable``: it lets effects be tested.
+        ``discriminate``: it distinguishes effects that the present data can't distinguish, or an effect from none.
+        ``map_unknown``: it shows how an unknown effect depends on its coordinates. ``make_testable``: it makes effects
+        testable.
     robot
         The machine to measure.
     effects
-        Effect and site of all that it separates or makes testable, the leading one first; none where the effect is unknown.
+        Effect and site of each hypothesis that it distinguishes or makes testable, the leader first; empty for ``map_unknown``.
     poses
-        (K, n) commands in the order in which they are best measured; none where no poses help.
+        (K, n) commands, m or rad, in the order of measurement; K = 0 where no poses help.
     covariates
-        By name, (K,) each: what to set in addition to the commands.
+        By name, (K,) each: measurement conditions to set at these commands.
     expected_gain
-        Expected log Bayes factor, nats, between the effects it separates (or for one that it makes testable); None where not
-        known.
+        Expected Bayes factor (its logarithm, nats) between the effects that it distinguishes, or of one that it makes testable
+        against none; None where not known.
     random_gain
         The same for as many poses and measurement conditions drawn at random.
     reference_temperature
-        degC of a cold machine, at which the geometry holds.
+        degC at which the geometry holds: that of a cold machine.
     rounds
-        How many such experiments it takes to settle the question, where one does not.
+        Number of such experiments that decide the question, where one is not enough; else None.
     watch
-        Sites to measure by themselves, where poses alone tell too little.
+        Sites whose motion should be measured directly, because poses show too little of it.
     lacking
-        Of ``make_testable``: why its effects can't be tested so far.
+        For ``make_testable``: why its effects can't be tested so far.
     visits
-        Of ``map_unknown``: what is visited.
+        For ``map_unknown``: what is visited.
     """
 
     kind: Literal["discriminate", "map_unknown", "make_testable"]
