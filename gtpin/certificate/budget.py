@@ -25,18 +25,18 @@ DRAWS = 1000
 
 @dataclass(frozen=True)
 class Spreads:
-    """What is uncertain beside the posterior, one sigma each; None where it is not known.
+    """Contributions that are not in the model's posterior, as standard deviations; None where not known.
 
     Parameters
     ----------
     repeatability
-        Of each actuator, m or rad.
+        Repeatability of each actuator, m or rad.
     unexplained
-        Per axis, of what the model does not explain: position, m, and orientation, rad (0 where it was not measured).
+        Errors that the model does not explain, per axis: of position, m, and of orientation, rad (0 where not measured).
     instrument
-        Per axis, m: systematic error of the instrument, from its certificate.
+        Systematic error of the instrument, per axis, m, from its certificate.
     why
-        Why the repeatability is not known.
+        Why the repeatability is not known; None where it is.
     """
 
     repeatability: float | None
@@ -75,7 +75,7 @@ class Contribution:
     def position(self) -> float | None:
         """What it adds to the standard uncertainty of the position, m: root of the sum of the axes' variances, mean over poses.
 
-        Negative where a correlation lessens the sum.
+        Negative where the contribution is a correlation that makes the sum smaller.
         """
         if self.covariance is None:
             return None
@@ -151,7 +151,7 @@ class Budget:
         return np.asarray(self.at.max(axis=0))
 
     def share(self, row: Contribution) -> float | None:
-        """Share of a contribution in the position's variance, mean over the poses; shares sum to 1."""
+        """Share of a contribution in the position's variance, mean over the poses; None where not known. Shares sum to 1."""
         if row.covariance is None:
             return None
         whole = np.trace(self.covariance[:, :3, :3], axis1=1, axis2=2).mean()
@@ -159,14 +159,20 @@ class Budget:
 
 
 def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool, seed: int = 0) -> Budget:
-    """Propagate all contributions to the TCP at commands, to first order.
+    """Propagate all contributions to the TCP at N commands, to first order.
 
     Parameters
     ----------
+    posterior
+        Uncertainty of the model's unknowns.
+    at
+        The commands.
+    spreads
+        The other contributions.
     orientation
         Whether orientation was measured.
     seed
-        Of the machines that are drawn for the radius.
+        Seed of the machines that are drawn for ``radius``.
     """
     model, count = posterior.model, len(at.q)
     D, covariance, p = posterior.derivatives(at), posterior.covariance, len(posterior.model.geometry.parameters)

@@ -28,23 +28,23 @@ ORDER = (("AP_p", "m", slice(0, 3)), ("AP_o", "rad", slice(3, 6)))
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Rows of a certificate.
+    """The measured rows of a certificate, compared with the models of the uncorrected and the corrected machine.
 
     Parameters
     ----------
     rows
         The rows.
     nominal
-        Against the uncorrected machine; where the target's place is not known, the identified geometry, whose errors say
-        nothing of the uncorrected machine, but whose differences between visits are the same.
+        The rows compared with the nominal geometry. Where the target's place on the platform is unknown: with the identified
+        geometry; then only differences between visits are used.
     nominal_known
-        Which of both.
+        True: ``nominal`` is of the nominal geometry. False: of the identified one.
     corrected
-        Against the corrected machine.
+        The rows compared with the model of the corrected machine.
     posterior
-        Of its model.
+        Uncertainty of this model.
     gap
-        Errors at left-out poses, where these were fitted by a diagnosis; None where the model was given.
+        Errors on left-out poses, where a diagnosis of these rows made the model; None where the model was given.
     fitted
         Whether the given model was fitted to these rows.
     """
@@ -59,7 +59,7 @@ class Evaluation:
 
     @cached_property
     def approach(self) -> Floats | None:
-        """(N, n) directions of approach, where they were recorded."""
+        """(N, n) directions of approach, +1 or -1; None where they were not recorded."""
         return approaches(self.rows.covariates, self.rows.n_actuators)
 
     @cached_property
@@ -75,11 +75,14 @@ class Evaluation:
 
     @property
     def one_way(self) -> bool:
-        """Whether repeatabilities are of visits with the same directions of approach."""
+        """Whether a repeatability compares only visits with the same directions of approach."""
         return self._one_way[1]
 
     def scatter(self, held: HeldAgainst, part: slice) -> VisitScatter:
-        """Of a visit, from whatever side, about what a machine should do: from repeated visits, or the declared noise."""
+        """Scatter of single visits to a pose, from any direction: from repeated visits, else the declared noise.
+
+        ``held``: the errors to take. ``part``: their columns, of the position or the orientation.
+        """
         noise, pooled = self.corrected.noise, Scatter.of(self.rows.visits, held.errors)
         if pooled.covariance is not None:
             return VisitScatter(pooled.covariance[part, part], pooled.repeats)
@@ -87,24 +90,21 @@ class Evaluation:
         return VisitScatter(sigma**2 * np.eye(3), np.inf)
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """All numbers."""
+        """All quantities of the certificate."""
         return (*self._accuracy(), *self._repeatability(), *self._positioning())
 
     @property
     def noise_known(self) -> Literal["declared", "visits", "no"]:
-        """Where the noise of a visit is known from: the user, repeated visits, or nothing but residuals.
-
-        Noise that was estimated from residuals has in it what the model does not explain.
-        """
+        """Where the noise of a visit is known from: see :class:`~gtpin.certificate.result.Certificate`."""
         if self.rows.instrument.position_sigma is not None:
             return "declared"
         return "no" if Scatter.of(self.rows.visits, self.corrected.errors).covariance is None else "visits"
 
     def spreads(self, instrument: float | None) -> Spreads:
-        """What is uncertain beside the posterior; see :class:`~gtpin.certificate.budget.Spreads`.
+        """Contributions that are not in the model's posterior: see :class:`~gtpin.certificate.budget.Spreads`.
 
-        The excess of the errors is known from all rows, its part that is repeatability from repeated visits alone: that part
-        is limited to the whole.
+        All rows determine the errors beyond noise and the model's uncertainty. Only repeated visits determine repeatability,
+        which is a part of them: it is limited to the whole. ``instrument``: as for :func:`gtpin.certify`.
         """
         held = self.corrected
         J = by_commands(held.model, held.at)

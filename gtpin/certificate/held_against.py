@@ -30,20 +30,20 @@ of these fall below 0.2 in 4 of 1,000 cases (chi-square)."""
 
 @dataclass(frozen=True)
 class HeldAgainst:
-    """A model and N measured rows.
+    """A model compared with N measured rows.
 
     Parameters
     ----------
     model
-        With the instrument where it stood.
+        The model, with the pose of the instrument during these measurements.
     measured
         The rows.
     errors
-        (N, c) measured less predicted, m and rad, c = 3 or 6.
+        (N, c) measured less predicted, instrument's frame: position, m, and for c = 6 rotation vector, rad.
     at
         The rows' commands and covariates.
     noise
-        Of the instrument, with the scatter of the drives as the model's fit has it.
+        Noise of the instrument, and the scatter of the drives from the model's fit.
     """
 
     model: Model
@@ -54,7 +54,7 @@ class HeldAgainst:
 
     @staticmethod
     def of(model: Model, dataset: Dataset, noise: Noise, *, align: bool) -> HeldAgainst:
-        """Predict the rows of a dataset; ``align`` puts a free instrument frame where it fits best."""
+        """Compare a model with the rows of a dataset; ``align``: fit the instrument's frame to these rows first."""
         measured = measured_poses(replace(dataset, orientation=None) if model.geometry.reduced else dataset)
         at = At.of(model, dataset.q, dataset.covariates)
         if align:
@@ -67,17 +67,17 @@ class HeldAgainst:
 
     @property
     def whitening(self) -> Floats:
-        """(N, c, c) of the noise."""
+        """(N, c, c) whitening matrices W of the noise: W'W is the inverse of its covariance."""
         return self.noise.whitening(by_commands(self.model, self.at), self.errors.shape[1])
 
     def frame(self) -> FreeFrame:
-        """The free frame as these rows determine it."""
+        """The instrument's free frame, as these rows determine it."""
         return FreeFrame.of(self.model, self.at, self.whitening)
 
     def repeatability(self, visits: npt.NDArray[np.intp]) -> float | None:
-        """One sigma of each actuator, m or rad, from the scatter of visits; None with too few of them.
+        """Repeatability of each actuator, m or rad, from the scatter of repeated visits; None with too few of them.
 
-        What the model explains of the scatter (backlash, temperature) is not part of it.
+        Scatter that the model explains (backlash, temperature) is not part of it. ``visits``: (N,) index of each row's pose.
         """
         found, rows = contrasts(visits, self.errors)
         if len(found) < LEAST_CONTRASTS:
@@ -86,10 +86,11 @@ class HeldAgainst:
         return likeliest(replace(self.noise, repeatability=0.0), found, J, (True, True)).repeatability
 
     def fitted(self, posterior: Posterior) -> bool:
-        """Whether the model was fitted to these very rows.
+        """Whether the model was fitted to exactly these rows.
 
-        The score z = L' D' W'W e (L L' the posterior covariance) vanishes at a fit but for the prior. Of new rows it has the
-        covariance M + M^2, M = L' D' W'W D L.
+        The score z = L' D' W'W e, with e the errors, D their derivative by the unknowns and L L' the posterior covariance, is
+        nearly zero at the rows of a fit (not exactly, because of the prior). For new rows it has the covariance M + M^2 with
+        M = L' D' W'W D L.
         """
         W, c = self.whitening, self.errors.shape[1]
         root = posterior.root
@@ -102,7 +103,7 @@ class HeldAgainst:
         return bool(own.sum() >= FEWEST and squares.mean() < SMALL)
 
     def travel(self, errors: Floats) -> Floats | None:
-        """(N, n) deviations of the actuators' travel that errors (N, c) of the pose show; None where not determined."""
+        """(N, n) deviations of the actuators' travel, m or rad, that explain errors (N, c) of poses; None where not determined."""
         J = in_frame(self.model.kinematics.command_jacobian(self.at.q, self.at.plain)[:, :6], self.model.frame)
         n, c = J.shape[2], errors.shape[1]
         components = 3 if n <= 3 else c

@@ -15,17 +15,19 @@ Floats = npt.NDArray[np.float64]
 
 
 def means_of_visits(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """(P, c) mean of the values (N, c) of each pose's visits, and (P,) how many they are."""
+    """(P, c) mean of ``values`` (N, c) over each pose's visits, and (P,) numbers of visits; visits (N,): index of the pose."""
     counts = np.bincount(visits)
     sums = np.column_stack([np.bincount(visits, column) for column in values.T])
     return sums / counts[:, None], counts
 
 
 def standard_accuracy(visits: npt.NDArray[np.intp], errors: Floats) -> Quantity:
-    """AP_p as ISO 9283 has it, of poses with 30 visits or more: the largest.
+    """AP_p as defined in ISO 9283: the largest over the poses with 30 visits or more.
 
     Parameters
     ----------
+    visits
+        (N,) index of each row's pose.
     errors
         (N, 3) measured less commanded position, m.
     """
@@ -43,7 +45,7 @@ def standard_accuracy(visits: npt.NDArray[np.intp], errors: Floats) -> Quantity:
 
 @dataclass(frozen=True)
 class VisitScatter:
-    """Covariance (3, 3) of a visit, and of how many repeats it was estimated; infinite where it is declared."""
+    """Covariance (3, 3), m^2 or rad^2, of a visit, and the number of repeats of its estimate; infinite where it is declared."""
 
     covariance: Floats
     repeats: float
@@ -62,16 +64,22 @@ class VisitScatter:
 def accuracy(
     symbol: str, unit: str, visits: npt.NDArray[np.intp], errors: Floats, scatter: VisitScatter
 ) -> tuple[Quantity, Quantity]:
-    """AP of all poses, of however many visits each: root mean square (``_rms``), and the largest mean (``_max``).
+    """AP over all poses, with any number of visits each: the root mean square (``_rms``), and the largest (``_max``).
 
-    E|mean of n visits - command|^2 = AP^2 + tr(S) / n with S the covariance of a visit: the mean square is less the scatter's.
-    Its variance over P poses, given their true errors t, is the sum of 4 t' S t / n + 2 tr(S^2) / n^2 over P^2, and what the
-    doubt of S adds.
+    E|mean of n visits - command|^2 = AP^2 + tr(S) / n with S the covariance of a visit, so tr(S) / n is subtracted from the
+    mean square. Its variance over P poses, given their true errors t, is the sum of 4 t' S t / n + 2 tr(S^2) / n^2 divided by
+    P^2, plus the contribution of the uncertainty of S.
 
     Parameters
     ----------
+    symbol, unit
+        Of the quantities: ``AP_p`` and ``m``, or ``AP_o`` and ``rad``.
+    visits
+        (N,) index of each row's pose.
     errors
-        (N, 3) measured less commanded, position, m, or rotation vector, rad.
+        (N, 3) measured less commanded: position, m, or rotation vector, rad.
+    scatter
+        Scatter of a visit.
     """
     means, counts = means_of_visits(visits, errors)
     squares, S, P = (means**2).sum(axis=1), scatter.covariance, len(means)
@@ -88,9 +96,9 @@ def accuracy(
 
 
 def left_out_accuracy(symbol: str, unit: str, after: float, scatter: VisitScatter, poses: int, rows: int) -> Quantity:
-    """AP of the corrected machine from the root mean square error ``after`` of rows at left-out poses, less the scatter.
+    """AP of the corrected machine: the root mean square error ``after``, m or rad, on left-out poses, less the scatter.
 
-    Errors are taken for isotropic normal vectors, whose mean square varies by sqrt(2 / (3 N)) of itself.
+    Errors are assumed to be isotropic normal vectors: the relative standard deviation of their mean square is sqrt(2 / (3 N)).
     """
     doubt = np.sqrt(after**4 * 2.0 / (3.0 * rows) + _of_scatter(scatter, 1.0))
     return _root_mean_square(symbol, unit, after**2 - scatter.trace, float(doubt), poses, rows)

@@ -20,18 +20,19 @@ SYMBOLS = ("B", "E", "R", "A")
 
 @dataclass(frozen=True)
 class Line:
-    """Targets of an actuator, the others standing still.
+    """Targets (commanded positions) of one actuator, while the other actuators stand still.
 
     Parameters
     ----------
     deviations
-        (targets, 2) lists of deviations of the travel from its command at each target, m or rad: approached upwards, downwards.
+        For each target: deviations of the travel from the command, m or rad, of visits approached towards larger commands, and
+        of visits approached towards smaller commands.
     """
 
     deviations: tuple[tuple[Floats, Floats], ...]
 
     def evaluated(self) -> dict[str, float]:
-        """Reversal B, systematic deviation E, repeatability R and accuracy A, both directions, with coverage factor 2."""
+        """Reversal B, systematic deviation E, repeatability R and accuracy A, m or rad, bidirectional, coverage factor 2."""
         mean = np.array([[d.mean() for d in both] for both in self.deviations])
         s = np.array([[d.std(ddof=1) for d in both] for both in self.deviations])
         reversal = np.abs(mean[:, 0] - mean[:, 1])
@@ -49,7 +50,7 @@ class Line:
         return sum(len(d) for both in self.deviations for d in both)
 
     def doubt(self) -> float:
-        """Standard uncertainty of a difference of two means, m or rad: that of B at a target, and about that of E."""
+        """Standard uncertainty of the difference of two means, m or rad: that of B at one target, and nearly that of E."""
         power = [d.var(ddof=1) / len(d) for both in self.deviations for d in both]
         return float(np.sqrt(2.0 * np.mean(power)))
 
@@ -57,13 +58,18 @@ class Line:
 def positioning(
     q: Floats, deviations: Floats | None, approach: Floats | None, sites: tuple[str, ...], units: tuple[str, ...]
 ) -> list[Quantity]:
-    """B, E, R and A of each actuator; blank where no line of targets suffices.
+    """B, E, R and A of each actuator; blank where it has no line with enough targets.
 
     Parameters
     ----------
-    q, deviations, approach
-        (N, n) commands, deviations of each actuator's travel as the TCP shows it, and directions of approach (+1 or -1); None
-        where they are not known.
+    q
+        (N, n) commands, m or rad.
+    deviations
+        (N, n) deviations of each actuator's travel, m or rad, computed from the measured TCP; None where not determined.
+    approach
+        (N, n) directions of approach (+1 or -1); None where not recorded.
+    sites, units
+        Of the n actuators.
     """
     found = []
     for i, (site, unit) in enumerate(zip(sites, units, strict=True)):
@@ -85,7 +91,7 @@ def positioning(
 
 
 def longest_line(q: Floats, deviations: Floats, approach: Floats, i: int) -> tuple[Line | None, int]:
-    """The line of actuator i with most sufficient targets, and the number of targets, sufficient or not, of the longest."""
+    """The line of actuator i with most targets that have enough visits; and the number of all targets of its longest line."""
     others = np.round(np.delete(q, i, axis=1), DIGITS)
     _, line_of = np.unique(others, axis=0, return_inverse=True)
     best: tuple[tuple[Floats, Floats], ...] = ()
@@ -107,12 +113,16 @@ def longest_line(q: Floats, deviations: Floats, approach: Floats, i: int) -> tup
 def mean_reversal(
     deviations: Floats | None, approach: Floats | None, sites: tuple[str, ...], units: tuple[str, ...]
 ) -> list[Quantity]:
-    """Mean reversal of each actuator over all poses, wherever they are: least squares of its deviations on the directions.
+    """Mean reversal of each actuator over all poses of the workspace: least squares of its deviations on the directions.
 
     Parameters
     ----------
     deviations
-        (N, n) of each actuator's travel, left by a model without backlash.
+        (N, n) deviations of each actuator's travel, m or rad, from a model without backlash; None where not determined.
+    approach
+        (N, n) directions of approach (+1 or -1); None where not recorded.
+    sites, units
+        Of the n actuators.
     """
     symbol = "B_mean"
     if deviations is None or approach is None:

@@ -89,5 +89,5 @@ class Quantity:
 
 
 def blank(symbol: str, unit: str, missing: Missing, *, site: str = "", have: int = 0) -> Quantity:
-    """A number that the data do not suffice for."""
+    """A quantity without a value, and the reason for it."""
     return Quantity(symbol, None, unit, missing=missing, site=site, have=have)

@@ -19,9 +19,9 @@ TRIES = 20
 
 
 def between(dataset: Dataset, model: Model, rng: np.random.Generator, count: int = POSES) -> At:
-    """Commands on the straight lines between pairs of measured ones, with the covariates of a measured row each.
+    """``count`` commands drawn on straight lines between two measured commands, each with the covariates of a measured row.
 
-    They lie in the convex hull of the measured commands, so that no pose lies outside what was measured.
+    They are in the convex hull of the measured commands, so that the certificate does not extrapolate.
 
     Raises
     ------

@@ -26,7 +26,7 @@ class Scatter:
     Parameters
     ----------
     covariance
-        (c, c) of a visit, m and rad, instrument's noise included; None with fewer than eight repeats.
+        (c, c) covariance of a visit, m and rad, including the instrument's noise; None with fewer than eight repeats.
     repeats, poses
         Number of visits beyond the first of each pose, and of poses with two visits or more.
     """
@@ -37,7 +37,7 @@ class Scatter:
 
     @staticmethod
     def of(visits: npt.NDArray[np.intp], values: Floats) -> Scatter:
-        """Of values (N, c), m and rad, of which visits (N,) has the index of each row's pose."""
+        """The scatter of ``values`` (N, c), m and rad; visits (N,): index of each row's pose."""
         found, _ = contrasts(visits, values)
         poses = int((np.bincount(visits) > 1).sum())
         enough = len(found) >= LEAST_CONTRASTS
@@ -45,28 +45,32 @@ class Scatter:
 
 
 def spread_of_length(covariance: Floats) -> tuple[float, float]:
-    """Mean and standard deviation of the length of normal vectors with a covariance (3, 3)."""
+    """Mean and standard deviation of the length of normal vectors of mean zero with a covariance (3, 3)."""
     mean = float(mean_length(covariance[None])[0])
     return mean, float(np.sqrt(max(float(np.trace(covariance)) - mean**2, 0.0)))
 
 
 def repeatability_of(position: Floats) -> float:
-    """RP_l of the positions (n, 3) of n visits: mean and three standard deviations of their distances from their mean."""
+    """RP_l of n visits: mean plus three standard deviations of the distances of their positions (n, 3), m, from their mean."""
     lengths = np.linalg.norm(position - position.mean(axis=0), axis=1)
     return float(lengths.mean() + 3.0 * lengths.std(ddof=1))
 
 
 def jackknife(position: Floats) -> float:
-    """Standard uncertainty of RP_l: (n - 1) / n times the sum of squares of what it is without each visit in turn (Efron)."""
+    """Standard uncertainty of RP_l of positions (n, 3), m, by the jackknife (Efron).
+
+    Its square is (n - 1) / n times the sum of the squared deviations, from their mean, of RP_l without each visit in turn.
+    """
     n = len(position)
     without = np.array([repeatability_of(np.delete(position, i, axis=0)) for i in range(n)])
     return float(np.sqrt((n - 1) * without.var()))
 
 
 def standard_repeatability(visits: npt.NDArray[np.intp], position: Floats) -> Quantity:
-    """RP_l as ISO 9283 has it, of poses with 30 visits or more: the largest.
+    """RP_l as defined in ISO 9283: the largest over the poses with 30 visits or more.
 
-    Its standard uncertainty is the jackknife's: distances are not normal.
+    Its standard uncertainty is from the jackknife, because distances are not normally distributed. visits (N,): index of each
+    row's pose; position (N, 3), m.
     """
     counts = np.bincount(visits)
     often = np.flatnonzero(counts >= CYCLES)
@@ -81,10 +85,10 @@ def standard_repeatability(visits: npt.NDArray[np.intp], position: Floats) -> Qu
 
 
 def pooled_repeatability(scatter: Scatter, position_sigma: float) -> list[Quantity]:
-    """RP_l, and the repeatabilities about the axes, that many visits of a pose would have with a pooled scatter.
+    """RP_l, and the repeatabilities about the axes, that many visits to a pose would have with the pooled scatter.
 
-    ``RP_l_pooled`` is of what the instrument reads. ``RP_l_machine`` is without the instrument's noise of ``position_sigma``
-    (m, per axis); blank where the scatter is not larger than the noise by two of its standard deviations.
+    ``RP_l_pooled`` includes the instrument's noise. ``RP_l_machine`` does not: ``position_sigma`` (m, per axis) is subtracted.
+    It is blank where the scatter exceeds the noise by less than two standard deviations of the scatter.
     """
     covariance, k = scatter.covariance, scatter.repeats
     symbols = ("RP_l_pooled", "RP_l_machine")

@@ -21,12 +21,12 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class At:
-    """N commands with covariates: where a model is held against the machine.
+    """N commands with covariates, at which a model is compared with the machine.
 
     Parameters
     ----------
     q
-        (N, n), m or rad.
+        (N, n) commands, m or rad.
     covariates
         By name, (N,) each.
     plain
@@ -39,12 +39,12 @@ class At:
 
     @staticmethod
     def of(model: Model, q: Floats, covariates: Mapping[str, Column]) -> At:
-        """Commands of a model, all within its reach."""
+        """N commands that the model can reach, with their poses."""
         return At(q, covariates, model.kinematics.forward(q))
 
 
 def by_unknowns(model: Model, at: At) -> Floats:
-    """(N, 6, p + m) derivative of the poses by the geometry and the effects' coefficients, in the instrument's axes."""
+    """(N, 6, p + m) derivative of the poses by the geometry and the effects' coefficients, instrument's frame, m and rad."""
     kinematics = model.kinematics
     columns = [kinematics.geometry_jacobian(at.q, at.plain)[:, :6]]
     for active in model.effects:
@@ -54,21 +54,22 @@ def by_unknowns(model: Model, at: At) -> Floats:
 
 
 def by_commands(model: Model, at: At) -> Floats:
-    """(N, 6, n) derivative of the poses by the commands, in the instrument's axes."""
+    """(N, 6, n) derivative of the poses by the commands, instrument's frame, m and rad."""
     return in_frame(model.kinematics.command_jacobian(at.q, at.plain)[:, :6], model.frame)
 
 
 @dataclass(frozen=True)
 class FreeFrame:
-    """A free instrument frame, as the fitted poses determine it.
+    """The posterior of an unknown instrument frame, from the fitted poses.
 
-    Given the other unknowns x, the frame f has the distribution N(-K (x - mean), C): K and C are those of weighted least
-    squares without a prior. With the covariance of x this is the joint posterior of both.
+    Given the other unknowns x (geometry and effects), the deviation f of the frame, a shift, m, and a rotation, rad, is
+    N(-K (x - mean), C). K and C are those of weighted least squares without a prior. With the covariance of x this is the joint
+    posterior of f and x.
 
     Parameters
     ----------
     pivot
-        (3,) about which the frame turns, m, instrument's frame.
+        (3,) point about which the frame rotates, m, instrument's frame.
     gain, covariance
         K (6, p + m) and C (6, 6).
     """
@@ -79,7 +80,7 @@ class FreeFrame:
 
     @staticmethod
     def of(model: Model, fitted: At, whitening: Floats) -> FreeFrame:
-        """Of the poses of a fit, with whitening (N, c, c) of its c = 3 or 6 components."""
+        """The frame's posterior from the poses of a fit; whitening (N, c, c) of their c = 3 or 6 components."""
         c = whitening.shape[1]
         seen = model.seen(fitted.plain).T
         pivot = seen.mean(axis=0)
@@ -89,7 +90,7 @@ class FreeFrame:
         return FreeFrame(pivot, np.asarray(covariance @ (F.T @ D.reshape(len(F), -1))), covariance)
 
     def motions(self, model: Model, at: At) -> Floats:
-        """(N, 6, 6) motion of the poses by the frame."""
+        """(N, 6, 6) derivative of the measured poses by the frame's shift (m) and rotation (rad)."""
         return frame_motions(model.seen(at.plain).T - self.pivot)
 
 
@@ -102,7 +103,7 @@ class Posterior:
     model
         An identified model.
     frame
-        Of an instrument whose frame is free; None where it measures in the base frame.
+        Posterior of the instrument's frame where that is unknown; None where the instrument measures in the base frame.
     """
 
     model: Model
@@ -110,7 +111,7 @@ class Posterior:
 
     @cached_property
     def covariance(self) -> Floats:
-        """(p + m, p + m) of geometry and effects."""
+        """(p + m, p + m) posterior covariance of the geometry's parameters and the effects' coefficients."""
         geometry = self.model.covariance
         assert geometry is not None
         return joined([geometry, *(active.covariance for active in self.model.effects)], self.model.joint_covariance)
@@ -121,7 +122,7 @@ class Posterior:
         return root_of(self.covariance)
 
     def derivatives(self, at: At) -> Floats:
-        """(N, 6, p + m) of the poses as the instrument sees them; a free frame follows the other unknowns."""
+        """(N, 6, p + m) derivative of the measured poses by the unknowns, instrument's frame; a free frame changes by -K."""
         D = by_unknowns(self.model, at)
         return D if self.frame is None else D - self.frame.motions(self.model, at) @ self.frame.gain
 
@@ -136,7 +137,7 @@ class Posterior:
 
 
 def root_of(covariance: Floats) -> Floats:
-    """F with F F' a covariance, which may be singular; scaled first, since its parameters have units of their own."""
+    """F with F F' = ``covariance``, which may be singular. It is scaled first, since its parameters have different units."""
     size = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
     size = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))

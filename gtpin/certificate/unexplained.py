@@ -17,14 +17,14 @@ COVERAGE = 2.0
 
 @dataclass(frozen=True)
 class Excess:
-    """Mean squares of the lengths of N errors, and of what is expected of them; m^2 or rad^2.
+    """The observed mean square length of N errors, and the parts that are expected; m^2 or rad^2.
 
     Parameters
     ----------
     observed
-        Of the errors.
+        Mean square length of the errors.
     instrument, posterior
-        Expected of the instrument's noise, and of the model's uncertainty: mean traces of the covariances.
+        Expected parts: of the instrument's noise, and of the model's uncertainty (mean traces of their covariances).
     rows
         N.
     fitted
@@ -40,13 +40,14 @@ class Excess:
 
     @property
     def power(self) -> float:
-        """What is left, so large that k = 2 covers 95 % of the sum with the model's uncertainty in spite of its doubt.
+        """The unexplained mean square, enlarged so that coverage factor 2 gives 95 % although it is estimated from few errors.
 
-        Errors are about isotropic normal vectors, so that the mean square of N of them varies by sqrt(2 / (3 N)) of itself.
-        With a flat prior from 0 up, the variance has a truncated normal posterior of mean m and standard deviation d: as many
-        degrees of freedom as nu = 2 (m / d)^2 (JCGM 100, E.4.3 and G.4.2), and its sum with the model's variance v has
-        nu ((v + m) / m)^2 (Welch and Satterthwaite, G.4.1). Student's quantile t of these takes the place of k (G.3.2); so that
-        k stays 2, the sum is multiplied by (t / 2)^2, and what this adds counts as left.
+        Errors are assumed to be isotropic normal vectors: the relative standard deviation of the mean square of N is
+        sqrt(2 / (3 N)). With a flat prior on values above 0, the unexplained variance has a truncated normal posterior with
+        mean m and standard deviation d. It has nu = 2 (m / d)^2 degrees of freedom (JCGM 100, E.4.3 and G.4.2), and its sum
+        with the model's variance v has nu ((v + m) / m)^2 (Welch and Satterthwaite, G.4.1). Student's quantile t for these
+        degrees of freedom would replace the coverage factor 2 (G.3.2). To keep the factor 2, the sum is multiplied by (t /
+        2)^2, and the increase is added to the unexplained part.
         """
         left = self.observed - self.instrument + (self.posterior if self.fitted else -self.posterior)
         mean, sd = truncated(left, self.doubt)

@@ -27,14 +27,16 @@ def unchanged(design: Design, draws: int, rng: np.random.Generator) -> Floats:
 
 @dataclass(frozen=True)
 class Axes:
-    """A hypothesis along the axes in which its coefficients are independent.
+    """A hypothesis, and the axes along which its coefficients are independent.
 
     Parameters
     ----------
+    hypothesis
+        The hypothesis.
     values, vectors
-        Of its inner products, the earlier model marginalised.
+        (c,) eigenvalues and (c, c) eigenvectors of its c columns' inner products, with the earlier model marginalised.
     core
-        Columns that are the core; none where all are.
+        Indices of the columns that are the core; empty where all are.
     """
 
     hypothesis: Hypothesis
@@ -44,7 +46,7 @@ class Axes:
 
 
 class Bench:
-    """Gains in log evidence of many residuals at once, each by every hypothesis alone."""
+    """Gains in log evidence of every hypothesis alone, for many drawn residuals at once."""
 
     def __init__(self, hypotheses: HypothesisSet) -> None:
         """Take the hypotheses of a check."""

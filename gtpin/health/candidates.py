@@ -26,7 +26,7 @@ SPEED, PAYLOAD = 0.2, 5.0
 
 @dataclass(frozen=True)
 class Candidates:
-    """Commands q (N, n), m or rad, covariates (N,) by name, and which of these a plan writes down."""
+    """Commands q (N, n), m or rad, covariates by name, (N,) each, and the names of the covariates that a plan contains."""
 
     q: Floats
     covariates: dict[str, Column]
@@ -39,14 +39,21 @@ class Candidates:
 def candidates(
     model: Model, q: Floats | None, rng: np.random.Generator, *, moving: bool = False, seed: int = 0
 ) -> Candidates:
-    """Poses to choose from, approached from either side at random.
+    """Poses to choose from, each actuator approaching from a side drawn at random.
 
     Parameters
     ----------
+    model
+        The machine's model.
     q
-        (N, n) commands; by default some that fill the workspace. Obstacles are not known: give those that are free.
+        (N, n) commands, m or rad; None: about 300 that fill the workspace. Obstacles are not known.
+    rng
+        Source of the random draws.
     moving
-        Whether half of the poses are passed at a speed, and half are with a payload.
+        True: a half of the poses, drawn at random, is measured in motion, and a half with a payload. False: all at rest without
+        payload.
+    seed
+        Seed of the default commands of a robot without rods.
 
     Raises
     ------

@@ -25,15 +25,15 @@ Floats = npt.NDArray[np.float64]
 
 
 class Tested(HypothesisSet):
-    """The hypotheses of a check: named effects alone, and no guesses of what was not recorded."""
+    """The hypothesis set of a check: named effects only, without smooth terms and proxies."""
 
     @property
     def proxies(self) -> tuple[Proxy, ...]:
-        """None."""
+        """Empty."""
         return ()
 
     def at_threshold(self, threshold: float, scope: Scope) -> Tested:
-        """The same, each of which must gain so much."""
+        """The same hypotheses, with the gain in log evidence, nats, that each must exceed to be named."""
         return Tested(self.design, self.linear, (), (), scope, (), threshold)
 
 
@@ -48,7 +48,7 @@ class Changes:
     untested
         What it can't test, and why.
     assumed
-        Covariates whose change since the model is assumed, because they were not recorded or did not vary.
+        Names of the temperatures whose change since the earlier model is not known and therefore assumed.
     """
 
     hypotheses: Tested
@@ -63,16 +63,16 @@ class Changes:
 
 @dataclass(frozen=True)
 class Since:
-    """Covariates as changes since a model depend on them.
+    """The covariates of a check as effects need them that describe changes since an earlier model.
 
     Parameters
     ----------
     covariates
-        By name, (N,) each. Sessions are left out: all poses of a check are after the model. Temperatures are those of the check
-        less that at which the model holds, plus the reference temperature.
+        By name, (N,) each. Sessions are left out: a change is the same at all poses of a check. Temperatures are those of the
+        check less the one at which the earlier model holds, plus the reference temperature.
     assumed
-        Temperatures whose change since the model is not known. Each is assumed to have risen, and its coefficients may have
-        either sign.
+        Names of the temperatures whose change since the earlier model is not known. A rise is assumed; since the effects'
+        coefficients may have either sign, this includes a fall.
     """
 
     covariates: Mapping[str, Column]
@@ -85,9 +85,11 @@ class Since:
         Parameters
         ----------
         reference
-            degC at which the geometry holds, where the model has an effect of that temperature.
+            Reference temperature of the dataset, degC.
+        count
+            N.
         warmer
-            Assumed rise of temperatures, K.
+            Assumed rise, K, of temperatures whose change is not known.
         """
         since = {name: values for name, values in covariates.items() if name != "session"}
         assumed = []
@@ -103,7 +105,7 @@ class Since:
 
 
 def changes(design: Design, scope: Scope, assumed: tuple[str, ...] = ()) -> Changes:
-    """Sort the effects of a scope, at all their sites, into those that a check can show and those that it can't."""
+    """Divide the effects of a scope, at all their sites, into those that a check can show and those that it can't."""
     at, marginal = design.situation, Marginal(design.B)
     tested: list[Hypothesis] = []
     untested: list[Untested] = []

@@ -59,7 +59,9 @@ def check(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> HealthCheck:
-    """Find what has changed since a model was identified; see :func:`gtpin.diagnose`, whose ``against`` is the model.
+    """Find what has changed since ``model`` was identified: :func:`gtpin.diagnose` with ``against=model``.
+
+    The parameters are those of :func:`gtpin.diagnose`.
 
     Raises
     ------
@@ -112,7 +114,7 @@ class _Tried:
 
 
 def concluded(hypotheses: Tested, scope: Scope) -> Conclusion:
-    """Which changes are named, and whether something is left that none explains."""
+    """Decide which changes are named, and whether the poses show something that they do not explain."""
     found = decide(hypotheses)
     priors = scope.priors
     if marginal_chance(hypotheses, found.model) >= (1.0 - priors.named_alarms) * scope.false_alarm:

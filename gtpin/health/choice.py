@@ -17,15 +17,15 @@ PASSES = 2
 
 
 class Choice:
-    """Poses with the derivatives of their whitened measurements; some unknowns are wanted, in groups, the others are nuisances.
+    """Chooses the poses that best determine some unknowns, in groups; all other unknowns are nuisance parameters.
 
-    The score of some rows is the sum over the groups of -log det(C_g) / size of g, where C_g is the group's block of the
-    covariance (1 / prior + J'J)^-1 after these rows are measured (Ds-optimality, one value for each group).
+    The score of a set of poses is the sum over the groups of -log det(C_g) / size of g, where C_g is the group's block of the
+    covariance (1 / prior + J'J)^-1 after these poses are measured (Ds-optimality, one value for each group).
 
     Parameters
     ----------
     J
-        (N, c, D) derivatives by unknowns in prior sigmas, of mean zero.
+        (N, c, D) derivatives of the N poses' whitened components by D unknowns with priors of mean zero.
     prior
         (D,) prior variances.
     groups
@@ -37,14 +37,14 @@ class Choice:
         self.groups = [np.array(group, dtype=np.intp) for group in groups]
 
     def covariance(self, rows: Sequence[int] | Rows) -> Floats:
-        """(D, D) of all unknowns after some rows are measured."""
+        """(D, D) covariance of all unknowns after the poses with the indices ``rows`` are measured."""
         J = self.J[np.asarray(rows, dtype=np.intp)].reshape(-1, self.J.shape[2])
         # By the prior's side of the matrix inversion lemma: few rows, many unknowns.
         CJ = self.prior[:, None] * J.T
         return np.asarray(np.diag(self.prior) - CJ @ np.linalg.solve(np.eye(len(J)) + J @ CJ, CJ.T))
 
     def scores(self, rows: Sequence[int]) -> Floats:
-        """(N,) score of some rows and each one more; minus infinity for these rows."""
+        """(N,) score of ``rows`` together with each other pose; minus infinity for the poses in ``rows``."""
         C = self.covariance(rows)
         CJ = self.J @ C
         S = np.eye(self.J.shape[1]) + CJ @ self.J.swapaxes(1, 2)
@@ -57,7 +57,7 @@ class Choice:
         return total
 
     def best(self, count: int) -> Rows:
-        """(count,) ascending rows: greedy, then single exchanges until none gains."""
+        """(count,) indices of the chosen poses, ascending: a greedy choice, then exchanges of one pose while they improve it."""
         chosen: list[int] = []
         for _ in range(count):
             chosen.append(int(self.scores(chosen).argmax()))

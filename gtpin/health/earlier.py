@@ -26,19 +26,19 @@ SINCE = "since the model"
 
 @dataclass(frozen=True)
 class Earlier:
-    """A model with what lasts of it: an instrument's drift or shift between sessions is of the day on which it was measured.
+    """An earlier model, without the effects that do not last: drift of the instrument, and its shifts between sessions.
 
     Parameters
     ----------
     model
-        As it was read.
+        The model as it was identified.
     """
 
     model: Model
 
     @cached_property
     def effects(self) -> tuple[ActiveEffect, ...]:
-        """Its effects, without those of the instrument's frame that depend on time or session."""
+        """The lasting effects: all but those at the site ``frame`` that depend on time or session."""
         return tuple(active for active, kept in zip(self.model.effects, self._lasts, strict=True) if kept)
 
     @cached_property
@@ -51,9 +51,10 @@ class Earlier:
 
     @cached_property
     def covariance(self) -> Floats:
-        """(p + m, p + m) of the geometry and the coefficients of the lasting effects.
+        """(p + m, p + m) covariance of the p parameters of the geometry and the m coefficients of the lasting effects.
 
-        Without an identified geometry the tolerances squared; without a joint covariance, each effect's by itself.
+        A nominal geometry has the squares of its tolerances. Where the model has no joint covariance, its effects are
+        independent.
         """
         model, p = self.model, len(self.model.geometry.parameters)
         blocks = [model.covariance if model.covariance is not None else np.diag(model.geometry.tolerance**2)]
@@ -79,7 +80,7 @@ class Earlier:
         return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
     def predicted(self, q: Floats, covariates: Mapping[str, Column], plain: Poses) -> Poses:
-        """Poses (N) that it predicts at commands, base frame; ``plain`` are those of its geometry alone.
+        """Poses (N) that the model predicts at commands q (N, n), base frame; ``plain`` are those of its geometry alone.
 
         Raises
         ------
@@ -95,7 +96,7 @@ class Earlier:
                 raise ModelError(error.what, column=error.column, hint=hint) from None
 
     def jacobian(self, q: Floats, covariates: Mapping[str, Column], poses: Poses) -> Floats:
-        """(N, 6, p + m) derivative of its poses, base frame, by its geometry and its effects' coefficients."""
+        """(N, 6, p + m) derivative of the poses, base frame, by the geometry and the lasting effects' coefficients."""
         kinematics = self.model.kinematics
         columns = [kinematics.geometry_jacobian(q, poses)]
         then = self._then(covariates, len(q))
@@ -115,9 +116,9 @@ class Earlier:
         return then
 
     def temperature(self, name: str, reference: float) -> float | None:
-        """Temperature, degC, at which its geometry holds; None where it is not known.
+        """Temperature ``name``, degC, at which the model's geometry holds; None where it is not known.
 
-        The reference, where it has an effect of that temperature; else the mean over the poses of its fit.
+        It is ``reference`` where the model has an effect of this temperature, else the mean over the poses of its fit.
         """
         robot, fit = self.model.robot, self.model.fit
         if any(name in active.effect.covariates(robot, active.site) for active in self.effects):
@@ -125,7 +126,10 @@ class Earlier:
         return None if fit is None else {"temp_frame": fit.temp_frame, "temp_link": fit.temp_link}[name]
 
     def moved(self, deviation: Floats, covariance: Floats) -> Model:
-        """The model with its geometry and lasting effects changed by a deviation (p + m,), and a covariance (p + m, p + m)."""
+        """The model with another geometry and other coefficients of the lasting effects.
+
+        ``deviation``: (p + m,) their change. ``covariance``: (p + m, p + m) their new covariance.
+        """
         geometry, place = self.model.geometry, len(self.model.geometry.parameters)
         moved = geometry.with_values(geometry.values + deviation[:place])
         p, effects = place, []

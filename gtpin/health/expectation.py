@@ -24,11 +24,11 @@ class Conditions:
     Parameters
     ----------
     noise
-        Of its poses.
+        Noise of the check's poses.
     free_frame
-        Whether the instrument may stand anywhere.
+        Whether the pose of the instrument is unknown.
     temperature
-        degC at which the geometry holds.
+        Reference temperature, degC, at which the geometry holds.
     """
 
     noise: Noise
@@ -39,17 +39,23 @@ class Conditions:
 def expectation(
     earlier: Earlier, measured: Measured, covariates: Mapping[str, Column], how: Conditions, since: Mapping[str, Column]
 ) -> Design:
-    """The linear problem about an earlier model.
+    """The linear problem about an earlier model: y ~ N(0, I + B B') where nothing has changed.
 
-    y ~ N(0, I + B B'): B has the derivative by the model's unknowns, scaled by their posterior, and by the pose of the
-    instrument where it is free.
+    y is the whitened difference of the measured poses and those that the model predicts. B is the whitened derivative by the
+    model's unknowns, scaled by the root of their posterior covariance, and by the pose of the instrument where that is unknown.
 
     Parameters
     ----------
+    earlier
+        The earlier model.
+    measured
+        The poses of the check.
     covariates
-        As they were recorded.
+        The covariates as they were recorded.
+    how
+        Noise, frame and temperature.
     since
-        The same as changes depend on them: see :class:`~gtpin.health.changes.Since`.
+        The covariates on which changes depend: see :class:`~gtpin.health.changes.Since`.
 
     Raises
     ------

@@ -20,13 +20,13 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Part(BaseModel):
-    """A part of a line. Unknown keys, and text in place of numbers, are errors."""
+    """The base class of the parts of a line. Unknown keys, and text in place of numbers, are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True, frozen=True)
 
 
 class Changed(Part):
-    """A change that a check named: its leader, and by how much."""
+    """A change that a check named: the leader of its class, with its probability, and value and unit of its first parameter."""
 
     effect: str
     site: str
@@ -51,7 +51,7 @@ class Entry(Part):
 
     @staticmethod
     def of(check: HealthCheck, now: datetime) -> Entry:
-        """The line of a check."""
+        """The line of a check that was made at the time ``now``."""
         changes = []
         for cause in check.causes:
             name, e = next(iter(cause.parameters.items()))
@@ -78,13 +78,13 @@ class Entry(Part):
 
     @property
     def time(self) -> datetime:
-        """The date as a date."""
+        """``date`` as a `datetime`, UTC."""
         return datetime.strptime(self.date, "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=UTC)
 
 
 @dataclass(frozen=True)
 class HistoryFiles:
-    """Where a history lies: a folder, and the names of its lines and of its page."""
+    """The files of a history: a folder, and the names of the file of lines (JSON) and of the page (HTML) in it."""
 
     folder: Path
     lines: str
@@ -92,14 +92,14 @@ class HistoryFiles:
 
     @staticmethod
     def named(path: Path) -> HistoryFiles:
-        """``FILE.html``, with the lines in ``FILE.jsonl`` beside it; or a folder, which has ``history.html``."""
+        """The files of ``FILE.html``, with the lines in ``FILE.jsonl``; or of a folder, with ``history.html`` and its lines."""
         if path.suffix == ".html":
             return HistoryFiles(path.parent, f"{path.stem}.jsonl", path.name)
         return HistoryFiles(path, "history.jsonl", "history.html")
 
     @property
     def names(self) -> tuple[str, str]:
-        """Both names."""
+        """Names of the two files: the lines, then the page."""
         return self.lines, self.page
 
 

@@ -26,25 +26,25 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class Usable:
-    """Poses of a check, and how they were measured."""
+    """The usable poses of a check, and how they were measured."""
 
     dataset: Dataset
     measured: Measured
     how: Conditions
 
     def without(self, row: int) -> Usable:
-        """The same without one row."""
+        """The same without the row with the index ``row``."""
         kept = np.arange(len(self.dataset)) != row
         return Usable(self.dataset.take(kept), self.measured.take(kept), self.how)
 
 
 def usable(dataset: Dataset, model: Model) -> Usable:
-    """Check a dataset against a model, and leave out what can't be right.
+    """The rows of a dataset that a check of a model can use: rows with impossible values are left out.
 
     Raises
     ------
     DatasetError
-        If it can't be a check of this model, or has too few poses.
+        If the dataset does not match the model, or has too few poses.
     """
     if dataset.readings is not None:
         raise DatasetError(
@@ -67,9 +67,9 @@ def usable(dataset: Dataset, model: Model) -> Usable:
 
 
 def noise_of(dataset: Dataset, model: Model) -> Noise:
-    """The noise of a check: declared sigmas, else those of the model's fit, and the drives' scatter of the model's fit.
+    """The noise of a check: declared sigmas, else those of the model's fit, and the scatter of the drives in the model's fit.
 
-    Where the model did not fit its own poses to their noise, all of it is larger by so much.
+    All of it is multiplied by the ratio of residuals to noise in the model's fit, where that is larger than 1.
     """
     declared, known = dataset.instrument, model.fit
     position, turns = declared.position_sigma, declared.orientation_sigma

@@ -43,9 +43,9 @@ class Smallest:
 def smallest_changes(
     bench: Bench, threshold: float, power: float, draws: int, rng: np.random.Generator
 ) -> Iterator[Smallest]:
-    """For each hypothesis, the smallest change whose own evidence exceeds the alarm's threshold with a power.
+    """For each hypothesis, the smallest change whose own gain in log evidence exceeds ``threshold`` with probability ``power``.
 
-    Another hypothesis, or the sum of squares, may raise the alarm as well: the power is this or more.
+    The probability of an alarm is at least this: another hypothesis, or chi-square, may raise the alarm too.
     """
     at = bench.hypotheses.design.situation
     y = unchanged(bench.hypotheses.design, draws, rng)
@@ -61,7 +61,7 @@ def smallest_changes(
 
 
 def shapes(axes: Axes, draws: int, rng: np.random.Generator) -> Floats:
-    """(draws, c) coefficients of a change of typical size: of the core alone, of random sign and shape, mean square 1."""
+    """(draws, c) coefficients of changes of typical size: random in the core with mean square 1, zero in the modulation."""
     c = len(axes.values)
     own = list(axes.core) or list(range(c))
     drawn = rng.standard_normal((draws, len(own)))
@@ -71,7 +71,7 @@ def shapes(axes: Axes, draws: int, rng: np.random.Generator) -> Floats:
 
 
 def found_share(bench: Bench, axes: Axes, null: Floats, shape: Floats, size: float, threshold: float) -> float:
-    """Share of changes of a size that exceed the threshold."""
+    """Share of the drawn changes, multiplied by ``size``, whose gain exceeds the threshold."""
     moments = null + size * (shape @ axes.vectors) * axes.values
     return float((bench.gains(axes, moments) >= threshold).mean())
 

@@ -20,14 +20,14 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Linear:
-    """The Gaussian posterior of everything that is unknown, over its prior sizes.
+    """The Gaussian posterior of all k unknowns of a check, in units of their prior standard deviations.
 
     Parameters
     ----------
     mean, covariance
-        (k,) and (k, k): the model's unknowns, the instrument's pose, then the changes' coefficients.
+        (k,) and (k, k), for the model's unknowns, then the instrument's pose, then the changes' coefficients.
     left
-        (N, c) whitened residuals of the mean.
+        (N, c) whitened residuals at the mean.
     """
 
     mean: Floats
@@ -36,7 +36,7 @@ class Linear:
 
     @staticmethod
     def of(design: Design, changes: Floats) -> Linear:
-        """For whitened displacements (N c, m) of the changes, of the sizes that their priors have."""
+        """The posterior for changes with the whitened displacements ``changes`` (N c, m), in units of their priors' sigmas."""
         J = np.hstack([design.B, changes])
         prior = np.concatenate([design.prior, np.ones(changes.shape[1])])
         covariance = np.linalg.inv(J.T @ J + np.diag(prior))
@@ -45,9 +45,9 @@ class Linear:
 
 
 def pose_chi2(design: Design, changes: Floats) -> Floats:
-    """(N,) chi-square of each pose as all others predict it, with as many degrees of freedom as it has numbers.
+    """(N,) chi-square of each pose given all other poses, with c degrees of freedom, the number of components of a pose.
 
-    r' Q^-1 r, where r are the pose's rows of K^-1 y, and Q its block of K^-1, with K the covariance of y.
+    It is r' Q^-1 r with r the pose's rows of K^-1 y, Q the pose's block of K^-1, and K the covariance of y.
     """
     J, c = np.hstack([design.B, changes]), design.components
     found = Linear.of(design, changes)
@@ -59,12 +59,18 @@ def pose_chi2(design: Design, changes: Floats) -> Floats:
 def updated(
     earlier: Earlier, design: Design, causes: Sequence[Hypothesis], scale: Sequence[float], columns: Floats
 ) -> tuple[Model, tuple[ActiveEffect, ...]]:
-    """The model with the changes in, and the changes with their coefficients.
+    """The earlier model with the changes added, fitted again with the check's poses; and the changes with their coefficients.
 
     Parameters
     ----------
-    scale, columns
-        Of each change over its typical size, and (N c, m) the whitened displacements of all of them at these scales.
+    earlier
+        The earlier model.
+    design
+        The linear problem of the check.
+    causes, scale
+        The changes, and the scale of each.
+    columns
+        (N c, m) whitened displacements of all changes at these scales.
     """
     found, k = Linear.of(design, columns), design.n_prior
     after = design.B.shape[1]

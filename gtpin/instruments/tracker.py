@@ -76,7 +76,7 @@ class Tracker(Instrument):
         return np.hstack([self._T, np.zeros((len(self._T), len(self.components) - 3))])
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c) in the instrument's frame: position, m, and rotation vector, rad, of the predicted less measured orientation."""
+        """(M, c) in the instrument's frame: position, m, and rotation vector, rad, of predicted less measured orientation."""
         t, mount, shift, turn = self._split(u)
         F = exp(turn)
         positions = self.targets.positions(poses, t) @ F.T + shift

@@ -137,7 +137,7 @@ class ClosedPosture:
 
     @cached_property
     def passive_response(self) -> Floats:
-        """(6, m) motion of the TCP, m and rad, base frame, that closes a gap of 1 m in each loop equation, actuators at rest."""
+        """(6, m) motion of the TCP, m and rad, base frame, that closes a gap of 1 m in each loop equation, commands held."""
         return _frozen(-self.tcp_jacobian[:, self.robot.passive] @ self.passive_inverse)
 
     @cached_property

@@ -101,7 +101,7 @@ class Diagnosed:
         return self.environment.reset(**options)
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Send the commands ``action`` (n,), m or rad; returns what the environment's ``step`` returns, with a longer ``info``."""
+        """Send the commands ``action`` (n,), m or rad; returns what the environment's ``step`` returns, ``info`` extended."""
         q = np.array(action, dtype=float)
         self._approach = np.where(q == self._before, self._approach, np.sign(q - self._before))
         self._before = q
