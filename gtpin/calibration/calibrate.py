@@ -139,12 +139,16 @@ def calibrate_geometry(
     lacking: bool = False,
     kinematics: Solver = "arrays",
 ) -> Calibration:
-    """Identify any geometry's parameters; see :func:`calibrate`. A reduced arm is fitted to positions alone.
+    """Identify the parameters of a given geometry. A reduced arm is fitted to positions only.
 
     Parameters
     ----------
+    dataset, progress, kinematics
+        As for :func:`calibrate`.
+    geometry
+        The nominal geometry, with the parameters to identify.
     lacking
-        Whether the geometry is incomplete by design: see :class:`~gtpin.calibration.reweighting.Reweighting`.
+        Whether the geometry leaves out known causes of deviations: see :class:`~gtpin.calibration.reweighting.Reweighting`.
     """
     return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking, kinematics=kinematics)
 
@@ -217,6 +221,6 @@ def _toml(dataset: Dataset) -> Path | None:
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:
-    """The dataset without declared noise, for models that are incomplete by design: their residuals determine the weights."""
+    """The dataset without declared noise, for models that leave out known causes: their residuals determine the weights."""
     undeclared = dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
     return replace(dataset, instrument=undeclared)

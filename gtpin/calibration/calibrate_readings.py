@@ -42,9 +42,10 @@ MISFIT = 10.0
 
 
 def with_positions(dataset: Dataset, robot: Robot) -> Dataset:
-    """The dataset of other instruments with the nominal TCP's positions, base frame, by which regions are told apart.
+    """The dataset with the nominal TCP's positions, base frame, m, as ``position``: readings alone do not have any.
 
-    Rows that the nominal robot does not reach have the position of the first that it does.
+    They divide the poses into regions. A row that the nominal robot does not reach gets the position of the first row that it
+    reaches.
     """
     if dataset.readings is None or dataset.n_actuators != robot.n_actuators:
         return dataset
@@ -69,7 +70,7 @@ def calibrate_readings(
     Warns
     -----
     GtpinWarning
-        For rejected rows, by name, and for a fit that leaves much more than noise.
+        Names poses whose rows are rejected, and warns of residuals that are much larger than noise.
     """
     robot = measuring(geometry.robot, dataset)
     geometry = replace(geometry, robot=robot)

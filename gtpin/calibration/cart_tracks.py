@@ -32,13 +32,18 @@ class _Path:
 def measured_tracks(robot: Robot, carts: CartMeasurements, *, orientations: bool = False) -> tuple[MeasuredTrack, ...]:
     """The measured track of every actuator, rotated to the base frame's axes.
 
-    The instrument's pose may differ from that for the TCP. The carts' paths are rotated so that their mean direction is that
-    of the nominal tracks and their positions around it fit best. A calibration finds the remaining rotation.
+    The instrument may have stood elsewhere than for the TCP. The carts' paths are rotated so that their mean direction is that
+    of the nominal tracks, and about this direction so that their positions fit best. A calibration identifies the remaining
+    rotation.
 
     Parameters
     ----------
+    robot
+        The nominal robot.
+    carts
+        The measured cart poses.
     orientations
-        Whether to interpolate the measured cart orientation too.
+        Whether the tracks also have the measured orientations of the carts.
 
     Raises
     ------
@@ -101,7 +106,7 @@ def _unit(vector: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Linearity:
-    """Residuals of a linear function of the command (eq. 2) fitted to one cart's measured positions: the paper's Figs. 5 and 6.
+    """Residuals of a linear function of the command fitted to one cart's positions (Dressler et al. 2010, eq. 2, figs. 5, 6).
 
     Parameters
     ----------
@@ -119,7 +124,7 @@ class Linearity:
 
     @staticmethod
     def of(carts: CartMeasurements, cart: int) -> Linearity:
-        """Of cart 1 .. n; its positions may be in any frame.
+        """The residuals of cart number ``cart``, from 1; its positions may be in any frame.
 
         Raises
         ------

@@ -68,7 +68,7 @@ class Fit(Generic[P]):
     weight
         (N,) weights of the poses at the end.
     information
-        (size, size) J'WJ of the data alone.
+        (size, size) J'WJ of the data alone, with J the whitened derivative and W the weights.
     iterations
         Number of steps.
     """
@@ -87,7 +87,7 @@ class Fit(Generic[P]):
 
     @property
     def factor(self) -> Floats:
-        """(size, size) triangular factor of the weighted derivative: singular values that its square would round away."""
+        """(size, size) triangular factor of the weighted derivative: it keeps small singular values that J'WJ rounds away."""
         size = self.problem.size
         factor: Floats = np.zeros((0, size))
         for rows in self.problem.chunks():
@@ -120,15 +120,15 @@ def fit(
     weigh
         Weights (N,) of the poses from whitened residuals (N, c): iteratively reweighted least squares.
     x
-        Start; nominal by default.
+        Start of the iterations; nominal (zeros) by default.
     progress
         Called with the iteration and the root mean square of the weighted residuals.
     near
-        Poses of a geometry near the start, base frame, as first guess of the forward kinematics.
+        Poses of a geometry near the start, base frame, as first guess of the forward kinematics; None: it finds its own.
     decrease
-        Decrease of the cost that a step promises, per unit of cost, at which the fit has converged.
+        The fit has converged when a step is expected to decrease the cost by less than this fraction of the cost.
     enough
-        Number of steps after which a rough fit stops without an error.
+        Number of steps after which the fit stops without an error, converged or not.
 
     Raises
     ------

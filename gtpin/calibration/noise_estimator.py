@@ -33,7 +33,7 @@ NEAREST = 0.1
 
 @dataclass(frozen=True)
 class NoiseEstimator:
-    """Estimates what of the noise is not declared.
+    """Estimates the part of the noise that is not declared.
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ class NoiseEstimator:
     instrument
         What the dataset declares.
     lacking
-        Whether the model is incomplete by design. Residuals of single visits then do not count as scatter of the drives.
+        Whether the model leaves out known causes of deviations. Residuals of single visits then do not count as scatter of the
+        drives.
     """
 
     start: Model
@@ -63,7 +64,7 @@ class NoiseEstimator:
         )
 
     def first(self) -> Noise:
-        """What is declared; for the rest, a tracker's usual values."""
+        """The noise at the start: declared sigmas, and a tracker's usual values for the others."""
         sight = reach = None
         if self.instrument.station is not None:
             station = np.array(self.instrument.station)
@@ -177,7 +178,7 @@ def whitened(noise: Noise, J: Floats, values: Floats) -> Floats:
 
 
 def same(one: Noise, two: Noise) -> bool:
-    """Whether an estimate of the noise has settled."""
+    """Whether two successive estimates of the noise are equal, so that the iteration has converged."""
     pairs = (
         (one.position_sigma, two.position_sigma),
         (one.orientation_sigma, two.orientation_sigma),

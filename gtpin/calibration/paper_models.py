@@ -39,12 +39,14 @@ def model_geometry(
     number
         1: reduced arm, straight tracks. 2: reduced arm, measured tracks. 3: full arm, a straight path for each rod, with a
         direction and a scale of its own. 4: full arm, measured tracks. 5: for each rod model 3 or model 4.
+    robot
+        The nominal robot.
     dataset
-        Gives the tolerances, the carts' measured tracks, and the reduced arm's constant orientation.
+        The dataset, with the tolerances, the carts' measured tracks, and the reduced arm's constant orientation.
     measured
-        For model 5, the rods that take model 4; the paper's choice by default.
+        For model 5: for each rod, True for model 4 and False for model 3; None: the paper's choice.
     orientations
-        Whether measured tracks carry the measured turning of the carts too.
+        Whether measured tracks also have the measured rotations of the carts.
 
     Raises
     ------

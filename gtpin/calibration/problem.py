@@ -25,7 +25,7 @@ FRAME_UNIT = 1e-3
 
 @dataclass(frozen=True)
 class Measured:
-    """Measured poses: commands q (N, n), positions (N, 3), m, rotations (N, 3, 3) or None; instrument's frame."""
+    """N measured poses: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in the instrument's frame."""
 
     q: Floats
     T: Floats
@@ -33,25 +33,25 @@ class Measured:
 
     @property
     def components(self) -> int:
-        """Numbers measured per pose."""
+        """Number c of measured components of a pose: 3 or 6."""
         return 3 if self.R is None else 6
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> Measured:
-        """Some of the poses."""
+        """The poses that a mask, indices or a slice select."""
         if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.all():
             return self
         return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
 
     def left(self, model: Model, poses: Poses) -> Floats:
-        """(N, c) measured less what a model has at poses, base frame: position, m, and rotation vector, rad."""
+        """(N, c) measured less ``poses`` (N), base frame, as the model's instrument reads them; m and rad, instrument's frame."""
         return self.minus(model.seen(poses))
 
     def scatter(self, J: Floats, model: Model, _: Poses) -> Floats:
-        """(N, 6, n) derivative of the poses by the commands J (N, 6, n), base frame, in the frame that was measured in."""
+        """(N, 6, n) derivative of the poses by the commands, J (N, 6, n) in the base frame, in the instrument's frame."""
         return in_frame(J, model.frame)
 
     def seen(self, J: Floats, model: Model, _: Poses) -> Floats:
-        """(N, c, m) motions J (N, 6, m) of the poses, base frame, as they are measured."""
+        """(N, c, m) motions J (N, 6, m) of the poses, base frame, as changes of the c measured components."""
         return in_frame(J, model.frame)[:, : self.components]
 
     def unknown_columns(self, model: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
@@ -65,17 +65,17 @@ class Measured:
         return frame_motions(T - (T.mean(axis=0) if pivot is None else pivot))[:, : self.components], 6
 
     def at_trials(self, _: npt.NDArray[np.intp], q: Floats, seen: Poses) -> Measured:
-        """These poses, and others after them that would be measured so: all commands, and poses in the instrument's frame."""
+        """Poses at commands q that would be measured as these: ``seen`` are all of them, instrument's frame."""
         R = None if self.R is None else np.concatenate([self.R, seen.R])
         return Measured(q, np.vstack([self.T, seen.T]), R)
 
     @property
     def deviation(self) -> Floats:
-        """(0,) values of unknowns with a prior: none."""
+        """(0,) empty: a tracker's poses have no unknowns with a prior."""
         return np.zeros(0)
 
     def taken(self, free_frame: bool) -> int:
-        """Number of unknowns without a prior, which take as many numbers of the measurements."""
+        """Number of unknowns without a prior: so many degrees of freedom they take."""
         return 6 if free_frame else 0
 
     def minus(self, predicted: Poses) -> Floats:
@@ -105,7 +105,7 @@ class Problem:
     measured
         The measured poses.
     whitening
-        (N, c, c) see :class:`~gtpin.noise.noise.Noise`.
+        (N, c, c) whitening matrices: see :class:`~gtpin.noise.noise.Noise`.
     free_frame
         Whether the instrument's pose is identified too.
     """
@@ -127,7 +127,7 @@ class Problem:
 
     @property
     def prior(self) -> Floats:
-        """(size,) weight of each x squared: one for a tolerance, none for the instrument's pose."""
+        """(size,) weight of the square of each x in the cost: 1 for a parameter in tolerances, 0 for the instrument's pose."""
         return np.concatenate([np.ones(self.n_geometry), np.zeros(self.size - self.n_geometry)])
 
     def point(self, x: Floats, near: Poses | None = None) -> Point:
@@ -147,7 +147,7 @@ class Problem:
         return self.residual_at(point, point.poses)
 
     def residual_at(self, point: Point, poses: Poses) -> Floats:
-        """(N, c) the same for other poses, base frame, than the point's geometry has."""
+        """(N, c) whitened measured less ``poses`` (base frame), with the instrument's pose at the point."""
         return self.whiten(self.measured.minus(point.model.seen(poses)))
 
     def columns(self, point: Point, moved: Floats, rows: slice, weight: Floats | None = None) -> Floats:
@@ -220,5 +220,5 @@ def in_frame(J: Floats, frame: Frame) -> Floats:
 
 
 def rough_frame(predicted: Poses, measured: Measured) -> Frame:
-    """Where the base frame lies in the instrument's frame: see :func:`~gtpin.kinematics.alignment.alignment`."""
+    """First guess of the base frame's pose in the instrument's frame: see :func:`~gtpin.kinematics.alignment.alignment`."""
     return Frame(*alignment(predicted, measured.T, measured.R))

@@ -52,13 +52,14 @@ class SettledReadings:
     used
         (N,) the rows that are not gross errors.
     noise
-        Of all rows.
+        Noise of all rows, used or not.
     tails
-        Of each instrument, and of each of its sigmas where a row is one number.
+        Tails of the noise, for each instrument; where a row is one component, for each of its sigmas.
     steps
         Number of steps of all fits.
     wide
-        Factor of the noise in the last fit: with less, its cost is a narrow curved valley far from its minimum.
+        Factor by which the noise was multiplied in the last fit. It is larger than 1 where the fit would otherwise not
+        converge.
     """
 
     fit: Fit[ReadingsProblem]
@@ -105,7 +106,7 @@ class RobustFit:
     readings
         What was read, with a first guess of the unknowns.
     rows, visits
-        (N,) number of the table's row that each row is of, and of the commands.
+        (N,) line number of each row in its file, and index of its commands.
     near
         (N) nominal poses, base frame.
     progress

@@ -20,9 +20,9 @@ Floats = npt.NDArray[np.float64]
 class ReadingsProblem:
     """The fitted problem: x has the deviations of the geometry in tolerances, then those of the instruments' unknowns.
 
-    Unknowns are in units of their priors' sigmas from what is declared, and those without a prior in millimetres and
-    milliradians from where the fit starts. These have a prior of ``VAGUE`` about it, which says nothing beside a reading: a
-    socket whose rows are all set aside keeps its place.
+    An unknown with a prior is in units of its sigma, from its declared value. An unknown without one is in mm or mrad, from the
+    start of the fit, and gets a prior with the sigma ``VAGUE``. This has no influence where there are readings, and holds a
+    socket whose rows are all set aside.
 
     Parameters
     ----------
@@ -50,13 +50,13 @@ class ReadingsProblem:
 
     @property
     def prior(self) -> Floats:
-        """(size,) weight of each x squared: one for a tolerance or a prior sigma, next to none for unknowns without a prior."""
+        """(size,) weight of the square of each x in the cost: 1, but nearly 0 for an unknown without a prior."""
         vague = (FRAME_UNIT / VAGUE) ** 2
         return np.concatenate([np.ones(self.n_geometry), np.where(np.isfinite(self.readings.sigma), 1.0, vague)])
 
     @property
     def unit(self) -> Floats:
-        """(k,) what one unit of x is for each unknown."""
+        """(k,) size of one unit of x for each unknown, m or rad."""
         sigma = self.readings.sigma
         return np.where(np.isfinite(sigma), sigma, FRAME_UNIT)
 

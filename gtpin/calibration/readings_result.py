@@ -90,7 +90,7 @@ class ReadingsCalibration(Calibration):
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What these readings can't see, a sentence for each unobservable direction."""
+        """A sentence for each unobservable direction."""
         from gtpin.report.unseen_words import unseen_words  # sentences are made in the report
 
         unseen = self.observability.learned < UNSEEN
@@ -139,7 +139,7 @@ class ReadingsCalibration(Calibration):
         }
 
     def unknown(self, name: str) -> Estimate:
-        """One of the instruments' unknowns, by its name."""
+        """Value and sigma of one of the instruments' unknowns, by its name."""
         index = [one.name for one in self.unknowns].index(name)
         sigma = float(np.sqrt(self.u_covariance[index, index]))
         one = self.unknowns[index]
@@ -158,10 +158,16 @@ def readings_calibration(
 
     Parameters
     ----------
+    settled
+        The converged iterations.
     before
-        (N, c) residuals of all fitted rows for nominal geometry.
+        (N, c) residuals of the nominal geometry, of all fitted rows.
     readings
         The rows that were fitted, gross errors included.
+    rejected, rejected_rows
+        Ids of the poses with rejected rows, and the line numbers of these rows.
+    dataset
+        The input data.
     """
     enlarged = settled.excess
     heavy = any(tails.heavy for tails in settled.tails)

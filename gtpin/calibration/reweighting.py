@@ -66,8 +66,8 @@ class Reweighting:
     progress
         Called with the name of the step, the iteration, and the RMS residual in units of the noise.
     lacking
-        Whether the model is incomplete by design. Residuals of single visits then do not count as scatter of the drives, and
-        gross errors are judged by heavier tails.
+        Whether the model leaves out known causes of deviations, as the paper's models do. Then residuals of single visits do
+        not count as scatter of the drives, and gross errors are judged by heavier tails.
     """
 
     start: Model

@@ -32,7 +32,7 @@ class Settled:
     used
         (N,) the poses that are not gross errors.
     noise, tails
-        Noise that the fit assumes.
+        Noise that the fit assumes, and the tails of its distribution.
     steps
         Number of steps of all fits.
     """

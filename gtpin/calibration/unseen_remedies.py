@@ -40,9 +40,9 @@ class Remedy:
     what
         What is measured.
     count
-        Number of poses, evenly taken among those of the data.
+        Number of poses, evenly distributed over those of the data.
     axis
-        Of touches, the base axis along which the plane's normal is; empty otherwise.
+        For ``touches``, the axis of the base frame along which the plane's normal is; else empty.
     """
 
     what: Literal["touches", "distances", "tilts", "positions", "poses"]
@@ -61,7 +61,7 @@ class Candidate:
     by_pose
         (M, c, 6) whitened derivative by the platform's motion.
     by_unknown
-        (M, c, k) whitened derivative by what is unknown of it, in prior sigmas.
+        (M, c, k) whitened derivative by the measurement's own unknowns, in prior sigmas.
     """
 
     remedy: Remedy

@@ -103,7 +103,7 @@ class HeldAgainst:
         return bool(own.sum() >= FEWEST and squares.mean() < SMALL)
 
     def travel(self, errors: Floats) -> Floats | None:
-        """(N, n) deviations of the actuators' travel, m or rad, that explain errors (N, c) of poses; None where not determined."""
+        """(N, n) deviations of the actuators' travel, m or rad, for errors (N, c) of poses; None where not determined."""
         J = in_frame(self.model.kinematics.command_jacobian(self.at.q, self.at.plain)[:, :6], self.model.frame)
         n, c = J.shape[2], errors.shape[1]
         components = 3 if n <= 3 else c

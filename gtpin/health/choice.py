@@ -57,7 +57,7 @@ class Choice:
         return total
 
     def best(self, count: int) -> Rows:
-        """(count,) indices of the chosen poses, ascending: a greedy choice, then exchanges of one pose while they improve it."""
+        """(count,) indices of the chosen poses, ascending: a greedy choice, then exchanges of one pose that improve it."""
         chosen: list[int] = []
         for _ in range(count):
             chosen.append(int(self.scores(chosen).argmax()))

@@ -179,8 +179,7 @@ def _direction(posture: ClosedPosture, regressors: Regressors, geometry: Geometr
 def _seat_position(posture: ClosedPosture, constraint: object, rod_end: int) -> Floats:
     data = posture.robot.data
     if rod_end == 0:
-        return np.asarray((data.oMi[constraint.joint2_id] * constraint.joint2_placement).translation)  # type:
-        ignore[attr - defined]
+        return np.asarray((data.oMi[constraint.joint2_id] * constraint.joint2_placement).translation)  # type: ignore[attr-defined]
     return np.asarray((data.oMi[constraint.joint1_id] * constraint.joint1_placement).translation)  # type: ignore[attr-defined]
 
 

@@ -13,7 +13,7 @@ def check_actuators(robot: Robot, dataset: Dataset) -> None:
     Raises
     ------
     DatasetError
-        If it has more or fewer.
+        If the number of its commands is not the number of actuators.
     """
     if dataset.n_actuators != robot.n_actuators:
         raise DatasetError(

@@ -41,14 +41,14 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise)
     dataset
         The rows of the problem.
     problem, point
-        What is fitted, and a point about which all is linear.
+        The fitted problem, and the point about which it is linearised.
     noise
         Noise of these rows, without repeatability, since a step between visits of one pose looks like it.
 
     Raises
     ------
     DatasetError
-        If one or two steps of the frame explain the residuals; with the rows.
+        If one or two steps of the frame explain the residuals; it names the rows.
     """
     if len(dataset) < 4 * EDGE:
         return

@@ -21,12 +21,14 @@ NINE_TENTHS = 0.9
 
 
 def coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | None:
-    """The message on coarse commands that explain the residuals; None if they do not.
+    """A message, if commands that were rounded or truncated explain the residuals; else None.
 
     Parameters
     ----------
+    model
+        The nominal model.
     measured, poses
-        (N) what was measured, and what the model has there, base frame.
+        The N measured poses, and those that the model predicts at their commands, base frame.
     """
     step = coarsest_step(measured.q, COARSE)
     if step is None:

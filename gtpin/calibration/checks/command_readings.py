@@ -18,7 +18,17 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CommandReading:
-    """A way to read q1 .. qn: what the columns look like, what to do about it, and q (N, n) as it would be."""
+    """A way to read the columns q1 .. qn.
+
+    Parameters
+    ----------
+    columns
+        The columns that are read in another way.
+    looks, hint
+        What they look like, and what to do.
+    q
+        (N, n) commands, read in this way, m or rad.
+    """
 
     columns: str
     looks: str

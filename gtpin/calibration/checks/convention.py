@@ -29,11 +29,12 @@ LEAST = 20
 
 
 def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
-    """Conventions by which measured orientations fit the geometry far better than as they stand, the usual first; mostly none.
+    """Other conventions of rotations by which the measured orientations fit the geometry far better, the most usual one first.
 
-    Angles of one convention that are read as another's agree for small turns, so that the error grows with the square of the
-    turn. Part of it strains the geometry. Residuals are therefore those that a linearised fit leaves of the orientations read
-    anew: r - J dx, with dx from the normal equations with the tolerances as priors.
+    The list is empty where the orientations fit as they are. For small angles two conventions give nearly the same rotation:
+    the difference grows with the square of the angle, and a fit absorbs a part of it. Therefore the residuals of a convention
+    are those after a linearised fit to the orientations read by it: r - J dx, with dx from the normal equations with the
+    tolerances as priors.
     """
     measured = fit.problem.measured
     if measured.R is None or len(measured.T) < LEAST:

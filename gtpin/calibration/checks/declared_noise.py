@@ -39,19 +39,19 @@ UNITS: dict[Sigma, tuple[tuple[float, float, str], ...]] = {
 
 
 def used_noise(dataset: Dataset, settled: Settled, settle: Settle) -> tuple[Settled, Instrument]:
-    """The calibration with the noise as far as it can be true: an overstated sigma is estimated instead, with a warning.
+    """The calibration with credible noise: a declared sigma that is too large is estimated instead, with a warning.
 
     Parameters
     ----------
     settled
         The calibration with the noise as declared.
     settle
-        Calibrates with another description of the instrument.
+        Function that calibrates with another description of the instrument.
 
     Raises
     ------
     DatasetError
-        If a sigma is more than ten times what the data show.
+        If a declared sigma is more than ten times the estimated one.
     """
     instrument = dataset.instrument
     suspects = [key for key, _ in SIGMAS if _residual_ratio(settled, instrument, key) < SUSPECT]
@@ -78,7 +78,7 @@ def used_noise(dataset: Dataset, settled: Settled, settle: Settle) -> tuple[Sett
 
 
 def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled:
-    """Calibrate; where that does not converge, say whether a declared noise that is far too small is the reason.
+    """Calibrate; if the fit does not converge, find out whether the reason is a declared noise that is far too small.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled:
 
 
 def shown(settled: Settled, key: Sigma) -> float:
-    """Noise per axis, m or rad, that a calibration took: the instrument's and the machine's own scatter together."""
+    """Noise per axis, m or rad, of a calibration: that of the instrument and the scatter of the machine together."""
     problem: Problem = settled.fit.problem
     point, components = settled.fit.point, problem.measured.components
     some = np.arange(len(point.poses))[:: 1 + len(point.poses) // ENOUGH]
@@ -126,7 +126,7 @@ def shown(settled: Settled, key: Sigma) -> float:
 
 
 def unit_like(key: Sigma, ratio: float) -> str:
-    """The unit that a sigma looks like that is too large by a ratio; empty where it looks like none."""
+    """The unit in which a sigma was probably written that is too large by ``ratio``; empty where no unit fits."""
     return next((unit for low, high, unit in UNITS[key] if low <= ratio <= high), "")
 
 

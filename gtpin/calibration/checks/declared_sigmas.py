@@ -21,18 +21,18 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Declared:
-    """A sigma that is declared.
+    """A declared noise sigma.
 
     Parameters
     ----------
     group, instrument
-        Its group among the readings', and the instrument's index.
+        Index of its group over all instruments' sigmas, and index of the instrument.
     key
-        In dataset.toml; of sigmas that rows declare, their columns.
+        Its key in dataset.toml; for sigmas that a table declares row by row, the columns.
     value
-        Its value, of those of rows their median, m or rad.
+        Its value, m or rad; for sigmas by row, their median.
     by_row
-        Whether rows declare it themselves.
+        Whether the table declares it row by row.
     """
 
     group: int
@@ -43,7 +43,7 @@ class Declared:
 
 
 def settled_with_sigmas(fit: RobustFit) -> SettledReadings:
-    """The robust fit with the declared noise as far as it can be true: an overstated sigma is estimated, with a warning.
+    """The robust fit with credible noise: a declared sigma that is too large is estimated instead, with a warning.
 
     Raises
     ------

@@ -39,7 +39,7 @@ STRAYED = 6.0
 def settled_in_doubt(
     dataset: Dataset, start: Model, measured: Measured, near: Poses, settle: Callable[[Instrument], Settled]
 ) -> Settled:
-    """Calibrate, and refuse data in which the instrument moved, or whose noise is far from what is declared.
+    """Calibrate, and raise an error if the instrument moved, or if a declared sigma keeps the fit from converging.
 
     Parameters
     ----------
@@ -69,7 +69,10 @@ def settled_in_doubt(
 
 
 def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
-    """Refuse data of which a stretch of rows, or a large part, was set aside: what fits is not the machine's whole."""
+    """Raise `DatasetError` if the fit set aside a sequence of rows, or a large part of them.
+
+    What fits is then not the whole machine.
+    """
     if settled.used.all():
         return
     aside = ~settled.used
@@ -92,7 +95,10 @@ def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
 
 
 def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., Settled]) -> tuple[Settled, Instrument]:
-    """The calibration again, with what its geometry strained against set free, and a warning that names it."""
+    """The calibration; if its geometry strains against the priors, repeated with a wider tolerance or a free frame.
+
+    A warning names what was assumed wrongly.
+    """
     found = strain(settled)
     strayed = np.abs(settled.fit.point.x[: settled.fit.problem.n_geometry]).max(initial=0.0) > STRAYED
     # Short of that a cause that geometry can't have, such as a ball out of round, may be what strains it.
@@ -116,7 +122,7 @@ def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., S
 
 
 def check_convention(dataset: Dataset, settled: Settled) -> None:
-    """Refuse orientations that fit far better when they are read by another convention."""
+    """Raise `DatasetError` for orientations that fit far better when they are read by another convention."""
     found = other_convention(settled.fit)
     if found:
         looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
@@ -124,7 +130,7 @@ def check_convention(dataset: Dataset, settled: Settled) -> None:
 
 
 def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
-    """Refuse data that calibration does not bring near the robot, and warn of a fit that hardly deserves the name."""
+    """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise."""
     problem, point = settled.fit.problem, settled.fit.point
     model, measured = point.model, problem.measured
     left, before = (

@@ -17,7 +17,7 @@ from gtpin.model.model import Model
 
 @contextlib.contextmanager
 def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses) -> Iterator[None]:
-    """Say of a fit that fails whether sessions with frames of their own, or coarse commands, are the reason.
+    """Context of a fit: if it fails because of sessions with different frames, or of coarse commands, the error says so.
 
     Errors that name rows are left as they are.
     """

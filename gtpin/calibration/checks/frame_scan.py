@@ -29,7 +29,10 @@ EDGE = FEWEST
 
 @dataclass(frozen=True)
 class Scan:
-    """Whitened derivatives by the geometry (N, c, p) and by the frame (N, c, 6), and residuals at nominal (N, c), in order."""
+    """Searches for steps of the instrument's frame along N rows.
+
+    J, F: whitened derivatives by the geometry (N, c, p) and by the frame (N, c, 6). y: (N, c) whitened residuals of the nominal
+    geometry. A step is the index of the first row after it."""
 
     rows: npt.NDArray[np.intp]
     J: Floats
@@ -53,11 +56,11 @@ class Scan:
         return Scan(rows, again @ J, again @ F, np.einsum("nij,nj->ni", again, y), problem.prior, lengths)
 
     def ordered(self, rows: npt.NDArray[np.intp]) -> Scan:
-        """Some of the rows, in some order."""
+        """The same for the rows with these indices, in this order."""
         return Scan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
 
     def best(self, steps: Sequence[int]) -> int:
-        """The place of one more step that explains most."""
+        """The one more step that, together with ``steps``, explains most of the residuals."""
         count = len(self.rows)
         coarse = np.unique(np.linspace(EDGE, count - EDGE, GRID).astype(int))
         place = min(coarse, key=lambda k: self.left((*steps, int(k))))
@@ -66,16 +69,16 @@ class Scan:
         return int(min(near, key=lambda k: self.left((*steps, k))))
 
     def ratio(self, steps: Sequence[int]) -> float:
-        """Power of the residuals without steps over that with them."""
+        """Sum of squares of the residuals without steps over that with ``steps``."""
         return self.left(()) / max(self.left(steps), 1e-300)
 
     def left_by(self, columns: Floats) -> float:
-        """The same of a frame that moves in proportion to some columns (M, k)."""
+        """As :meth:`left`, for a frame whose motion is linear in some columns (M, k)."""
         _, b, inner = self._with(columns)
         return 0.5 * (float((self.y**2).sum()) - float(b @ np.linalg.solve(inner, b)))
 
     def moved_by(self, columns: Floats) -> Floats:
-        """(k,) how far the frame moves by a unit of each column then, m, at the median pose."""
+        """(k,) motion of the frame, m, at the median pose, for a unit of each column (M, k)."""
         s, b, inner = self._with(columns)
         delta = (s * np.linalg.solve(inner, b))[len(self.prior) :].reshape(-1, 6)
         return np.asarray(np.median(np.linalg.norm(np.einsum("nij,kj->kni", self.lengths, delta), axis=2), axis=1))
@@ -88,7 +91,7 @@ class Scan:
         return s, s * (J.T @ self.y.ravel()), np.eye(len(s)) + s[:, None] * (J.T @ J) * s
 
     def size(self, steps: Sequence[int]) -> tuple[float, float]:
-        """The first step: in standard deviations of what is left, and in m, at the median pose."""
+        """Size of the first step: in standard deviations of the remaining residuals, and in m at the median pose."""
         s = self._scale(len(steps))
         A, b, _ = self._normal(steps)
         delta = (s * np.linalg.solve(np.eye(len(s)) + s[:, None] * A * s, s * b))[len(self.prior) :][:6]
@@ -124,7 +127,7 @@ class Scan:
         return A, b, float((self.y**2).sum())
 
     def left(self, steps: Sequence[int]) -> float:
-        """Half the power of the residuals that geometry and steps leave, each held to its prior."""
+        """Half the sum of squares of the residuals after geometry and steps were fitted, each with its prior."""
         A, b, power = self._normal(steps)
         s = self._scale(len(steps))
         inner = np.eye(len(s)) + s[:, None] * A * s
@@ -132,7 +135,7 @@ class Scan:
 
 
 def nominal_problem(start: Model, measured: Measured, near: Poses, instrument: Instrument) -> tuple[Problem, Noise]:
-    """The problem about the nominal machine, under the noise as declared or a tracker's usual one."""
+    """The problem about the nominal machine, with the declared noise, or a tracker's usual one where none is declared."""
     noise = Noise(instrument.position_sigma or 2e-5, instrument.orientation_sigma or 5e-5)
     J = np.zeros((len(near), 6, measured.q.shape[1]))
     return Problem(start, measured, noise.whitening(J, measured.components), instrument.frame == "free"), noise

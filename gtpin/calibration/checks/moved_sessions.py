@@ -41,18 +41,18 @@ NAMED = 5
 
 
 def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -> None:
-    """Refuse data in which the instrument stood elsewhere in some sessions.
+    """Check that the instrument had the same pose in all sessions.
 
     Parameters
     ----------
     measured, poses
-        (N) what was measured at the rows of the dataset, and what the nominal model has there, base frame; NaN where it can't
+        The N measured poses of the dataset, and those of the nominal model at their commands, base frame; NaN where it can't
         reach.
 
     Raises
     ------
     DatasetError
-        If so; it names the sessions, and how far each is from the one with the most rows.
+        If the pose differs; it names the sessions, and how far each is from the session with most rows.
     """
     there = np.flatnonzero(poses.reached)
     if not len(there):
@@ -67,7 +67,7 @@ def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: 
 
 
 def check_sessions_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses) -> None:
-    """The same where a fit has failed, with a geometry that each session shares: it tells smaller motions.
+    """As :func:`check_sessions`, after a fit has failed: with one geometry for all sessions, it finds smaller motions.
 
     Parameters
     ----------

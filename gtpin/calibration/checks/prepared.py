@@ -28,12 +28,12 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     Raises
     ------
     DatasetError
-        If what dataset.toml says can't be, or all commands are the same.
+        If dataset.toml contradicts the rows, or all commands are the same.
 
     Warns
     -----
     GtpinWarning
-        Of what is left out.
+        Says what is left out.
     """
     check_extremes(dataset)
     dataset = counted_once(dataset)

@@ -50,18 +50,18 @@ _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 
 
 @dataclass(frozen=True)
 class Reading:
-    """A way to read the data.
+    """A way to read the data, as they are or with mistakes corrected.
 
     Parameters
     ----------
     columns
-        Where the mistake is.
+        The columns that have the mistake.
     looks, hint
-        What they look like, and what to do about it; empty where they are read as they stand.
+        What they look like, and what to do; empty where nothing is corrected.
     mistakes
-        How many mistakes it takes.
+        Number of mistakes that are corrected.
     measured, poses
-        What was measured then, and what the nominal model predicts, base frame.
+        The measured poses, read in this way, and those that the nominal model predicts, base frame.
     """
 
     columns: str

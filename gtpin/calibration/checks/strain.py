@@ -37,18 +37,20 @@ NO_PRIOR = 1e6
 
 @dataclass(frozen=True)
 class Strain:
-    """What relieves a strained geometry best.
+    """The assumption that best explains why a fitted geometry strains against its tolerances.
 
     Parameters
     ----------
     what, site
-        The instrument's ``frame``, the ``zero`` of an actuator, one ``part`` (a parameter), or all ``tolerances``.
+        What was assumed wrongly: the instrument's ``frame``, the ``zero`` of the actuator ``site``, one ``part`` (the parameter
+        ``site``), or all ``tolerances``.
     gain
-        Gain in log marginal likelihood.
+        Gain in log marginal likelihood, nats, without this assumption.
     size
-        How far it is off: m (rad of an arm) of a zero, tolerances of a parameter, the factor on all tolerances; m of a frame.
+        How wrong it is. ``frame``: its shift, m. ``zero``: m, or rad for an arm. ``part``: deviation in tolerances.
+        ``tolerances``: the factor by which they are too small.
     turn
-        Of a frame, rad.
+        Rotation of a ``frame``, rad.
     """
 
     what: What
@@ -59,14 +61,14 @@ class Strain:
 
 
 def strain(settled: Settled) -> Strain | None:
-    """What a fitted geometry strains against; None where its tolerances suit it."""
+    """The assumption that a fitted geometry strains against; None where the geometry agrees with its tolerances."""
     linear = _Linear.of(settled)
     found = max(linear.suspects(), key=lambda s: s.gain)
     return found if found.gain > STRAINED else None
 
 
 def relieved(settled: Settled, found: Strain) -> Geometry:
-    """The nominal geometry with the tolerances that a strained one shows."""
+    """The nominal geometry with tolerances as wide as the fitted geometry shows them to be."""
     geometry = settled.fit.problem.start.geometry
     x = np.abs(settled.fit.point.x[: len(geometry.parameters)])
     whole = found.size if found.what == "tolerances" else 1.0

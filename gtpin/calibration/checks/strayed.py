@@ -24,7 +24,7 @@ SHOWN = 5
 
 
 def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings: Readings) -> None:
-    """Warn of what is farther from nominal, or from what dataset.toml declares, than its prior allows.
+    """Warn of parameters and unknowns that are farther from their nominal or declared values than their priors allow.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings
 
 
 def whole_chance(x: Floats, seen: Observability) -> float:
-    """Chance, by chi-square, of a geometry whose deviations from nominal are as large as x (p,), in tolerances.
+    """Probability, by chi-square, of deviations from nominal at least as large as x (p,), in tolerances.
 
-    Along a direction of which the data take the share l of the prior variance away, the estimate has the variance l.
+    Along a direction with the variance reduction l, the estimate has the variance l, in tolerances squared.
     """
     told = seen.learned > UNSEEN
     along = seen.directions[:, told].T @ x

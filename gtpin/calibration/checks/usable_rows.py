@@ -22,7 +22,10 @@ Mask = npt.NDArray[np.bool_]
 
 
 def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
-    """(N,) the rows that the robot can reach; an error where the data can't be the robot's."""
+    """(N,) True for the rows that the robot can reach; `DatasetError` if the data can't be this robot's.
+
+    ``poses``: those of ``nominal`` at the rows' commands, base frame.
+    """
     robot, geometry = nominal.robot, nominal.geometry
     outside = geometry.outside_tracks(dataset.q)
     if outside.any():
@@ -73,13 +76,13 @@ def _read_otherwise(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) 
 
 
 def reach_of(geometry: Geometry) -> float:
-    """How far geometry within its tolerances may move the TCP, m."""
+    """How far deviations of the geometry within its tolerances may move the TCP, m."""
     lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
     return max(0.05, 50.0 * max(lengths, default=0.0))
 
 
 def check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:
-    """Refuse fewer numbers than there are parameters."""
+    """Raise `DatasetError` if there are fewer measured numbers than parameters and unknowns of the instrument."""
     numbers = len(measured.T) * measured.components
     if numbers <= unknowns:
         raise DatasetError(
