@@ -43,7 +43,7 @@ class Measured:
         return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
 
     def left(self, model: Model, poses: Poses) -> Floats:
-        """(N, c) measured less ``poses`` (N), base frame, as the model's instrument reads them; m and rad, instrument's frame."""
+        """(N, c) measured less ``poses`` (base frame) as the model's instrument reads them; m and rad, instrument's frame."""
         return self.minus(model.seen(poses))
 
     def scatter(self, J: Floats, model: Model, _: Poses) -> Floats:
