@@ -26,12 +26,16 @@ COMMON = ("field", "scale")
 
 
 def common_motions(at: Situation, priors: Priors, scaled: bool) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Along all tracks together: over all commands, and each over its own in proportion.
+    """Smooth terms that move all carts along their tracks: over all commands, and each cart in proportion to its own command.
 
     Parameters
     ----------
+    at
+        The poses.
+    priors
+        Sizes of the terms.
     scaled
-        Whether a named effect can stretch all that is seen: then the latter has a name.
+        Whether a named effect scales all measured positions: then no smooth term does.
     """
     if at.robot.n_actuators < 2:
         return

@@ -27,10 +27,10 @@ class Hypothesis:
     nonlinear
         Value of the nonlinear parameter (a period, a place); None where the effect has none, or where it is not yet estimated.
     sigma
-        Its standard deviation; no part of what the hypothesis is.
+        Standard deviation of ``nonlinear``; hypotheses that differ only in it are equal.
     further, further_sigma
-        More values of it, each with coefficients of its own, and their standard deviations: lines of one gear are one
-        hypothesis.
+        More values of the nonlinear parameter, each with separate coefficients, and their standard deviations: all periods
+        (lines) of one gear are one hypothesis.
     """
 
     effect: Effect
@@ -78,7 +78,7 @@ class Hypothesis:
         return self.effect.covariates(robot, self.site)
 
     def coordinates(self, robot: Robot) -> frozenset[str]:
-        """What it depends on, in the words of covariates and commands."""
+        """Names of the covariates and commands that it depends on."""
         return frozenset(self.effect.coordinates(robot, self.site))
 
     def drivers(self, robot: Robot) -> frozenset[str]:
@@ -88,12 +88,15 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class SmoothTerm:
-    """A smooth nonparametric motion at a site over some coordinates, which no effect has to account for.
+    """A smooth nonparametric motion at a site, a function of some coordinates, that belongs to no effect.
 
     Parameters
     ----------
+    site, over
+        Where it acts, and the names of its coordinates.
     motion
-        Its direction: ``along``, ``aside``, ``length``, ``tip``, ``twist``, ``shift``.
+        Name of the kind of motion: ``along`` or across (``aside``) a track or a joint's axis, the ``length`` of a rod, the
+        ``tip`` of a link, the pose (``twist``), ... Two terms at one site over the same coordinates differ in it.
     """
 
     site: str
@@ -114,10 +117,10 @@ Explanation = Hypothesis | SmoothTerm
 
 
 def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
-    """Whether a departure of one from its core could pass for the other.
+    """Whether a departure of one of two explanations from its core could look like the other.
 
-    At the same place, where both depend on commands and load, or on moves, or on time; elsewhere, where both depend on the
-    same clock or load.
+    At the same place: if both depend on commands or load, or on directions of approach or speeds, or on time. Elsewhere: if
+    both depend on the same time or load.
     """
     mine, others = a.drivers(robot), b.drivers(robot)
     if same_place(robot, a, b):
@@ -126,7 +129,7 @@ def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
 
 
 def same_place(robot: Robot, a: Explanation, b: Explanation) -> bool:
-    """Whether two act at one site, or one at a part of the other's."""
+    """Whether two explanations act at one site, or one of them at a part of the other's site."""
     return a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site)
 
 

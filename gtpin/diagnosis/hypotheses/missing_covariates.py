@@ -28,7 +28,7 @@ SPELLS = 12
 
 
 def guesses(at: Situation, name: str, priors: Priors = PRIORS) -> Iterable[tuple[Column, ...]]:
-    """What a missing covariate may have been: one after the other, each a few (N,) that are taken together."""
+    """Proxies of the missing covariate ``name``: each item is one or more columns (N,) that are used together."""
     numbered = re.fullmatch(r"(approach|speed)(\d+)", name)
     if numbered:
         other = f"{'speed' if numbered[1] == 'approach' else 'approach'}{numbered[2]}"
@@ -93,7 +93,7 @@ def _temperatures(at: Situation, name: str, priors: Priors) -> Iterable[tuple[Co
 
 
 def loaded(at: Situation, priors: Priors = PRIORS) -> list[Situation]:
-    """The situation with a payload in one spell of the work after the other; none where the payload was recorded."""
+    """Situations with a payload in one interval of time each, as proxies; empty where the payload was recorded."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if "payload" in at.covariates or clock is None:
         return []

@@ -40,7 +40,7 @@ class Proposal:
 
 
 def propose(design: Design, scope: Scope) -> Proposal:
-    """Sort the effects of a scope, at all their sites, into those that the data can test and those that they can't."""
+    """Divide the effects of a scope, at all their sites, into those that the data can test and those that they can't."""
     at = design.situation
     marginal = Marginal(design.B)
     linear: list[Hypothesis] = []

@@ -28,16 +28,19 @@ UNLOADED = Untestable("unrecorded_payload", "payload")
 
 @dataclass(frozen=True, eq=False)
 class Proxy:
-    """A hypothesis with a proxy in the place of what was not recorded.
+    """A hypothesis with a proxy in the place of a covariate that was not recorded.
 
     Parameters
     ----------
+    hypothesis
+        The hypothesis.
     columns
-        (N c, m) whitened displacements by the proxy.
+        (N c, m) whitened displacements, computed with the proxy.
     odds
-        Prior odds of the hypothesis, over one that what was recorded can test.
+        Prior odds of the hypothesis relative to a testable one.
     reason
-        Why it could be the cause, although it can be tested by what was recorded; None where it can't.
+        For a hypothesis that the recorded columns can test: why it could be the cause although that test does not show it. None
+        for an untestable one.
     """
 
     hypothesis: Hypothesis
@@ -49,7 +52,7 @@ class Proxy:
 def proxies(
     design: Design, untestable: Iterable[Hypothesis], testable: Iterable[Hypothesis], priors: Priors = PRIORS
 ) -> Iterator[Proxy]:
-    """Effects that lack a covariate, and effects of forces where the payload was not recorded, as far as there is a proxy."""
+    """Proxies of effects with a missing covariate, and of effects of forces where the payload was not recorded."""
     at, failed = design.situation, dict[str, str]()
     for hypothesis in untestable:
         columns = _tried(hypothesis, partial(proxy_columns, design, hypothesis, priors), failed)
@@ -88,9 +91,9 @@ def _under(design: Design, hypothesis: Hypothesis, spells: list[Situation]) -> F
 
 
 def odds(at: Situation, hypothesis: Hypothesis, priors: Priors = PRIORS) -> float:
-    """Prior odds of an effect without its covariate, over one that can be tested.
+    """Prior odds of an effect with a missing covariate relative to a testable effect.
 
-    What was recorded and can't be used was there to vary, so nothing speaks against it.
+    They are 1 where the covariate was recorded but can't be used.
     """
     missing = _missing(at, hypothesis)
     if at.unusable.issuperset(missing):
@@ -102,7 +105,7 @@ def odds(at: Situation, hypothesis: Hypothesis, priors: Priors = PRIORS) -> floa
 def proxy_columns(design: Design, hypothesis: Hypothesis, priors: Priors = PRIORS) -> Floats | None:
     """(N c, m) whitened displacements of an effect whose covariate is missing, by the proxy of that covariate that fits best.
 
-    None where nothing recorded is one, or something else than one missing covariate keeps it from being tested.
+    None where there is no proxy, or where the effect is untestable for another reason than one missing covariate.
     """
     at, (effect, site) = design.situation, (hypothesis.effect, hypothesis.site)
     missing = _missing(at, hypothesis)

@@ -19,13 +19,13 @@ class Scope:
     Parameters
     ----------
     effects
-        One of each id.
+        The effects; their ids are different.
     exclude
-        ``effect`` or ``effect@site``: what is left out.
+        What is not tried, each as ``effect`` (at all its sites) or ``effect@site``.
     false_alarm
-        Chance of naming a cause where there is none.
+        Probability of naming a cause where there is none.
     priors
-        What is believed before the data are seen.
+        The constants on which verdicts depend.
     """
 
     effects: tuple[Effect, ...]
@@ -37,12 +37,12 @@ class Scope:
     def of(
         effects: Iterable[Effect], exclude: Collection[str], false_alarm: float, robot: Robot, priors: Priors = PRIORS
     ) -> Scope:
-        """Check what a user gives.
+        """The scope of a user's arguments, checked.
 
         Raises
         ------
         ModelError
-            If two effects have one id, or what is excluded is no effect, or has no such site.
+            If two effects have the same id, or an excluded effect or site does not exist.
         """
         known = tuple(effects)
         by_id = {effect.id: effect for effect in known}
@@ -59,7 +59,7 @@ class Scope:
         return Scope(known, frozenset(exclude), false_alarm, priors)
 
     def hypotheses(self, robot: Robot) -> Iterator[Hypothesis]:
-        """Every effect at each of its sites, but what is excluded."""
+        """Every effect at each of its sites, without those that are excluded."""
         for effect in self.effects:
             for site in effect.sites(robot):
                 found = Hypothesis(effect, site)

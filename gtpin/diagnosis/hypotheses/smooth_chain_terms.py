@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def of_joints(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Shifts and tilts of every joint's axis: all motions of its placement frame but the joint's own."""
+    """Smooth shifts and tilts of every joint's axis: all motions of its placement frame except the joint's own motion."""
     for j, site in enumerate(at.robot.sites):
         frame = joint_frame(at, site)
         ways = np.zeros((6, 5))
@@ -37,7 +37,10 @@ def of_joints(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis
 
 
 def of_moving_links(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Shifts and turns of every link's tip relative to its root, over what hangs on it and conditions; and of all links."""
+    """Smooth shifts and rotations of every link's tip relative to its root, over its load and the measurement conditions.
+
+    Each link by itself, and all links together.
+    """
     links = links_at(at.robot, "arm")
     for link in links:
         for over, waves, size in (*_loads(at, link.tip), *_of_all(at)):

@@ -23,7 +23,7 @@ CONDITIONS = ("time", "temp_frame", "temp_link", "payload")
 
 
 def along_coordinates(at: Situation, j: int) -> Functions:
-    """Over what a cart may move along its track."""
+    """Functions of the coordinates on which the motion of cart j along its track may depend."""
     yield (f"q{j + 1}",), *smooth_cosines(at, j, 12, 1.0)
     for k in range(at.robot.n_actuators):
         if k != j:
@@ -34,7 +34,7 @@ def along_coordinates(at: Situation, j: int) -> Functions:
 
 
 def aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
-    """Over what a cart may stray across its track and turn."""
+    """Functions of the coordinates on which the motion of cart j across its track, and its rotation, may depend."""
     yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 8), 1.0)
     for over, waves, size in conditions(at):
         if over == ("session",):
@@ -67,7 +67,7 @@ def _scaled(values: Floats) -> Floats:
 
 
 def conditions(at: Situation) -> Functions:
-    """Over time, temperatures, payload and sessions, as far as they vary."""
+    """Functions of time, temperatures, payload and sessions, as far as these vary."""
     for name in CONDITIONS:
         if at.varies(name):
             values = at.covariate(name)
@@ -84,7 +84,7 @@ def _changing(waves: Floats, size: Floats, x: Floats, priors: Priors) -> tuple[F
 
 
 def plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
-    """Functions of two coordinates together, and of the second alone."""
+    """Functions of two coordinates (N,) together, and of the second alone, and their sizes."""
     columns, sizes = [], []
     for m in range(orders):
         for n in range(1, orders + 1 - m):
@@ -101,7 +101,7 @@ def all_moves(at: Situation) -> Floats | None:
 
 
 def field(at: Situation, orders: int, priors: Priors) -> tuple[Floats, Floats]:
-    """Smooth functions (N, m) of the TCP's position."""
+    """Smooth functions (N, m) of the TCP's position, and their sizes (m,)."""
     T = at.poses.T
     reach = priors.smooth_reach * max(float(np.ptp(T, axis=0).max()) / 2.0, 1e-9)
     middle = at.kinematics.home.T[0] if at.robot.rods else (T.max(axis=0) + T.min(axis=0)) / 2.0

@@ -16,7 +16,7 @@ def considered(
     untested: Iterable[Untested],
     could_be: Collection[tuple[str, str]],
 ) -> tuple[Considered, ...]:
-    """Everything that was tested, the most evidence first, then what could not be."""
+    """All hypotheses that were tested, the largest gain in log evidence first, then those that could not be tested."""
     members = [m for contenders in found.classes.values() for m in contenders]
     probability = {m.hypothesis.place: m.probability for m in members}
     asked = {m.hypothesis.place for m in members if not m.recorded} | set(could_be)

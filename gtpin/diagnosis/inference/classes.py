@@ -15,9 +15,9 @@ from gtpin.diagnosis.priors import CLASS_SHARE, Priors
 
 
 def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tuple[Contender, ...]:
-    """The class of a cause, the likeliest first; a smooth term only takes probability away.
+    """The class of a cause, the most probable member first. Smooth terms share the probability but are not members.
 
-    What only a proxy shows is at most as likely as the likeliest that recorded covariates show.
+    A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = hypotheses.gains(rest, hypotheses.named)
@@ -80,14 +80,15 @@ def _with_lines(
 
 
 def temperature(evidence: float, priors: Priors) -> float:
-    """What gains in log evidence are divided by, where so much evidence is at stake."""
+    """The temperature by which gains in log evidence are divided, for a cause that gains ``evidence``, nats."""
     return min(priors.temperature + priors.warming * evidence, priors.warmest)
 
 
 def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
-    """Smooth terms that are only a modulation neither of a cause nor, of several lines, of another effect at their drive.
+    """Smooth terms that compete with a cause: those that are not only a modulation of it.
 
-    Several lines follow any smooth function. Where an effect of the catalogue is that function, it competes by itself.
+    For a cause with several lines, which can follow any smooth function: also not those that are only a modulation of another
+    effect at the same drive, because that effect competes itself.
     """
     if not isinstance(cause, Hypothesis):
         return list(hypotheses.smooth)

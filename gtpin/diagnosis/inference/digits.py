@@ -22,7 +22,7 @@ VARIOUS = 0.5
 
 
 def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
-    """The decision; without causes where something unknown is of the size of the last digit that commands have.
+    """The conclusion; without causes where something unknown has the size of the last digit of the commands.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
     Warns
     -----
     GtpinWarning
-        Of the step.
+        Names the step of the commands.
     """
     step = next((s for s in DIGITS if _multiples(dataset.q, s)), None)
     if found.verdict != "unknown" or step is None:

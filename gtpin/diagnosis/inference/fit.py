@@ -35,22 +35,22 @@ Place = tuple[str, str]
 
 @dataclass(frozen=True)
 class Fitted:
-    """What was concluded in the end, with the fitted causes.
+    """The final conclusion, with the fitted causes.
 
     Parameters
     ----------
     conclusion
-        With the doubts that the fit and left-out poses raise.
+        The conclusion, with the doubts that the fit and left-out poses raise.
     model
-        Geometry with the causes in.
+        The geometry and the causes, fitted together.
     causes
-        The one that explains most first.
+        The causes; the one that explains most of the gap is the first.
     gap
-        How far the gap shrinks on left-out poses.
+        Errors on left-out poses, without and with the causes.
     unexplained
-        What is left.
+        What the causes do not explain.
     questions
-        Parameters outside what is plausible or usual.
+        Parameters whose values are not plausible or not usual.
     """
 
     conclusion: Conclusion
@@ -68,9 +68,9 @@ def fit(
     rng: np.random.Generator,
     hold_out: HoldOut = "region",
 ) -> Fitted:
-    """Fit geometry and causes together, and hold the conclusion against plausible parameters and left-out poses.
+    """Fit geometry and causes together, and check the conclusion with plausible parameters and left-out poses.
 
-    The checks leave neighbouring poses out; ``hold_out`` is what is left out for the gap that is reported.
+    The checks always leave out neighbouring poses; ``hold_out`` says what is left out for the gap that is reported.
     """
     hypotheses, searched = settled.hypotheses, settled.searched
     neighbours = blocks_of(searched, "region", rng)

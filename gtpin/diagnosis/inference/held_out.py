@@ -10,7 +10,7 @@ from gtpin.diagnosis.linear.cross_validation import Gap
 
 
 def held_out(found: Conclusion, hypotheses: HypothesisSet, whole: Gap) -> Conclusion:
-    """The conclusion; doubted where left-out poses are much farther off than noise.
+    """The conclusion, with a doubt where errors on left-out poses are much larger than the noise floor.
 
     Parameters
     ----------

@@ -33,12 +33,12 @@ def fit_together(
     Parameters
     ----------
     causes, scale
-        The causes, and their scales over the typical size: with it the priors of their coefficients.
+        The causes and their scales, which give the priors of their coefficients.
 
     Raises
     ------
     ConvergenceError
-        If it does not converge.
+        If the fit does not converge.
     """
     problem = JointProblem.of(observed, start, causes, scale, references)
     deviation = start.geometry.deviation / start.geometry.tolerance
@@ -90,11 +90,11 @@ class JointProblem:
     calibration
         The problem without causes.
     observed
-        The poses, with what the causes depend on.
+        The poses, with the covariates on which the causes depend.
     causes, sizes
-        The causes, and each one's (m,) standard deviations of its coefficients.
+        The causes, and for each the (m,) prior standard deviations of its coefficients.
     references
-        What the causes' covariates are counted from.
+        Reference values of the causes' covariates.
     """
 
     calibration: Problem | ReadingsProblem
@@ -107,7 +107,7 @@ class JointProblem:
     def of(
         observed: Observed, start: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
     ) -> JointProblem:
-        """The problem about nominal geometry, with the noise of the drives as the start has it."""
+        """The problem about the nominal geometry; the noise of the drives is computed at ``start``."""
         geometry = start.geometry
         nominal = replace(start, geometry=geometry.with_values(geometry.values - geometry.deviation), effects=())
         at = observed.situation(start, references)
@@ -122,7 +122,7 @@ class JointProblem:
 
     @property
     def prior(self) -> Floats:
-        """(size,) weight of each x squared: one for a coefficient."""
+        """(size,) weight of the square of each x in the cost: 1 for a coefficient."""
         return np.concatenate([self.calibration.prior, *map(np.ones_like, self.sizes)])
 
     def point(self, x: Floats, near: Poses | None = None) -> Point:
@@ -148,14 +148,14 @@ class JointProblem:
         return np.concatenate([self.calibration.jacobian(point, rows, weight), *columns], axis=2)
 
     def joint_covariance(self, covariance: Floats) -> Floats:
-        """(p + m, p + m) of geometry and coefficients, from that of x (size, size)."""
+        """(p + m, p + m) covariance of geometry and coefficients, from the covariance of x (size, size)."""
         tolerance, after = self.calibration.start.geometry.tolerance, self.calibration.size
         kept = [*range(len(tolerance)), *range(after, self.size)]
         sizes = np.concatenate([tolerance, *self.sizes])
         return np.asarray(covariance[np.ix_(kept, kept)] * np.outer(sizes, sizes))
 
     def active(self, x: Floats, covariance: Floats) -> tuple[ActiveEffect, ...]:
-        """The causes with their coefficients at x, and their covariance from that of x (size, size)."""
+        """The causes with their coefficients at x; ``covariance`` (size, size) is that of x."""
         found, place = [], self.calibration.size
         for cause, size in zip(self.causes, self.sizes, strict=True):
             own = slice(place, place + len(size))

@@ -18,10 +18,10 @@ Mask = npt.NDArray[np.bool_]
 
 
 def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
-    """Leave out causes that make left-out poses hardly likelier.
+    """The conclusion without causes that hardly increase the probability density of left-out poses.
 
-    A cause of the machine is seen at other poses as well. What merely takes the place of a motion that geometry can make, at
-    a price by its tolerances, gains evidence and predicts nothing.
+    A real cause acts at other poses as well. A false cause may only replace a change of the geometry that the tolerances make
+    improbable: it gains evidence, but does not improve predictions.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
 
 
 def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
-    """The conclusion; doubted, and without causes, where these together make errors of left-out poses no smaller.
+    """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
 
     Parameters
     ----------

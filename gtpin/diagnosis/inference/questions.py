@@ -15,14 +15,14 @@ from gtpin.effects.effect import Range
 
 @dataclass(frozen=True)
 class Questioned:
-    """What was asked of causes: ``impossible`` ones are not named, ``unusual`` ones are named and reported."""
+    """Questions about parameters of causes: a cause with an ``impossible`` one is not named, with an ``unusual`` one it is."""
 
     impossible: tuple[Question, ...]
     unusual: tuple[Question, ...]
 
 
 def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> Questioned:
-    """Compare parameters of causes with what their effects call plausible and usual."""
+    """Compare parameters of causes with the ranges that their effects state as plausible and usual."""
     effects = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}
     impossible, unusual = [], []
     for cause in causes:
@@ -35,9 +35,9 @@ def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> Que
 
 
 def with_possible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion | None:
-    """The conclusion with the next of its class in the place of each cause that can't be; None where a class has no other.
+    """The conclusion with each impossible cause replaced by the next member of its class; None where a class has no other.
 
-    What no machine can have has no prior probability: the others of the class share its probability.
+    An impossible cause has prior probability 0: the other members share its probability.
     """
     places = {(q.effect, q.site) for q in asked}
     model, classes = found.model, dict(found.classes)
@@ -55,7 +55,7 @@ def with_possible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[
 
 
 def without_impossible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion:
-    """The conclusion without causes that can't be: something is there, but it is not what it looks like."""
+    """The conclusion without impossible causes, with a doubt: something unknown looks like them."""
     places = {(q.effect, q.site) for q in asked}
     wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
     over = tuple(sorted(wrong.drivers(hypotheses.design.situation.robot)))

@@ -23,7 +23,10 @@ MOST_POSES = 3000
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows (N,) to search on: ``sure`` the calibration kept, ``admitted`` are also outliers that a cause explains."""
+    """Masks (N,) of rows for the search.
+
+    ``sure``: those that the calibration used. ``admitted``: these, and the outliers that a cause explains.
+    """
 
     admitted: Mask
     sure: Mask

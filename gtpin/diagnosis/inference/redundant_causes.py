@@ -14,15 +14,18 @@ from gtpin.diagnosis.linear.exchange import without
 def without_redundant(
     hypotheses: HypothesisSet, named: Model, members: Callable[[Model, Hypothesis], Iterable[Contender]]
 ) -> Model:
-    """Leave out causes that are not needed once the proxy of an unrecorded effect takes the place of a stronger one.
+    """The model without causes that are not needed when an effect with a missing covariate replaces a stronger cause.
 
-    What imitates an unrecorded effect leaves a part that a second imitator takes. Where the first may be the unrecorded effect,
-    nothing is left for the second to explain: nor where it may be the same effect, of which a proxy does not show all.
+    A testable effect that looks like an effect with a missing covariate explains only a part of it, and a second effect may
+    explain the rest. If the first cause may be the effect with the missing covariate, the second has nothing to explain. The
+    same holds if the second may be that effect. The effect with the missing covariate is represented by its proxy.
 
     Parameters
     ----------
+    named
+        The model of the named causes.
     members
-        The class of a cause of a model.
+        Function that gives the class of a cause of a model.
     """
     strength = {c: named.log_evidence - without(hypotheses.groups, named, c).log_evidence for c in causes(named)}
     for cause in sorted(strength, key=lambda c: -strength[c]):

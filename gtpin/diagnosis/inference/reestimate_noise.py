@@ -25,7 +25,7 @@ MATTERS = 0.03
 
 
 def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
-    """(N, c) whitened residuals of geometry and a model together, and the degrees of freedom that these took."""
+    """(N, c) whitened residuals of the geometry and a model, and the effective number of parameters of both."""
     design, groups = hypotheses.design, hypotheses.groups
     scaled = [groups.columns(term) * s for term, s in scales(model).items()]
     J = np.hstack([design.B, *scaled])
@@ -36,9 +36,9 @@ def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
 
 
 def gross_errors(hypotheses: HypothesisSet, model: Model) -> npt.NDArray[np.bool_]:
-    """(N,) poses that neither a model nor any noise of the size and tails of the others explains.
+    """(N,) True for gross errors: neither a model nor noise with the size and tails of the other poses explains them.
 
-    Readings are judged by those of the same sigma, and all numbers of a table's row go together.
+    Readings are compared with readings of the same sigma. If one number of a table's row is a gross error, the whole row is.
     """
     left, _ = left_over(hypotheses, model)
     measured, most = hypotheses.design.measured, hypotheses.priors.absurd
@@ -65,12 +65,12 @@ class Reestimated:
     Parameters
     ----------
     observed
-        The poses, with that noise and their weights.
+        The poses, with this noise and their weights.
     matters
-        Whether it differs enough for another search.
+        Whether the noise has changed so much that the search must be repeated.
     restless
-        Site of an actuator that errs more from pose to pose than repeated visits let it scatter: by something that changes
-        too fast along its way for any smooth motion, and is no noise. None where there is none.
+        Site of an actuator whose errors differ from pose to pose by more than repeated visits scatter: a deviation that changes
+        too fast along the travel for any smooth term, and is no noise. None where there is no such actuator.
     """
 
     observed: Observed
@@ -81,12 +81,12 @@ class Reestimated:
 def reestimate_noise(
     observed: Observed, hypotheses: HypothesisSet, model: Model, declared: tuple[bool, bool]
 ) -> Reestimated:
-    """Repeatability, sigmas that were not declared, and weights, from what a model leaves.
+    """Estimate repeatability, undeclared sigmas and weights from the residuals of a model.
 
     Parameters
     ----------
     model
-        Causes and smooth terms: everything that is no noise.
+        Causes and smooth terms: everything that is not noise.
     declared
         Whether the position's and the orientation's sigma are known.
     """

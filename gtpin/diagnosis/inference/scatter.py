@@ -17,15 +17,15 @@ _MOVES = re.compile(r"(approach|speed)[0-9]+")
 def hidden_in_scatter(
     found: Conclusion, scatter: float, untestable: Iterable[Hypothesis], at: Situation, priors: Priors
 ) -> tuple[Hypothesis, ...]:
-    """Effects that differ between visits, and lack columns that were recorded but contradict the others.
+    """Effects that differ between visits and whose columns were recorded, but were left out because they contradict each other.
 
-    Where nothing was found and visits scatter by more than the instrument, that scatter is as likely theirs as the drives':
-    ``none`` would say that they were tested.
+    Where no cause was found and visits scatter by more than the instrument's noise, such an effect may cause the scatter. The
+    verdict ``none`` would say that it was tested.
 
     Parameters
     ----------
     scatter
-        Of the drives, over the instrument's noise.
+        Ratio of the drives' repeatability to the instrument's noise.
     """
     if found.verdict != "none" or scatter <= priors.scatters:
         return ()
@@ -37,5 +37,5 @@ def hidden_in_scatter(
 
 
 def with_scatter(found: Conclusion, hidden: tuple[Hypothesis, ...]) -> Conclusion:
-    """The conclusion; doubted where effects may hide in scatter."""
+    """The conclusion, with a doubt where such effects may cause the scatter."""
     return found.doubted(Doubt("scatter", hidden[0].site)) if hidden else found

@@ -34,21 +34,21 @@ SHOWN = 8
 
 @dataclass(frozen=True)
 class Groups:
-    """The smaller group (N,), and by how much the two differ at the median row, m."""
+    """The mask (N,) of the smaller group, and the distance between the two groups' frames at the median row, m."""
 
     smaller: Mask
     apart: float
 
 
 def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors: Priors = PRIORS) -> Groups | None:
-    """Two groups of rows; None where one frame does nearly as well.
+    """Two groups of rows with different frames; None where one frame for all rows leaves nearly as little.
 
     Parameters
     ----------
     left
         (N, c) whitened residual of the geometry and the causes.
     sigma
-        The instrument's noise of positions and orientations, m and rad, by which residuals are weighed.
+        The instrument's noise of positions and orientations, m and rad, with which residuals are whitened.
     """
     c = design.components
     scale = np.array([sigma[0]] * 3 + [sigma[1]] * 3)[:c]
@@ -75,7 +75,7 @@ def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors:
 
 
 def with_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
-    """The conclusion; doubted where what passes for noise are two groups of rows.
+    """The conclusion, with a doubt where apparent noise comes from two groups of rows.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def with_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: 
     Warns
     -----
     GtpinWarning
-        Of the groups, with the lines of the smaller one.
+        Lists the rows of the smaller group by their lines in the file.
     """
     if found.doubts:
         return found

@@ -33,14 +33,14 @@ SHARES = (0.3, 0.5, 0.7)
 
 
 def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Noise) -> Conclusion:
-    """The conclusion; doubted, and without the causes of the drive, where a drive's errors take two values.
+    """The conclusion; where a drive's errors take two values: without the causes of this drive, and with a doubt.
 
-    Causes of the drive that explain its errors settle the question; those that leave most of them do not.
+    Nothing is changed where causes of the drive explain most of these errors.
 
     Parameters
     ----------
     noise
-        Of the poses; its repeatability is in question.
+        Noise of the poses, whose repeatability may be the two values.
     """
     whole = drive_errors(hypotheses, found.model, noise)
     if whole is None or found.doubts:
@@ -67,15 +67,15 @@ class DriveErrors:
 
     @property
     def excess(self) -> Floats:
-        """(n,) mean square of the errors beyond the instrument's noise; poses count by how well they show a drive."""
+        """(n,) mean square of the errors beyond the instrument's noise; poses are weighted by how well they show the drive."""
         weight = self.variance**-2.0
         return np.asarray((weight * (self.errors**2 - self.variance)).sum(axis=0) / weight.sum(axis=0))
 
 
 def drive_errors(hypotheses: HypothesisSet, model: Model, noise: Noise) -> DriveErrors | None:
-    """Error of each drive that geometry and a model leave.
+    """Errors along each drive that remain after the geometry and a model were fitted.
 
-    None where poses have too few numbers to tell the drives apart.
+    None where a pose has too few measured components to determine the errors of all drives.
     """
     design = hypotheses.design
     c = design.components
@@ -94,7 +94,7 @@ def drive_errors(hypotheses: HypothesisSet, model: Model, noise: Noise) -> Drive
 
 
 def two_values(errors: Floats, variance: Floats) -> float:
-    """Gain in log likelihood by two values over one, for errors (N,) of known variances (N,) and further scatter."""
+    """Gain in log likelihood by two values instead of one, for errors (N,) with known variances (N,) and unknown scatter."""
     mean = np.average(errors, weights=1.0 / variance)
     spread = max(float(np.sqrt(np.average((errors - mean) ** 2, weights=1.0 / variance))), 1e-300)
     e, v = (errors - mean) / spread, variance / spread**2

@@ -15,14 +15,14 @@ CORRELATES = 5
 
 
 def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexplained:
-    """Chi-square of what a model leaves, and the smooth terms that correlate with it.
+    """Chi-square of the residuals of a model, and the smooth terms that correlate with them.
 
     Parameters
     ----------
     model
-        The causes that are named.
+        The named causes.
     unknown
-        Whether something unknown is there as well.
+        Whether something unknown is assumed as well.
     """
     groups, design = hypotheses.groups, hypotheses.design
     power = _power(hypotheses, model)
@@ -46,9 +46,9 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
 
 
 def marginal_chance(hypotheses: HypothesisSet, model: Model) -> float:
-    """Chance of a larger chi-square from noise, from geometry within its tolerances and from the causes of a model.
+    """Probability that noise, geometry within its tolerances and the causes of a model give a larger chi-square.
 
-    y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y is chi-square with as many degrees of freedom as y has numbers, however few.
+    y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y has a chi-square distribution with as many degrees of freedom as y has numbers.
     """
     return float(chi2.sf(_power(hypotheses, model), hypotheses.design.dof))
 

@@ -18,10 +18,10 @@ Mask = npt.NDArray[np.bool_]
 
 
 def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:
-    """Whitened displacements as a model has them that was fitted without the block that a pose is in.
+    """Whitened displacements (N c, m) at each pose as predicted by a model that was fitted without the pose's block.
 
-    A session that lies in one block is then one never seen: it gets the mean of the others, as in
-    :func:`~gtpin.effects.sessions.session_columns`, and its own coefficients count for nothing.
+    A session that is completely in one block has no fitted coefficients then: it gets the mean of the other sessions, as in
+    :func:`~gtpin.effects.sessions.session_columns`.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from gtpin.diagnosis.priors import SURE
 
 @dataclass(frozen=True)
 class Contender:
-    """A hypothesis that could be the cause; ``recorded`` is false where only a proxy of its covariate shows it."""
+    """A hypothesis that could be the cause, with its probability; ``recorded`` is False where only a proxy shows it."""
 
     hypothesis: Hypothesis
     probability: float
@@ -29,11 +29,11 @@ class Conclusion:
     model
         The causes that are named.
     classes
-        Of each cause: itself and what could be the cause in its place, the likeliest first.
+        For each cause its class, itself among the members, the most probable first.
     doubts
-        Why something unknown is inferred in addition to the causes.
+        Reasons for which something unknown is assumed in addition to the causes.
     alone
-        Gain in log evidence of every explanation by itself.
+        Gain in log evidence of every hypothesis and smooth term by itself.
     """
 
     model: Model
@@ -52,7 +52,7 @@ class Conclusion:
 
     @property
     def scale(self) -> Mapping[Term, float]:
-        """Of each cause, over its typical size."""
+        """Scale of each cause: its size over the typical size."""
         return scales(self.model)
 
     def doubted(self, *doubts: Doubt) -> Conclusion:
@@ -65,7 +65,7 @@ class Conclusion:
         return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
 
     def sure(self) -> list[Hypothesis]:
-        """Causes that stand alone: each leads its class, and no other member is likely."""
+        """Causes that lead their class with a probability of 0.95 or more."""
         return [
             cause
             for cause, members in self.classes.items()

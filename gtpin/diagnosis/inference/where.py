@@ -48,14 +48,16 @@ class Where:
 
 
 def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list[npt.NDArray[np.bool_]]) -> Where:
-    """Share the gap out.
+    """Divide the gap into shares.
 
     Parameters
     ----------
+    design
+        The linear problem.
     left
         (N c,) whitened residual after the geometry alone was fitted.
     alone
-        Gain in log evidence of each explanation by itself.
+        Gain in log evidence of each hypothesis and smooth term by itself.
     blocks
         (N,) masks of the poses of each region.
     """

@@ -38,14 +38,14 @@ HOPELESS = 0.1
 
 @dataclass(frozen=True)
 class CauseClass:
-    """A cause, and what could be the cause in its place.
+    """A cause with its class.
 
     Parameters
     ----------
     cause, scale
-        The cause as it was fitted: its scale is over the typical size.
+        The fitted cause, and its size over the typical size.
     members
-        Its class with probabilities, itself among them.
+        The class, with probabilities; the cause is one of the members.
     """
 
     cause: Hypothesis
@@ -56,9 +56,9 @@ class CauseClass:
 def discriminate(
     known: Known, classes: Sequence[CauseClass], which: int, poses: int, rng: np.random.Generator
 ) -> Experiment:
-    """The experiment that best discriminates the leader of one class from its likeliest alternatives, given all other causes.
+    """The experiment that best distinguishes the leader of a class from its most probable alternatives, given all other causes.
 
-    A cause without a rival is parted from no effect at all.
+    A cause without an alternative is distinguished from no effect.
     """
     robot = known.robot
     members = sorted(classes[which].members, key=lambda member: -member[1])[: RIVALS + 1]
@@ -89,9 +89,9 @@ def concerns(hypothesis: Hypothesis, robot: Robot) -> tuple[str, ...]:
 
 
 def other_causes(trials: Trials, classes: Sequence[CauseClass], words: set[str]) -> Floats:
-    """((N + M) c, m) displacements of causes, as large as their priors have them, and of what may change in between.
+    """((N + M) c, m) whitened displacements of the other causes, at the scale of their priors, and of changes between sessions.
 
-    Nothing changes in between where sessions themselves are asked about.
+    Such changes (the pose of the instrument, the drives' zeros) are left out where ``words`` contains the session.
     """
     at = trials.design.situation
     columns = [trials.design.columns(s.cause.basis(at)) * s.scale for s in classes]
@@ -115,7 +115,7 @@ def best_rows(
     count: int,
     rng: np.random.Generator,
 ) -> tuple[Rows, float, float]:
-    """The most telling rows, in the order in which they are best measured, their gain, and the mean gain of random ones."""
+    """The rows with the largest expected gain, in the order of measurement; this gain; and the mean gain of random rows."""
     rows = most_telling(predictions, pairs, count)
     drawn = [rng.choice(len(trials), len(rows), replace=False) for _ in range(DRAWS)]
     random = float(np.mean([expected_gain(predictions, pairs, r) for r in drawn]))
@@ -135,7 +135,7 @@ def _order(trials: Trials, rows: Rows) -> Rows:
 
 
 def chosen(trials: Trials, rows: Rows, words: set[str]) -> Mapping[str, Column]:
-    """Covariates of some rows that are to be set: those that vary, that words ask for, or a session that has to be new."""
+    """The covariates to set at the chosen rows: those that vary, those in ``words``, and a new session where it is needed."""
     new = trials.conditions.new
     wanted = {"session"} | ({"payload", "fx", "fy", "fz"} if "load" in words else set()) | words
     if not trials.conditions.timed:

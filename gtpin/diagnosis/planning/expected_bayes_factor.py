@@ -20,14 +20,14 @@ IGNORED = 3e-3
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a hypothesis expects of M rows with c numbers each, whitened, given the rows that were measured.
+    """The predictive distribution of M further rows with c whitened numbers each, under a hypothesis, given the measured rows.
 
     Parameters
     ----------
     mean
-        (M, c).
+        (M, c) mean.
     spread
-        (M, c, r) whose products are the covariance without the noise, which is 1.
+        (M, c, r) root of the covariance without noise: that of rows i and j is spread[i] @ spread[j]'. The noise adds I.
     """
 
     mean: Floats
@@ -35,7 +35,7 @@ class Prediction:
 
     @staticmethod
     def of(trials: Trials, columns: Floats) -> Prediction:
-        """By displacements ((N + M) c, m) of standard normal coefficients, with the geometry's."""
+        """The prediction for whitened displacements ((N + M) c, m) of standard normal coefficients, and the geometry."""
         c, p = trials.design.components, trials.design.B.shape[1] + columns.shape[1]
         J = np.hstack([trials.design.B, columns])
         old, new = J[trials.old], J[trials.old.stop :]
@@ -47,7 +47,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class HypothesisPair:
-    """Two hypotheses by number, the first of which is taken for true, and how much the two matter."""
+    """Indices of two hypotheses, of which the first is assumed to be true, and the weight of this pair."""
 
     true: int
     rival: int
@@ -76,9 +76,9 @@ def expected_gain(predictions: Sequence[Prediction], pairs: Sequence[HypothesisP
 
 
 def most_telling(predictions: Sequence[Prediction], pairs: Sequence[HypothesisPair], count: int) -> Rows:
-    """(count,) rows that together part the hypotheses best, chosen one by one.
+    """(count,) rows that together distinguish the hypotheses best, chosen one by one.
 
-    The logarithm of one plus each pair's gain counts, so that no pair is settled over and over while another stays open.
+    The criterion is the sum of ln(1 + gain) over the pairs, so that a pair with a large gain already adds little.
     """
     spreads = [_main(p.spread) for p in predictions]
     races = [_Race(predictions[r.true].mean - predictions[r.rival].mean, spreads[r.true]) for r in pairs]

@@ -48,10 +48,10 @@ def make_testable(
     poses: int,
     rng: np.random.Generator,
 ) -> list[Experiment]:
-    """An experiment for every remedy; those that tell most first, those that no poses help last.
+    """An experiment for each reason why effects are untestable; the largest expected gain first, those without poses last.
 
-    None is for an effect that changes no reading of these instruments, whatever is measured: encoders at joints, for example,
-    never see where the measurement frame sits.
+    There is none for an effect that never changes a reading of these instruments: encoders at joints, for example, do not
+    depend on the measurement frame.
     """
     found = [
         experiment

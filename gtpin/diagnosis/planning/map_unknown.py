@@ -38,9 +38,9 @@ def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experi
     Parameters
     ----------
     site, coordinates
-        Of the smooth term that explains it best.
+        Site and coordinates of the smooth term that explains it best.
     poses
-        About how many visits it may take.
+        Approximate number of visits.
     """
     plan = _plan(known, site, coordinates, poses)
     return Experiment("map_unknown", known.robot, (), plan.q, plan.covariates, visits=plan.visits)

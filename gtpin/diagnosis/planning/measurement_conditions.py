@@ -37,18 +37,18 @@ OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
 
 @dataclass(frozen=True)
 class MeasurementConditions:
-    """Covariates of the rows that were measured, and of M that could be.
+    """Covariates of the N measured rows, and of M rows that could be measured.
 
     Parameters
     ----------
     known
-        By name, (N,) each: the covariates recorded; of those that were not, values that say nothing.
+        By name, (N,) each: the recorded covariates; a covariate that was not recorded has a neutral value.
     new
-        By name, (M,) each.
+        By name, (M,) each: covariates of the further rows.
     references
-        Of all rows together.
+        Reference values, for all rows.
     timed
-        Whether the rows are to be spread over hours, at the times given.
+        Whether the further rows are distributed over hours: their ``time`` is to be kept.
     """
 
     known: Mapping[str, Column]
@@ -83,14 +83,16 @@ def draw(
     recorded, measured
         Covariates by name, (N,) each, and N.
     references
-        Of the diagnosis.
+        Reference values of the diagnosis.
     words
-        Covariates to vary, recorded so far or not; ``load`` stands for payload and recorded pushes on the tool. All others
-        are as they are most easily had: from one side, at rest, as usually loaded, in one go after the last measurement.
+        Names of the covariates to vary, recorded so far or not; ``load`` means payload and force on the tool. All others
+        have their easiest values: one direction of approach, at rest, the usual load, without pause after the last measurement.
+    rng
+        Source of the random draws.
     ways
-        (M, k, 3) unit vectors along which pushes on the tool tell most.
+        (M, k, 3) unit vectors along which forces on the tool are most informative.
     effort
-        Times the loads that any machine takes; 1 for those that are known.
+        Factor on the assumed largest loads, for effects that smaller loads don't show.
     """
     count = len(ways)
     asked = {word for word in words if not OF_THE_POSE.fullmatch(word)}
@@ -131,7 +133,7 @@ def _silent(name: str, count: int, references: References) -> Column:
 
 
 def as_usual(known: Mapping[str, Column], count: int) -> dict[str, Column]:
-    """(M,) of each covariate known (N,), as it is most easily had; times go on after the last."""
+    """By name, ``count`` values of each known covariate that are easiest to measure at; times continue after the last."""
     found = {name: _usual(name, values, known.get("time"), count) for name, values in known.items()}
     if "time" in known:
         found["time"] = float(_numbers(known["time"]).max()) + LATER + INTERVAL * np.arange(count, dtype=float)
@@ -184,20 +186,20 @@ def _varied(
 
 
 def next_session(known: Column) -> str:
-    """Name of a session after those known."""
+    """A name for a new session, after the known ones."""
     names = [str(name) for name in known]
     return str(max(map(int, names)) + 1) if all(name.isdecimal() for name in names) else "next"
 
 
 def payloads(known: Floats, effort: float = 1.0) -> Floats:
-    """Lightest and heaviest payload, kg: those known (N,), or so many times what any machine takes where that is more."""
+    """Lightest and heaviest payload, kg: of the known ones (N,), or ``effort`` times the assumed one more where that is more."""
     least, most = float(known.min()), float(known.max())
     heaviest = least + effort * HEAVIER
     return np.array([least, most if most > least and (effort == 1.0 or most > heaviest) else heaviest])
 
 
 def warm(known: Floats, reference: float) -> float:
-    """degC of a machine at work, from temperatures known (N,) and the one at which the geometry holds."""
+    """Temperature of a warm machine, degC, from the known temperatures (N,) and the reference temperature."""
     farthest = float(known[np.abs(known - reference).argmax()])
     return farthest if abs(farthest - reference) >= LEAST_WARMER else reference + PRIORS.warmer
 

@@ -47,24 +47,25 @@ def plan(
     rng: np.random.Generator,
     poses: int = POSES,
 ) -> tuple[Experiment, ...]:
-    """Propose experiments: first what splits open classes, then what traces the unknown, then what reveals the untestable.
+    """Propose experiments: first for open classes, then for the unknown, then for untestable effects.
 
-    Expected gains are of linear Gaussian predictions given all that was measured, geometry and other causes marginalised.
+    Expected gains are those of linear Gaussian predictions given all measured rows, with geometry and other causes
+    marginalised.
 
     Parameters
     ----------
     observed, model, references
-        What the diagnosis worked on: poses, calibrated geometry without causes, and what covariates were counted from.
+        The poses of the diagnosis, the calibrated geometry without causes, and the reference values of covariates.
     classes
-        The causes, the largest first, with their classes; those that surely stand alone are taken as they are.
+        The causes with their classes, the largest first; a cause with a probability of 0.95 or more needs no experiment.
     untestable
-        What these data can't show.
+        Effects that these data can't show.
     unknown
-        Site and coordinates of the smooth term that best explains what no known effect does; None where nothing is left.
+        Site and coordinates of the smooth term that best explains the unknown; None where nothing unknown is assumed.
     rng
-        Of the rows from which the most telling are taken; same state, same plan.
+        Source of the random rows among which an experiment is chosen; the same state gives the same plan.
     poses
-        Of each experiment.
+        Number of poses of each experiment.
     """
     if len(observed.weight) > LARGEST:
         observed = observed.take(rng.choice(len(observed.weight), LARGEST, replace=False))

@@ -30,16 +30,16 @@ RESOLUTION = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What was measured, and the geometry about which all is linear.
+    """The measured poses, and the geometry about which the problem is linear.
 
     Parameters
     ----------
     observed
-        N poses.
+        The N measured poses.
     model
         The calibrated geometry.
     references
-        Of the diagnosis.
+        Reference values of the diagnosis.
     """
 
     observed: Observed
@@ -53,24 +53,24 @@ class Known:
 
     @cached_property
     def situation(self) -> Situation:
-        """The poses measured as the geometry has them."""
+        """The N measured poses, computed with this geometry."""
         return self.observed.situation(self.model, self.references)
 
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """M rows that could be measured, beside the N that were.
+    """M rows that could be measured, together with the N measured rows.
 
     Parameters
     ----------
     design
-        Of all of them, those measured first: one linear problem about the known geometry.
+        The linear problem of all N + M rows, the measured rows first.
     measured
         N.
     q
-        (M, n) commands.
+        (M, n) commands of the further rows, m or rad.
     conditions
-        Of all of them.
+        Measurement conditions of all rows.
     """
 
     design: Design
@@ -83,12 +83,12 @@ class Trials:
 
     @property
     def old(self) -> slice:
-        """Where the numbers measured are."""
+        """Indices of the measured rows' numbers among all whitened numbers."""
         return slice(self.measured * self.design.components)
 
     @cached_property
     def since(self) -> Floats:
-        """((N + M) c, 6 + n) what may have changed since the last measurement: where the instrument stands, drives' zeros."""
+        """((N + M) c, 6 + n) whitened displacements by changes after the measured rows: instrument's pose, drives' zeros."""
         twist, size = frame_twist(self.design.situation)
         frame = self.design.columns(Basis(size, twist=twist))
         zeros = ZERO * self.design.by_command.reshape(len(frame), -1)
@@ -98,16 +98,16 @@ class Trials:
 
 
 def possible(known: Known, words: Collection[str], count: int, rng: np.random.Generator, effort: float = 1.0) -> Trials:
-    """Some rows at random, over the workspace that was measured and over what can be set of some covariates.
+    """Random rows, over the measured workspace and over the values to which some covariates can be set.
 
-    Half of the commands have been measured before, the others are on the way between two of those.
+    Half of the commands are measured ones, the others are between two measured ones.
 
     Parameters
     ----------
     words, effort
         Covariates to vary; see :func:`~gtpin.diagnosis.planning.measurement_conditions.draw`.
     count
-        How many, less those that can't be reached.
+        Number of rows before those that can't be reached are left out.
     """
     q = known.observed.measured.q
     again = rng.choice(len(q), min(count // 2, len(q)), replace=False)
@@ -118,7 +118,7 @@ def possible(known: Known, words: Collection[str], count: int, rng: np.random.Ge
 
 
 def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Generator, effort: float = 1.0) -> Trials:
-    """Rows at those of some commands (M, n) that can be reached, some covariates drawn over what can be set."""
+    """Rows at those of the commands q (M, n) that can be reached; the covariates ``words`` are drawn."""
     observed, model, before = known.observed, known.model, known.situation
     poses = model.kinematics.forward(q)
     q, poses = q[poses.reached], poses[poses.reached]

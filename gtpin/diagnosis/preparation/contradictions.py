@@ -10,8 +10,10 @@ from gtpin.errors import warn
 
 
 def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
-    """The dataset without ``approach`` and ``speed`` of actuators for which the two contradict each other, and without
-    sessions that are stretches neither of time nor of the file.
+    """The dataset without columns that contradict each other; they count as missing.
+
+    These are ``approach`` and ``speed`` of an actuator where the two contradict each other, and ``session`` where a session is
+    an uninterrupted part neither of the time nor of the file.
 
     A direction of approach that belongs to other rows, or to another drive, makes backlash look like a lag behind the speed,
     and the reverse. Nothing tells which of the two columns is wrong, so both count as missing.
@@ -19,7 +21,7 @@ def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset
     Warns
     -----
     GtpinWarning
-        Of the columns.
+        Names the columns.
     """
     wrong: list[str] = []
     for actuator in range(1, dataset.n_actuators + 1):

@@ -16,16 +16,15 @@ _SPEED = re.compile(r"speed[0-9]+")
 
 
 def without_filled_in(dataset: Dataset) -> Dataset:
-    """The dataset without columns that are constant and can't have been recorded so: they count as missing.
+    """The dataset without constant columns that were probably filled in and not recorded: they count as missing.
 
-    A covariate that was recorded and does not vary rules its effects out. One that somebody filled in hides them. Constant
-    payloads and forces (a load that is never changed, or none), speeds of 0 (it stands still) and sessions (one set-up) are
-    what people state of a measurement, and are kept.
+    A recorded covariate that does not vary excludes its effects. A constant that somebody filled in would exclude them wrongly.
+    Constant payloads, forces and sessions, and speeds of 0, are usual statements about a measurement, and are kept.
 
     Warns
     -----
     GtpinWarning
-        Of the columns.
+        Names the columns.
     """
     constant = [name for name, values in dataset.covariates.items() if len(values) > 1 and (values == values[0]).all()]
     filled = [name for name in constant if _filled_in(name, dataset)]

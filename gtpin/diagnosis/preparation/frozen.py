@@ -13,15 +13,15 @@ Floats = npt.NDArray[np.float64]
 
 
 def without_frozen(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
-    """The dataset without temperatures that were not read for a stretch: they count as missing.
+    """The dataset without temperatures that are constant to the last digit in a sequence of rows: they count as missing.
 
-    A thermometer whose readings differ from row to row does not stand still to the last digit. A logger that repeats its last
-    value, begins late or was read from another time does. Of readings in coarse steps nothing is said.
+    Readings of a working thermometer differ from row to row. A logger that repeats its last value, begins late or was read at
+    another time gives such a sequence. Readings in coarse steps are not judged.
 
     Warns
     -----
     GtpinWarning
-        Of the columns, with their rows.
+        Names the columns and the rows.
     """
     order = np.argsort(dataset.covariates["time"], kind="stable") if "time" in dataset.covariates else slice(None)
     frozen = []

@@ -27,16 +27,16 @@ from gtpin.robot.robot import Robot
 
 @dataclass(frozen=True)
 class Prepared:
-    """Data that a diagnosis can use, and their calibration.
+    """The data that a diagnosis can use, and their calibration.
 
     Parameters
     ----------
     recorded
         All rows, in the order of the file.
     dataset
-        The rows and columns that can be right, in an order that does not depend on the file's.
+        The usable rows and columns, in an order that does not depend on the order of the file.
     baseline
-        The calibration of these.
+        The calibration of ``dataset``.
     """
 
     recorded: Dataset
@@ -44,18 +44,18 @@ class Prepared:
     baseline: Calibration
 
     def undeclared(self, sigmas: Collection[str]) -> Dataset:
-        """The recorded rows without some of the declared sigmas."""
+        """The recorded rows without the declared sigmas that ``sigmas`` names."""
         instrument = self.recorded.instrument.model_copy(update=dict.fromkeys(sigmas))
         return replace(self.recorded, instrument=instrument)
 
 
 def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
-    """Check a dataset against the nominal robot, leave out what can't be right, and calibrate the rest.
+    """Compare a dataset with the nominal robot, leave out impossible rows and columns, and calibrate the rest.
 
     Raises
     ------
     GtpinError
-        If the dataset can't be read as one of this robot.
+        If the data can't be those of this robot.
     """
     if dataset.readings is not None:
         return _prepared_readings(dataset, nominal, progress, priors)
