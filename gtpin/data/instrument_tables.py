@@ -22,22 +22,13 @@ Distance = Annotated[tuple[Text, Text, Positive, Positive], Field(strict=False)]
 class InstrumentTable(BaseModel):
     """The keys of an ``[[instrument]]`` section of dataset.toml; the class of your own kind of instrument derives from it.
 
-    Parameters
-    ----------
-    name
-        The instrument's name: letters, digits, ``_`` and ``-``.
-    kind
-        The kind of instrument: ``range``, ``plane``, ...
-    file
-        Name of its table of rows, where it is not the usual one.
-    sigma
-        Standard deviation of a reading, per axis, m or rad; None where it is to be estimated.
-    target
-        (3,) the observed point of the platform, TCP frame, m; None for the TCP.
-    targets
-        Several such points, by the ids in the column ``target``; empty where there is one.
-    target_sigma
-        Standard deviation of the priors of the targets' coordinates, m; 0 where they are exact.
+    - ``name``: the instrument's name, of letters, digits, ``_`` and ``-``.
+    - ``kind``: the kind of instrument (``range``, ``plane``, ...).
+    - ``file``: its table of rows in the dataset's folder; None for NAME.csv or NAME.parquet.
+    - ``sigma``: standard deviation of a reading, per axis, m or rad; None where it is to be estimated.
+    - ``target``: (3,) the observed point of the platform, TCP frame, m; None for the TCP.
+    - ``targets``: several such points, by the ids in the column ``target``; empty where there is one.
+    - ``target_sigma``: standard deviation of the priors of the targets' coordinates, m; 0 where they are exact.
 
     Examples
     --------

@@ -192,7 +192,7 @@ def next_session(known: Column) -> str:
 
 
 def payloads(known: Floats, effort: float = 1.0) -> Floats:
-    """Lightest and heaviest payload, kg: of the known ones (N,), or ``effort`` times the assumed one more where that is more."""
+    """Lightest and heaviest payload, kg: of the known ones (N,), or ``effort`` times an assumed one where that is more."""
     least, most = float(known.min()), float(known.max())
     heaviest = least + effort * HEAVIER
     return np.array([least, most if most > least and (effort == 1.0 or most > heaviest) else heaviest])
