@@ -72,7 +72,7 @@ def test_the_pages_build_without_a_warning_and_are_all_in_the_navigation(tmp_pat
     built = subprocess.run(command, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stdout + built.stderr
     told = (tmp_path / "api.html").read_text(encoding="utf-8")
-    assert "Chance of naming a cause where there is none" in told
+    assert "Probability of naming a cause where there is none" in told
 
 
 def test_every_link_between_the_documents_leads_somewhere() -> None:
