@@ -34,22 +34,20 @@ COUNTS = (7, 21, 21)
 
 @dataclass(frozen=True, repr=False)
 class Accuracy(Shown):
-    """An accuracy analysis.
+    """An accuracy analysis of a model.
 
     Parameters
     ----------
     model, q
-        Of what, and at which (N, n) commands.
+        The model, and the (N, n) commands, m or rad, at which it was analysed.
     sensitivity
-        Table III of these commands.
-    uncertainty
-        What was taken to be uncertain.
-    uncertain
-        In words.
+        How far each parameter of each link moves the TCP (Dressler et al. 2010, Table III), for these commands.
+    uncertainty, uncertain
+        The uncertainty that causes the expected errors, and a few words that say where it is from.
     expected
-        The errors to expect.
+        The expected errors of the TCP.
     seed
-        Of the machines that are drawn.
+        Seed of the machines that are drawn.
 
     Examples
     --------
@@ -70,20 +68,19 @@ class Accuracy(Shown):
 
     @cached_property
     def space(self) -> Workspace:
-        """The box that the poses span, with its reachable points."""
+        """A grid of points in the box that the poses span, base frame, with the points that can be reached."""
         T = self.model.kinematics.forward(self.q).T
         return workspace(self.model, T.min(axis=0), T.max(axis=0), COUNTS)
 
     def to_json(self) -> dict[str, Any]:
         """The content of accuracy.json, SI units.
 
-        ``schema``; ``robot``; ``poses``, how many; ``step`` of the sensitivity; ``uncertainty``, what was taken to be
-        uncertain; ``expected.position`` (m) and ``expected.orientation`` (rad), each with ``mean`` over the poses, ``p95`` of
-        all machines and poses, and ``maximum``, the largest over all the poses that a machine shows on average;
-        ``zyz_range``, ranges of the ZYZ Euler angles over the poses (rad), null where they jump; orientations are null for a
-        reduced arm, whose plate never turns; ``dexterity``, each
-        measure's ``least``, ``median`` and ``most`` over the poses
-        (see :class:`~gtpin.accuracy.dexterity.Dexterity`), null where it is infinite.
+        ``schema``; ``robot``; ``poses``, their number; ``step`` of the sensitivity, m or rad; ``uncertainty``, in a few words;
+        ``expected.position`` (m) and ``expected.orientation`` (rad), each with ``mean`` over the poses, ``p95`` over machines
+        and poses, and ``maximum``, the mean over machines of the largest error over the poses; ``zyz_range``, ranges of the ZYZ
+        Euler angles over the poses (rad), null where an angle jumps; ``dexterity``, the ``least``, ``median`` and ``most`` of
+        each measure over the poses (see :class:`~gtpin.accuracy.dexterity.Dexterity`), null where it is infinite. Values of
+        orientation are null for a reduced arm, whose platform does not turn.
         """
         poses = self.model.kinematics.forward(self.q)
         turns = self.expected.orientation is not None and not self.model.geometry.reduced
@@ -105,14 +102,14 @@ class Accuracy(Shown):
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin sensitivity`` writes: ``sensitivity.csv``, ``accuracy.json``, ``report.html`` and plots.
 
-        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
         from gtpin.report.show.accuracy import save
 
         save(self, Path(folder), force=force)
 
     def plot_workspace(self, quantity: str = "position error") -> Figure:
-        """Slices of the workspace, coloured by an expected error or a measure of dexterity.
+        """Plot slices of the workspace, coloured by an expected error or a measure of dexterity.
 
         ``quantity``: ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
         """
@@ -147,12 +144,15 @@ def analyse(
     Parameters
     ----------
     q
-        (N, n) commands; by default a set that is spread over the actuators' ranges.
+        (N, n) commands, m or rad; None: commands that fill the workspace.
     costs
-        Final cost by link: the sum over ``cost_poses`` poses of the squared closure residual, m^4, as in the paper's Table II.
+        By link, the cost after a calibration: the sum over ``cost_poses`` poses of the squared closure residual, m^4 (Dressler
+        et al. 2010, Table II); None where it is not known.
     uncertainty
-        What is uncertain. By default closure residuals of the costs' size where these are given, else the geometry: by the
-        covariance of its calibration, or by manufacturing tolerances where nobody has calibrated it.
+        What is uncertain. By default: where ``costs`` are given, closure residuals of their size; else the geometry, by its
+        covariance, or by its manufacturing tolerances where it is nominal.
+    seed
+        Seed of the machines that are drawn.
 
     Raises
     ------

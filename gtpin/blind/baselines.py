@@ -12,7 +12,7 @@ from gtpin.blind.statement import Named, Statement
 
 
 def baselines(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
-    """The same figures of the diagnosis and of its baselines."""
+    """Scores of the diagnosis and of its baselines, by the baseline's name and the figure's name."""
     return {
         "diagnosis": _row(cases, lambda shrunk: shrunk.after),
         "geometry only": _row([_silent(c) for c in cases], lambda shrunk: shrunk.before),

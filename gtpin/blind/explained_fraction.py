@@ -19,7 +19,7 @@ class ExplainedFraction:
 
 
 def explained_fractions(cases: Iterable[Judged]) -> list[ExplainedFraction]:
-    """Of all cases with a prediction, without those of kind `power`."""
+    """The explained fractions of all cases with a prediction, without the cases of kind `power`."""
     return [
         ExplainedFraction(c.said.shrinkage, c.said.interval, c.shrunk.share)
         for c in cases

@@ -22,9 +22,9 @@ class Shrunk(BaseModel):
         RMS length of the position error, m, of the geometry alone and of the model with the named causes; where other
         instruments than a tracker alone measured, RMS error of their readings over their noise.
     knowing
-        The same, of a fit to which the true causes are given; None if there is no such fit.
+        The same error, of a fit to which the true causes are given; None if there is no such fit.
     smoothed
-        The same, of a Gaussian process that names no cause; None if it was not fitted.
+        The same error, of a Gaussian process that names no cause; None if it was not fitted.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -52,7 +52,7 @@ class Judged(BaseModel):
     truth
         Its true effects with E and D, without displacements.
     rival
-        Alternative hypothesis: of the wrong effects, the one that leaves the least energy of a single true effect.
+        The wrong effect (``effect@site``) that leaves the least energy of a single true effect; empty where not known.
     listed
         Whether all its effects are in the catalogue.
     instruments
@@ -108,12 +108,12 @@ class Judged(BaseModel):
 
     @property
     def energy(self) -> float:
-        """E of a single effect; NaN if not known."""
+        """E of a single effect, its whitened energy; NaN if not known."""
         return float("nan") if self.single.energy is None else self.single.energy
 
     @property
     def leaves(self) -> float:
-        """D of a single effect; NaN if not known."""
+        """D of a single effect, the energy that the best wrong effect leaves; NaN if not known."""
         return float("nan") if self.single.leaves is None else self.single.leaves
 
     @property
@@ -138,7 +138,7 @@ class Judged(BaseModel):
 
     @property
     def false_confident(self) -> tuple[str, ...]:
-        """Causes named with confidence that are not true."""
+        """Causes named with a probability of 0.95 or more that are not true."""
         return tuple(n for n in self.said.confident() if n not in self.names) if self.said else ()
 
     @property

@@ -88,7 +88,7 @@ def spread(
     arguments: Callable[[str], tuple[Any, ...]],
     done: Callable[[str, Result], None],
 ) -> list[str]:
-    """Do ``work(*arguments(name))`` for every name; call ``done(name, result)`` here as each ends.
+    """Do ``work(*arguments(name))`` for every name in the workers; call ``done(name, result)`` in this process after each.
 
     Returns
     -------

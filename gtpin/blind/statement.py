@@ -57,7 +57,7 @@ class Statement(BaseModel):
         return frozenset(name for cause in self.causes for name in (cause.name, *cause.members))
 
     def confident(self) -> tuple[str, ...]:
-        """Causes that are named with confidence."""
+        """Causes that are named with a probability of 0.95 or more."""
         return tuple(cause.name for cause in self.causes if cause.probability >= CONFIDENT)
 
     @staticmethod

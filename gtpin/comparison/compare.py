@@ -48,21 +48,29 @@ def compare(
     seed: int = 0,
     progress: Callable[[str, int, float], None] | None = None,
 ) -> Comparison:
-    """Compare models 1 to 5 on poses that they were not fitted to.
+    """Compare models 1 to 5 of Dressler et al. 2010 on poses that they were not fitted to.
 
-    All are judged on the same poses: those within the carts' measured range. Models 2, 4 and 5 need ``carts.csv``.
+    The poses are divided at random into two halves; each half is predicted by models that were fitted to the other. All models
+    are judged on the same poses: those within the carts' measured range. Models 2, 4 and 5 need ``carts.csv``.
 
     Parameters
     ----------
+    dataset
+        Poses measured by one tracker.
+    robot
+        The nominal robot; by default the one that the dataset names.
     cost
-        ``pose``: pose residuals with tolerances as priors, weighted by the size of what each model leaves, not by the
-        declared noise, which is smaller. ``closure``: the paper's squared closure residuals.
+        What a fit minimises. ``pose``: pose residuals with tolerances as priors; their weights are estimated from the
+        residuals of each model. ``closure``: the paper's squared closure residuals.
     choice
-        For model 5: the paper's rods on measured tracks, or those that predict closures better within the fitted half.
+        The rods of model 5 on measured tracks. ``paper``: those of the paper. ``validation``: those whose closures are then
+        predicted better within the fitted half.
     orientations
-        Whether measured tracks carry the measured turning of the carts too, which the paper did not use.
+        Whether measured tracks also have the measured rotations of the carts, which the paper did not use.
     seed
-        Of the halves.
+        Seed of the division into halves.
+    progress
+        Called with the name of each step, 0 and NaN; None: no calls.
 
     Raises
     ------
@@ -76,7 +84,7 @@ def compare(
     Warns
     -----
     GtpinWarning
-        Of poses that a model's fit sets aside, by name; the model is judged on them all the same.
+        Names the poses that the fit of a model sets aside. The model is judged on these poses too.
     """
     given = dataset
     if dataset.readings is not None:

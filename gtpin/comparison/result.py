@@ -37,19 +37,19 @@ class Held:
     model
         1 to 5.
     row
-        (N,) rows of the dataset's poses within the measured tracks.
+        (N,) indices of the held-out poses among the dataset's poses within the measured tracks.
     pose
-        (N,) their ids.
+        (N,) ids of these poses.
     position
         (N,) length of each position error, m.
     orientation
         (N,) angle of each orientation error, rad; None where orientation was not measured.
     angles
-        (N, 3) measured less predicted ZYZ Euler angles, rad; likewise None.
+        (N, 3) measured less predicted ZYZ Euler angles, rad; None where orientation was not measured.
     closure_cost
-        (k,) squared closure residuals of each rod summed over the held-out poses, m^4; None where they can't be had.
+        (k,) squared closure residual of each rod, summed over the held-out poses, m^4; None where it is not known.
     measured
-        (k,) rods whose track was taken as measured.
+        (k,) True for rods on a measured track.
     """
 
     model: int
@@ -62,7 +62,7 @@ class Held:
     measured: tuple[bool, ...]
 
     def figures(self, rows: Rows | slice = slice(None)) -> dict[str, float | None]:
-        """Mean, largest and root mean square error of some of the poses, in the units of the columns' names."""
+        """Mean, largest and root mean square error of the poses ``rows``; the keys' last part is the unit (um, mrad)."""
         p = self.position[rows] * 1e6
         o = None if self.orientation is None else float(np.sqrt((self.orientation[rows] ** 2).mean()) * 1e3)
         return {
@@ -73,9 +73,9 @@ class Held:
         }
 
     def intervals(self, seed: int) -> dict[str, tuple[float, float] | None]:
-        """95 % bootstrap intervals of the figures; visits of a pose are drawn together.
+        """95 % bootstrap intervals of :meth:`figures`; all visits to a pose are drawn together.
 
-        That of the largest error ends at the largest one seen: no resampling tells of poses that were not visited.
+        The interval of the largest error ends at the largest observed error: resampling can't show poses that were not visited.
         """
         rng = np.random.default_rng(seed)
         _, visit = np.unique(self.pose.astype(str), return_inverse=True)
@@ -124,13 +124,13 @@ class Comparison(Shown):
     Parameters
     ----------
     held
-        One entry a model, in their order.
+        The errors of each model, in the order of the models.
     seed
-        Of the halves and of the bootstrap.
+        Seed of the division into halves and of the bootstrap.
     cost
-        What the models were fitted by.
+        What the fits minimised: see :func:`~gtpin.comparison.compare.compare`.
     dataset
-        The data, for :meth:`save`; None where the comparison was put together by hand.
+        The data, for :meth:`save`; None where the comparison was not made by ``compare``.
     """
 
     held: tuple[Held, ...]
@@ -145,7 +145,7 @@ class Comparison(Shown):
         return pd.DataFrame([{"model": h.model, **h.figures(), "poses": len(h.position)} for h in self.held])
 
     def intervals(self) -> list[dict[str, tuple[float, float] | None]]:
-        """95 % bootstrap intervals of every figure, one entry a model."""
+        """95 % bootstrap intervals of the errors in :meth:`table`, one entry per model."""
         return list(self._intervals)
 
     @cached_property
@@ -171,7 +171,7 @@ class Comparison(Shown):
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin compare`` writes: ``compare.csv``, ``compare.json``, ``report.html`` and plots.
 
-        With ``force``, files of these names that gtpin has not written are moved aside (``NAME.old-1``).
+        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
         from gtpin.report.show.comparison import save
 
@@ -184,7 +184,7 @@ class Comparison(Shown):
         return errors(self)
 
     def plot_angles(self, angle: str = "alpha") -> Figure:
-        """Errors of an Euler angle (ZYZ: ``alpha``, ``beta``, ``gamma``) at each held-out pose."""
+        """Plot the errors of an Euler angle (ZYZ: ``alpha``, ``beta`` or ``gamma``) at each held-out pose."""
         from gtpin.report.show.comparison import angles
 
         return angles(self, angle)

@@ -46,28 +46,31 @@ def make_case(
     background: bool = True,
     robot: str = "gantry_tau",
 ) -> Case:
-    """Make a case: draw whatever is not given.
+    """Make a case: a virtual machine with effects, its measurements and its truth. What is not given is drawn at random.
 
     Parameters
     ----------
     seed
-        Same seed and arguments, same bytes.
+        Seed of the random numbers. The same seed and arguments give the same bytes.
     effects
-        (id, site) of each; a site of None is drawn. Left out, ``n_effects`` of the catalogue are drawn.
+        Id and site of each effect; a site of None is drawn. None: ``n_effects`` effects of the catalogue are drawn.
+    n_effects
+        Number of effects to draw where ``effects`` is None.
     unknown
-        Draw from outside the catalogue.
+        Whether effects are drawn that are not in the catalogue.
     energy
-        Of each effect; drawn uniformly in its logarithm between two numbers, 30 and 4,000 where left out.
+        Whitened energy of each effect (docs/glossary.md), or two numbers between which it is drawn, uniformly in its logarithm.
+        None: between 30 and 4,000, for arms 20,000.
     poses
-        Number of different commands; a tenth of them is visited twice. 140 to 280 where left out.
+        Number of different commands; a tenth of them is visited twice. None: drawn between 140 and 280.
     held_out
-        Number of commands that are not measured.
+        Number of further commands, which are not measured and whose truth is given.
     noise, conditions
-        Of instrument and measurement; conditions are drawn, so that the effects can show, where left out.
+        Noise of the instrument, and measurement conditions. None: the usual noise, and conditions under which the effects show.
     without
-        Columns, or beginnings of their names, that the files lack besides those of ``conditions``.
+        Columns, or beginnings of their names, that the dataset lacks in addition to those that ``conditions`` names.
     background
-        Whether weak other effects are on.
+        Whether the machine also has other, weak effects.
     robot
         Name of a shipped robot, or the path of a URDF: an open chain, loops that are no rods, or six rods, each of which an
         actuator moves.

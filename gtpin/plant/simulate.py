@@ -41,7 +41,7 @@ class Simulation:
     commands
         Held-out commands, without measurements.
     truth
-        True poses at these commands, without noise, in the instrument's frame.
+        True poses at the held-out commands, without noise, in the instrument's frame.
     """
 
     dataset: Dataset
@@ -127,22 +127,22 @@ def simulate(
     instrument: Instrument | None = None,
     held_out: int = 120,
 ) -> Simulation:
-    """Draw a machine, command it, and measure it.
+    """Draw a machine from the robot's tolerances, move it to random commands, and measure it.
 
     Parameters
     ----------
     robot
         The nominal robot.
     reference
-        How the dataset names it.
+        The robot's name or path that the dataset gets.
     poses
         Number of different commands that are measured; a tenth of them is visited twice.
     seed
-        Same seed, same bytes.
+        Seed of the random numbers. The same seed gives the same bytes.
     instrument
-        What measures: by default a laser tracker of 15 micrometres and 50 microradians.
+        The instrument's section of the dataset; None: a laser tracker with 15 um and 50 urad per axis, one sigma.
     held_out
-        Number of further commands, whose truth is given.
+        Number of further commands, which are not measured and whose truth is given.
 
     Raises
     ------
