@@ -17,7 +17,7 @@ class Estimate:
     value, sigma
         The value and its standard deviation, both in ``unit``.
     unit
-        ``m``, ``rad``, ``N/m``, ...; empty for a number without one.
+        ``m``, ``rad``, ``N/m``, ...; empty for a number without a unit.
 
     Examples
     --------

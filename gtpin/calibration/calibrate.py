@@ -75,7 +75,8 @@ def calibrate(
         parameters: those of rod lengths and joints, and one track direction per cart.
     kinematics
         Solver for robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose, in Pinocchio; it is
-        an order of magnitude slower, and its result is the same except for rounding. It needs a geometry that a URDF can carry.
+        an order of magnitude slower, and its result is the same except for rounding. It can't use what a URDF can't represent
+        (a reduced arm, measured tracks, directions and scales of single rods).
         For robots without rods, Pinocchio is used in both cases.
     progress
         Called with the name of the step, the number of the iteration, and the RMS residual in units of the noise; None: no

@@ -168,14 +168,14 @@ class Diagnosis(Shown):
         return workspace(self, view, after=after)
 
     def plot_ball_bar(self, circle: int = 0) -> Figure:
-        """Polar plots of a circular test: deviations of the radius as measured, left by geometry alone, and with the causes.
+        """Polar plots of a circular test: deviations of the radius as measured, and those that geometry and causes leave.
 
-        The data need a ``range`` instrument with readings along half a turn or more about a station, as a ball bar's are.
+        The dataset needs a ``range`` instrument with readings along half a turn or more about a station, as a ball bar gives.
 
         Parameters
         ----------
         circle
-            Place of the circle among those of the data, counted from 0.
+            Index of the circle, counted from 0, where the dataset has several.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class Diagnosis(Shown):
         return ball_bar(self, circle)
 
     def plot_parameters(self) -> Figure:
-        """The table of the causes' parameters."""
+        """The table of the causes' parameters, as a figure."""
         from gtpin.report.show.diagnosis import parameter_table
 
         return parameter_table(self)

@@ -26,7 +26,12 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Frame:
-    """Pose of the robot's base frame in the instrument's frame: T (3,), m, and R (3, 3).
+    """Pose of the robot's base frame in the instrument's frame: a point p of the base frame is at T + R p.
+
+    Parameters
+    ----------
+    T, R
+        (3,) position, m, and (3, 3) rotation; by default the two frames are equal.
 
     Examples
     --------
@@ -42,7 +47,7 @@ class Frame:
 
     @property
     def is_base(self) -> bool:
-        """Whether the instrument measures in the base frame."""
+        """Whether the two frames are equal: the instrument measures in the base frame."""
         return not self.T.any() and bool((np.eye(3) == self.R).all())
 
 
@@ -97,7 +102,7 @@ class Model:
 
     @property
     def robot(self) -> Robot:
-        """The robot, with nominal geometry."""
+        """The robot, with its nominal geometry."""
         return self.geometry.robot
 
     @cached_property

@@ -72,8 +72,8 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
     Raises
     ------
     ModelError
-        If the file could not be read again (an effect has the id of another, a number is not finite); if the folder can't be
-        written; or, without ``force``, if it has such files.
+        If the written file could not be read again (two effects have the same id, a number is not finite); if the folder can't
+        be written; or, without ``force``, if it has files of these names that gtpin did not write or that were changed since.
 
     Examples
     --------
