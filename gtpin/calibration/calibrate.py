@@ -91,6 +91,8 @@ def calibrate(
     ------
     DatasetError
         If the dataset does not fit the robot, or is too small.
+    ModelError
+        If an option has another value, or does not fit the robot or the model.
     ConvergenceError
         If the fit does not converge.
 
