@@ -16,6 +16,9 @@ from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.exchange import tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING
 
+LEADS = 0.1
+"""Nats by which another leader must be better. Assumed: far below what tells two hypotheses apart."""
+
 
 def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
     """Search with and without smooth terms, and compare what was found.
@@ -71,12 +74,19 @@ def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...
 
 
 def _led(hypotheses: HypothesisSet, named: Model) -> Model:
-    """The model with the leader of each class in the place of its cause, where the evidence is for it."""
+    """The model with the leader of each class in the place of its cause, as long as the evidence is for it.
+
+    The leader of the new class can be another one: the same cause with other lines.
+    """
     for cause in causes(named):
-        leader = contenders(hypotheses, named, cause)[0].hypothesis
-        if leader.place not in {c.place for c in causes(named)}:
+        while True:
+            leader = contenders(hypotheses, named, cause)[0].hypothesis
+            if leader.place in {c.place for c in causes(named)}:
+                break
             trial = hypotheses.extended(without(hypotheses.groups, named, cause, sweeps=1), leader)
-            named = trial if _evidence(hypotheses, trial) > _evidence(hypotheses, named) else named
+            if not _evidence(hypotheses, trial) > _evidence(hypotheses, named) + LEADS:
+                break
+            named, cause = trial, leader
     return named
 
 
