@@ -1,10 +1,11 @@
-"""How far each step gets on left-out poses: python ladder.py DATASET [--name NAME] [--folds N] [--poses N].
+"""How far each step gets on left-out poses: python ladder.py DATASET [--name NAME] [--folds N] [--poses N] [--left-out random].
 
-Three models predict poses of regions that were left out when they were fitted: the nominal robot with the instrument's frame
-and the target fitted, the calibrated geometry, and the geometry with the causes of a diagnosis. Every fold is calibrated and
-diagnosed anew. Positions that the dataset gives in a frame of its own want ``frame = "free"``; where the target is not at the
-robot's TCP, ``--free-target`` identifies it as well, whatever dataset.toml says. ``--name`` keeps the figures in
-docs/figures/real_arms.json, from which ``python examples/pages/refresh.py`` makes the tables of docs/real_arms.md.
+Three models predict poses that were left out when they were fitted: the nominal robot with the instrument's frame and the
+target fitted, the calibrated geometry, and the geometry with the causes of a diagnosis. Left out are the poses of one region
+after the other, or with ``--left-out random`` any poses. Every part is calibrated and diagnosed anew. Positions that the
+dataset gives in a frame of its own want ``frame = "free"``; where the target is not at the robot's TCP, ``--free-target``
+identifies it as well, whatever dataset.toml says. ``--name`` keeps the figures in docs/figures/real_arms.json, from which
+``python examples/pages/refresh.py`` makes the tables of docs/real_arms.md.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 import gtpin
-from gtpin.data import by_region
+from gtpin.data import by_region, random
 
 Floats = npt.NDArray[np.float64]
 
@@ -35,10 +36,10 @@ def off(model: gtpin.Model, dataset: gtpin.Dataset) -> Floats:
     return np.asarray(1e3 * np.linalg.norm(dataset.position - predicted.T, axis=1))
 
 
-def steps(dataset: gtpin.Dataset, folds: int) -> dict[str, Floats]:
-    """Of each step the (N,) position errors, mm, of poses that were left out region by region."""
+def steps(dataset: gtpin.Dataset, folds: int, left_out: str) -> dict[str, Floats]:
+    """Of each step the (N,) position errors, mm, of poses that were left out, part by part: regions, or any poses."""
     found: dict[str, list[Floats]] = {step: [] for step in STEPS}
-    for held in by_region(dataset, folds):
+    for held in (random if left_out == "random" else by_region)(dataset, folds):
         known, other = dataset.take(~held), dataset.take(held)
         nominal = gtpin.calibrate(known, without=["placement"]).model
         diagnosis = gtpin.diagnose(known)
@@ -47,20 +48,21 @@ def steps(dataset: gtpin.Dataset, folds: int) -> dict[str, Floats]:
     return {step: np.concatenate(values) for step, values in found.items()}
 
 
-def record(dataset: gtpin.Dataset, folds: int) -> dict[str, object]:
+def record(dataset: gtpin.Dataset, folds: int, left_out: str) -> dict[str, object]:
     """What the page says of a dataset: the ladder, and the diagnosis of all its poses."""
     began = time.process_time()
     whole = gtpin.diagnose(dataset)
     seconds = time.process_time() - began
-    left_out = steps(dataset, folds)
+    errors_of = steps(dataset, folds, left_out)
     gap = whole.gap
     return {
         "robot": Path(dataset.robot).stem,
         "poses": len(dataset),
         "folds": folds,
+        "left_out_by": left_out,
         "left_out": {
             step: {"rms": float(np.sqrt((errors**2).mean())), "mean": float(errors.mean()), "max": float(errors.max())}
-            for step, errors in left_out.items()
+            for step, errors in errors_of.items()
         },
         "verdict": whole.verdict,
         "doubts": [[doubt.reason, doubt.site, list(doubt.over)] for doubt in whole.doubts],
@@ -96,13 +98,14 @@ def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--name", help="keep the figures under this name")
-    parser.add_argument("--folds", type=int, default=5, help="regions that are left out in turn")
+    parser.add_argument("--folds", type=int, default=5, help="parts that are left out in turn")
+    parser.add_argument("--left-out", choices=("region", "random"), default="region", help="what a part is")
     parser.add_argument("--poses", type=int, help="take only so many poses, drawn at random")
     parser.add_argument("--free-target", action="store_true", help="identify where the target sits on the flange")
     given = parser.parse_args(arguments)
     warnings.simplefilter("ignore", gtpin.GtpinWarning)
     try:
-        found = record(read(given.dataset, given.free_target, given.poses), given.folds)
+        found = record(read(given.dataset, given.free_target, given.poses), given.folds, given.left_out)
     except (OSError, gtpin.GtpinError) as error:
         sys.exit(f"{given.dataset}: {' '.join(str(error).split())}")
     print(json.dumps(found, indent=1))

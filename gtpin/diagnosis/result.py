@@ -12,7 +12,7 @@ from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Questio
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.effects.effect import Effect
 from gtpin.model.model import Model
 from gtpin.output.results import results_folder
@@ -93,8 +93,8 @@ class Diagnosis(Shown):
     doubts: tuple[Doubt, ...] = ()
 
     def effect(self, name: str) -> Effect:
-        """The effect with the id ``name``, of those that were tried; `StopIteration` where there is none."""
-        return next(effect for effect in self.effects if effect.id == name)
+        """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""
+        return effect_of(self.effects, name)
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from importlib.metadata import entry_points
 
@@ -106,3 +107,11 @@ def effects_by_id() -> dict[str, Effect]:
             raise ModelError(f"the effect {made.id} is registered twice", hint="give one of them another id")
         known[made.id] = made
     return known
+
+
+def effect_of(effects: Iterable[Effect], name: str) -> Effect:
+    """The effect with the id ``name``; raises `ModelError` where there is none."""
+    known = {effect.id: effect for effect in effects}
+    if name not in known:
+        raise ModelError(f"no effect is called {name!r}", hint=f"choose one of {', '.join(sorted(known))}")
+    return known[name]

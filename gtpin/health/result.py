@@ -11,6 +11,7 @@ from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Questio
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.effects.catalogue import effect_of
 from gtpin.effects.effect import Effect
 from gtpin.health.power import Smallest
 from gtpin.model.model import Model
@@ -87,8 +88,8 @@ class HealthCheck(Shown):
     next_experiment: tuple[Experiment, ...] = ()
 
     def effect(self, name: str) -> Effect:
-        """The effect with the id ``name``, of those that were tried; `StopIteration` where there is none."""
-        return next(effect for effect in self.effects if effect.id == name)
+        """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""
+        return effect_of(self.effects, name)
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""

@@ -2,7 +2,7 @@
 
 The form is that of Klipper's klippy/configfile.py: an INI file, comments after ``#`` and ``;``, options as ``name: value`` or
 ``name = value``, indented lines that go on with a value, ``[include FILES]``, and at its end what SAVE_CONFIG wrote, each line
-after ``#*#``, which counts for more than what stands above.
+after ``#*#``. An option that stands above as well counts as it stands above (``_strip_duplicates`` there).
 """
 
 from __future__ import annotations
@@ -127,4 +127,4 @@ def _read(file: Path, found: dict[str, dict[str, Option]], depth: int) -> None:
         last = match[1].strip().lower()
         into[section][last] = Option(last, (Line(match[2].strip(), file, row),))
     for name, options in saved.items():
-        found.setdefault(name, {}).update(options)
+        found[name] = {**options, **found.get(name, {})}

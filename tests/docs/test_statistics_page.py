@@ -15,7 +15,7 @@ import pytest
 
 from gtpin.diagnosis import priors
 from gtpin.diagnosis.hypotheses import lines
-from gtpin.diagnosis.inference import causes, search
+from gtpin.diagnosis.inference import causes, search, settle
 from gtpin.diagnosis.linear import cross_validation, evidence, hold_out, scan
 
 ROOT = Path(__file__).parents[2]
@@ -39,6 +39,9 @@ NO_CONSTANTS = {"site", "none", "explained", "ambiguous", "unknown", "station", 
 NUMBERS = (
     (f"out of {len(evidence.SCALES)} between {evidence.SCALES[0]:.2g} and {evidence.SCALES[-1]:g}"),
     f"have at least {scan.ALIKE:g} of its gain",
+    f"with at least {scan.LONG} coefficients",
+    f"those with at least {scan.LIKELY:g} of the largest such gain",
+    f"more than {settle.FEW_POSES:,} poses a long model is searched on {settle.FEW_POSES:,} of them",
     f"until that gains less than {lines.SETTLED:g} nats",
     f"over {2 * causes.DRAWS} draws from the posterior",
     f"has {cross_validation.DRAWS} draws: coefficients from their posterior, {cross_validation.ASKED} poses",

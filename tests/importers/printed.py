@@ -44,7 +44,7 @@ def printer_cfg(
     """A printer.cfg after DELTA_CALIBRATE and SAVE_CONFIG, of a machine that was at these places when it touched."""
     top = END + np.sqrt(ARM**2 - RADIUS**2)
     steps = (top - carriages(xyz, angles)) / STEP
-    lines = ["# my printer", "[printer]", "kinematics: delta  # three towers", "delta_radius: 1.0"]
+    lines = ["# my printer", "[printer]", "kinematics: delta  # three towers", "#delta_radius: 1.0"]
     for tower in "abc":
         lines += [f"[stepper_{tower}]", "step_pin: PF0", drive, ""]
     lines += ["[delta_calibrate]", "radius: 180", "", "#*# <---------------------- SAVE_CONFIG ---------------------->"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -39,10 +39,10 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
         if value > log.get(proxy.hypothesis, -np.inf):
             log[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
-    against = in_its_place(hypotheses, model, rest, unnamed(hypotheses, cause))
+    against = hypotheses.gains(rest, unnamed(hypotheses, cause))
     # What several lines are fitted to has no departure from its equation: they follow any smooth function as well.
     dear = {s: priors.unnamed + (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own) for s in against}
-    smooth = [(gain - dear[s]) / heat for s, gain in against.items()]
+    smooth = [(gain.value - dear[s]) / heat for s, gain in against.items()]
     whole = np.logaddexp.reduce([*log.values(), max(smooth, default=-np.inf)])
     probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
     least = CLASS_SHARE * max(probability.values())
@@ -50,15 +50,6 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
         Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items() if p >= least or h == mine
     ]
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
-
-
-def in_its_place(
-    hypotheses: HypothesisSet, model: Model, rest: Model, smooth: Sequence[SmoothTerm]
-) -> dict[SmoothTerm, float]:
-    """Gains of smooth terms in the place of a cause, less what they would gain beside it: that is no evidence against it."""
-    beside = hypotheses.gains(model, smooth)
-    instead = hypotheses.gains(rest, smooth)
-    return {s: instead[s].value - max(beside[s].value, 0.0) for s in instead if s in beside}
 
 
 def _with_lines(

@@ -8,7 +8,7 @@ from scipy.special import expit
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, smooth_terms
-from gtpin.diagnosis.inference.classes import contenders, in_its_place, temperature, unnamed
+from gtpin.diagnosis.inference.classes import contenders, temperature, unnamed
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.redundant_causes import without_redundant
 from gtpin.diagnosis.inference.search import search
@@ -68,8 +68,8 @@ def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...
     for cause in causes(named):
         if hypotheses.smooth and sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
             rest = without(hypotheses.groups, named, cause, sweeps=1)
-            gains = in_its_place(hypotheses, named, rest, unnamed(hypotheses, cause))
-            found.append(max(gains, key=lambda s: gains[s]))
+            gains = hypotheses.gains(rest, unnamed(hypotheses, cause))
+            found.append(max(gains, key=lambda s: gains[s].value))
     return tuple(dict.fromkeys(found))
 
 
