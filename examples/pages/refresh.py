@@ -19,6 +19,7 @@ from installed import extras_table
 from installed import table as installed_table
 from priors_listed import modulation_listed, priors_listed
 from scores import (
+    chain_scores,
     jugglebot,
     machine_scores,
     real_causes,
@@ -37,6 +38,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "gallery": gallery,
     "sealed_score": sealed_score,
     "sealed_sentence": sealed_sentence,
+    "chain_scores": chain_scores,
     "machine_scores": machine_scores,
     "jugglebot": jugglebot,
     "real_causes": real_causes,

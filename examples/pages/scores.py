@@ -1,4 +1,4 @@
-"""Tables of sealed scores for the pages, from ``blind.json`` and ``machines.json`` in docs/figures."""
+"""Tables of sealed scores for the pages, from ``blind.json``, ``machines.json`` and ``chains.json`` in docs/figures."""
 
 from __future__ import annotations
 
@@ -72,9 +72,18 @@ def sealed_score() -> str:
 
 
 def machine_scores() -> str:
-    """The scores of the other machines, as docs/machines.md has them."""
+    """The scores of the other machines with rods, as docs/machines.md has them."""
+    return _scores("machines.json")
+
+
+def chain_scores() -> str:
+    """The scores of arms and loops, as docs/machines.md has them."""
+    return _scores("chains.json")
+
+
+def _scores(record: str) -> str:
     lines = ["| machine | failed | " + " | ".join(MACHINE.values()) + " |", "|---" * (len(MACHINE) + 2) + "|"]
-    for machine, score in _record("machines.json").items():
+    for machine, score in _record(record).items():
         rows = {row["figure"]: row for row in score["figures"]}
         cells = [f"{value(rows[name])} of {rows[name]['of']}" for name in MACHINE]
         lines.append(f"| `{machine}` | {len(score['failures'])} of {score['cases']} | {' | '.join(cells)} |")

@@ -113,8 +113,26 @@ def test_a_model_without_one_of_its_groups_is_the_model_of_the_others(dense):
     model = fixed(groups, ("a", "d", "b"), (2.0, 0.3, 0.7))
     less = without(groups, model, "d")
     assert less.terms == ("a", "b")
+    plain = fixed(groups, ("a", "b"), (2.0, 0.7))
     assert_allclose(less.log_evidence, dense.log_evidence({"a": 2.0, "b": 0.7}), rtol=1e-9)
+    assert_allclose(less.mean, plain.mean, atol=1e-9)
+    assert_allclose(less.covariance, plain.covariance, atol=1e-9)
     assert without(groups, fixed(groups, ("a",), (1.0,)), "a") == NOTHING
+
+
+@pytest.mark.parametrize("sweeps", [1, 2])
+def test_scales_are_those_of_a_coordinate_ascent_that_builds_every_model_anew(dense, sweeps):
+    groups, names, scale = dense.groups, ("b", "d", "f", "c"), [1.0, 1.0, 0.3, 5.0]
+    found = tuned(groups, names, scale, sweeps)
+    for _ in range(sweeps):
+        for i, name in enumerate(names):
+            others = [n for n in names if n != name]
+            rest = fixed(groups, others, [s for n, s in zip(names, scale, strict=True) if n != name])
+            scale[i] = gain(groups, rest, name)[1]
+    assert found.scale == tuple(scale)
+    whole = fixed(groups, names, scale)
+    assert_allclose(found.log_evidence, whole.log_evidence, rtol=1e-12)
+    assert_allclose(found.covariance, whole.covariance, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

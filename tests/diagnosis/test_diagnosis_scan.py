@@ -151,3 +151,32 @@ def test_noise_gains_nothing_by_a_scan():
     # The mean of exp(gain) over noise is 1 at most for a Bayes factor; the best of some scales may double it some times.
     assert max(gains) < np.log(20.0 / 1e-3)
     assert np.median(gains) < 1.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("effect", "setting"), EFFECTS, ids=lambda v: getattr(v, "id", ""))
+def test_a_scan_beside_a_long_model_finds_what_all_values_with_their_modulations_show(
+    effect, setting, seed, monkeypatch
+):
+    design = problem(effect, setting, seed)
+    groups: Groups[object] = Groups(Marginal(design.B), design.y)
+    model = beside_linearity(design, groups)
+    whole = Scan(design, groups, effect, SITE).best(model)
+    monkeypatch.setattr(scan, "LONG", 0)
+    screened = Scan(design, groups, effect, SITE).best(model)
+    if whole.gain < 3.0:  # where nothing is found, values that are left out share less
+        assert screened.gain < 3.0
+        return
+    assert (screened.value, screened.scale) == (whole.value, whole.scale)
+    assert_allclose(screened.gain, whole.gain, atol=0.01)
+    assert {value for value, _, _ in screened.others} == {value for value, _, _ in whole.others}
+
+
+def test_a_scan_beside_a_long_model_that_gains_nothing_anywhere_says_so(monkeypatch):
+    observed, baseline = calibrated()
+    design = observed.design(baseline.model)
+    design = replace(design, y=np.zeros_like(design.y))
+    groups: Groups[object] = Groups(Marginal(design.B), design.y)
+    model = beside_linearity(design, groups)
+    monkeypatch.setattr(scan, "LONG", 0)
+    assert Scan(design, groups, RackStep(), SITE).best(model).gain < 0.0
