@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.diagnosis.inference import settle
+from gtpin.diagnosis.inference.search import rough_guess
+from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.plant import simulate
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
@@ -67,3 +70,20 @@ def test_every_line_has_its_period_and_amplitude(found, joint):
 
 def test_what_is_left_of_the_gap_is_noise(found):
     assert found.gap.after < 1.1 * found.gap.floor < 0.5 * found.gap.before
+
+
+@pytest.mark.parametrize(("most", "is_long"), [(0, True), (5, False)])
+def test_only_a_long_model_stays_with_few_poses(most, is_long, monkeypatch):
+    data, seen = erring(3), []
+
+    def spied(hypotheses, before=NOTHING):
+        seen.append(len(hypotheses.design.situation))
+        return rough_guess(hypotheses, before)
+
+    monkeypatch.setattr(settle, "FEW_POSES", 150)
+    monkeypatch.setattr(settle, "MOST", most)
+    monkeypatch.setattr(settle, "rough_guess", spied)
+    found = gtpin.diagnose(data)
+    assert seen[0] == 150
+    assert seen[-1] == (150 if is_long else len(data))
+    assert {c.site for c in found.causes} == set(LINES)

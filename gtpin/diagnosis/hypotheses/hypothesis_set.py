@@ -228,9 +228,7 @@ class HypothesisSet:
 
     def extended(self, model: Model, term: Term) -> Model:
         """A model with one more explanation, all scales estimated again."""
-        if isinstance(term, Hypothesis) and term not in self.groups:
-            self._add(term)
-        return tuned(self.groups, (*model.terms, term), (*model.scale, 1.0))
+        return self.of((*model.terms, term), (*model.scale, 1.0))
 
     def of(self, terms: Sequence[Term], scale: Sequence[float]) -> Model:
         """A model of some explanations, its scales estimated from given ones."""

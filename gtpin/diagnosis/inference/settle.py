@@ -25,8 +25,8 @@ whose models can be long, the search goes on where it was, so that more rounds c
 """
 
 FEW_POSES = 1000
-"""Poses that a search is made on where the model that it finds is long. Measured on a real arm with some hundred lines: 600 of
-them give models that predict other poses nearly as well as 2,000 do, in a third of the time.
+"""Poses that a search is made on where the model that it finds is long. Assumed; on a real arm with some hundred lines
+(docs/real_arms.md), models searched on 600 and on 1,000 poses predicted other poses alike.
 """
 
 
@@ -75,11 +75,12 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
     everything = Observed.of(kept, baseline)
     instrument = kept.instrument
     declared = (instrument.position_sigma is not None, instrument.orientation_sigma is not None)
-    for most in (MOST_POSES,) if baseline.model.robot.rods else (FEW_POSES, MOST_POSES):
-        some = _part(drawn, readmitted, most)
+    some = _part(drawn, readmitted, MOST_POSES if baseline.model.robot.rods else FEW_POSES)
+    observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope, declared)
+    if len(some) < min(len(kept), MOST_POSES) and len(guess.terms) <= MOST:
+        del proposal, guess  # before the next are made, as below
+        some = _part(drawn, readmitted, MOST_POSES)
         observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope, declared)
-        if len(some) == len(kept) or len(guess.terms) > MOST:
-            break
     searched = kept.take(some[used])
     if len(some) == len(kept):
         return Settled(searched, observed, searched, observed, declared, proposal, guess)
