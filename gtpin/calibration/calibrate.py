@@ -17,6 +17,7 @@ from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
 from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, reach_of
 from gtpin.calibration.free_target import with_free_target
+from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.problem import measured_poses, rough_frame
 from gtpin.calibration.result import Calibration
@@ -25,6 +26,7 @@ from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.rounding import with_rounding
 from gtpin.data.sane import sane_rows
+from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.kinematics.kinematics import Solver
 from gtpin.memory import amount, require
@@ -54,6 +56,7 @@ def calibrate(
     scale: Per | None = None,
     without: Iterable[str] = (),
     kinematics: Solver = "arrays",
+    keep_effects: Iterable[ActiveEffect] = (),
     progress: Progress | None = None,
 ) -> Calibration:
     """Identify joint offsets, rod lengths and track geometry by Gauss-Newton with manufacturing tolerances as priors.
@@ -78,6 +81,9 @@ def calibrate(
         an order of magnitude slower, and its result is the same except for rounding. It can't use what a URDF can't represent
         (a reduced arm, measured tracks, directions and scales of single rods).
         For robots without rods, Pinocchio is used in both cases.
+    keep_effects
+        Effects of an earlier model of the machine (``model.effects``), which stay as they are: the same machine with another
+        tool or instrument. See :func:`~gtpin.calibration.kept_effects.with_kept_effects`.
     progress
         Called with the name of the step, the number of the iteration, and the RMS residual in units of the noise; None: no
         calls.
@@ -122,14 +128,19 @@ def calibrate(
             )
         check_actuators(robot, dataset)
         geometry = model_geometry(model, robot, dataset, orientations=orientations)
-    found = _calibrated(
-        dataset if model is None else without_sigmas(dataset),
-        geometry,
-        progress,
-        doubt=model is None and not left_out,
-        lacking=model is not None,
-        kinematics=kinematics,
-    )
+
+    def calibrated(data: Dataset) -> Calibration:
+        return _calibrated(
+            data if model is None else without_sigmas(data),
+            geometry,
+            progress,
+            doubt=model is None and not left_out,
+            lacking=model is not None,
+            kinematics=kinematics,
+        )
+
+    kept = tuple(keep_effects)
+    found = with_kept_effects(dataset, kept, robot, calibrated) if kept else calibrated(dataset)
     return replace(found, dataset=dataset, paper_model=model)
 
 

@@ -19,6 +19,7 @@ from gtpin.commands.terminal import (
     with_tcp,
 )
 from gtpin.data import Dataset
+from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.calibration_text import calibration_summary
 from gtpin.report.files import CALIBRATION, write_calibration
@@ -34,6 +35,15 @@ def calibrate(
         ),
     ] = None,
     orientations: CartOrientation = False,
+    keep_effects: Annotated[
+        str | None,
+        typer.Option(
+            "--keep-effects",
+            help="Folder of an earlier model of this machine: its effects stay as they are.",
+            metavar="<model>",
+            show_default=False,
+        ),
+    ] = None,
     tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -41,8 +51,11 @@ def calibrate(
     """Identify the robot's geometry from measured poses."""
     with results_folder(output, CALIBRATION, force=force) as folder:
         read = with_tcp(Dataset.read(dataset), tcp)
+        kept = () if keep_effects is None else read_model(keep_effects, tcp=tcp).effects
         with progress_of("calibrating") as progress:
-            calibration = run_calibration(read, model=model, orientations=orientations, progress=progress)
+            calibration = run_calibration(
+                read, model=model, orientations=orientations, keep_effects=kept, progress=progress
+            )
         result = write_calibration(calibration, folder)
     written = f"\nWritten: {', '.join(str(output / name) for name in CALIBRATION)}\nOpen {output / 'report.html'}"
     tell(result, calibration_summary(calibration) + written, as_json)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.lasting import lasts
 from gtpin.effects.situation import Column, Situation
 from gtpin.errors import GtpinWarning, ModelError
 from gtpin.kinematics.poses import Poses
@@ -18,8 +19,6 @@ from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 
-OF_ITS_DAY = frozenset(("session", "time"))
-"""Covariates that say nothing of another day."""
 SINCE = "since the model"
 """Session of all rows of a check: none of the model's."""
 
@@ -44,10 +43,7 @@ class Earlier:
     @cached_property
     def _lasts(self) -> list[bool]:
         robot = self.model.robot
-        return [
-            not (active.site == "frame" and OF_ITS_DAY & set(active.effect.covariates(robot, active.site)))
-            for active in self.model.effects
-        ]
+        return [lasts(active, robot) for active in self.model.effects]
 
     @cached_property
     def covariance(self) -> Floats:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtpin.data import Commands, check_commands
+from gtpin.effects.extrapolated import warn_of_extrapolation
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
@@ -27,6 +28,11 @@ def predict(model: Model, commands: Commands) -> Poses:
         row or the column.
     UnreachableError
         If a pose can't be reached; the message names its row.
+
+    Warns
+    -----
+    GtpinWarning
+        Names effects that are extrapolated, and where they were fitted.
     """
     robot = model.robot
     check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
@@ -38,6 +44,7 @@ def predict(model: Model, commands: Commands) -> Poses:
             row=int(commands.row[outside[0]]),
             hint="leave it out, or use a model with straight tracks",
         )
+    warn_of_extrapolation(model.effects, robot, commands.q)
     try:
         poses = model.predict(commands.q, commands.covariates)
     except ModelError as error:

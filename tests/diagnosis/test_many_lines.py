@@ -1,6 +1,7 @@
 """Joints with many periodic errors: all of their lines are found, as one cause each."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -52,6 +53,16 @@ def found() -> gtpin.Diagnosis:
 def test_each_joint_is_one_cause_and_nothing_else_is_named(found):
     assert found.verdict == "explained"
     assert {(c.effect, c.site) for c in found.causes} == {("rack_periodic", joint) for joint in LINES}
+
+
+@pytest.mark.parametrize("joint", LINES)
+def test_lines_are_in_the_order_of_their_amplitudes(found, joint):
+    (cause,) = (c for c in found.causes if c.site == joint)
+    sizes = [estimate for name, estimate in cause.parameters.items() if name.startswith("amplitude")]
+    assert len(sizes) > 1
+    assert all(b.value <= a.value + 2.0 * np.hypot(a.sigma, b.sigma) for a, b in pairwise(sizes))
+    strongest = max(LINES[joint], key=lambda line: LINES[joint][line])
+    assert 2.0 * np.pi / cause.parameters["period"].value == pytest.approx(strongest, abs=0.5)
 
 
 @pytest.mark.parametrize("joint", LINES)

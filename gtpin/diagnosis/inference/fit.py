@@ -18,6 +18,7 @@ from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_id
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
+from gtpin.diagnosis.inference.strongest_line import strongest_first
 from gtpin.diagnosis.inference.two_groups import with_one_measurement
 from gtpin.diagnosis.inference.two_valued import with_two_valued
 from gtpin.diagnosis.inference.unexplained import unexplained
@@ -128,8 +129,9 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
         found.scale[hypothesis] for hypothesis in named
     ]  # `cause`, as a name here, is unbound below in Python 3.12.1
     references = settled.hypotheses.design.situation.references
-    model = fit_together(settled.everything, prepared.baseline.model, named, scale, references)
-    return model, [cause(model, c, found.classes[c]) for c in named]
+    ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
+    model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, references)
+    return model, [cause(model, own, found.classes[c]) for c, own in zip(named, ordered, strict=True)]
 
 
 def _gaps(

@@ -1,0 +1,103 @@
+"""Geometry identified while effects of an earlier model are kept: the same machine, with another tool or instrument."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.extrapolated import warn_of_extrapolation
+from gtpin.effects.lasting import lasts
+from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError, warn
+from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
+from gtpin.robot.robot import Robot
+
+Floats = npt.NDArray[np.float64]
+
+PASSES = 6
+"""Calibrations at most. What the effects do changes with the geometry only in second order: three passes are usual."""
+SETTLED = 1e-7
+"""Change, m and rad, of what the effects do to the poses, below which it is settled: far below any instrument's noise."""
+
+
+def with_kept_effects(
+    dataset: Dataset, effects: Sequence[ActiveEffect], robot: Robot, calibrated: Callable[[Dataset], Calibration]
+) -> Calibration:
+    """Identify the geometry of a machine that has these effects.
+
+    The motions of the poses by the effects are subtracted from the measured poses, in the instrument's frame, and the
+    geometry is identified from the rest. Both are repeated until the motions no longer change.
+
+    Parameters
+    ----------
+    effects
+        Fitted effects of a machine of this robot. Drift of the instrument and its shifts between sessions are left out.
+    calibrated
+        Identifies the geometry from a dataset, without effects.
+
+    Returns
+    -------
+    calibration
+        Its model has the effects, with their coefficients as they were.
+
+    Raises
+    ------
+    DatasetError
+        If the dataset has readings of other instruments than one tracker.
+    ModelError
+        If an effect's site is not one of the robot's, or the dataset does not have a covariate that an effect needs.
+    ConvergenceError
+        If the motions do not settle.
+
+    Warns
+    -----
+    GtpinWarning
+        Names effects that are left out, and effects that are extrapolated.
+    """
+    if dataset.readings is not None:
+        raise DatasetError(
+            "effects of a model can be kept for poses of one tracker only",
+            hint="leave the model out, or diagnose these readings",
+        )
+    kept = tuple(active for active in effects if lasts(active, robot))
+    if left_out := ", ".join(active.name for active in effects if active not in kept):
+        warn(f"not kept: {left_out}, which say nothing of another day")
+    _check_sites(kept, robot)
+    warn_of_extrapolation(kept, robot, dataset.q)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)  # of a fit that does not take the effects into account yet
+        found, before = calibrated(dataset), np.zeros((len(dataset), 6))
+    for _ in range(PASSES):
+        model = replace(found.model, effects=kept)
+        motions = model.predict(dataset.q, dataset.covariates).minus(found.model.predict(dataset.q))
+        motions[~np.isfinite(motions).all(axis=1)] = 0.0  # poses out of reach: the calibration leaves them out
+        if np.abs(motions - before).max(initial=0.0) < SETTLED:
+            return replace(found, model=model)
+        found, before = calibrated(_without(dataset, motions)), motions
+    raise ConvergenceError(
+        "the motions by the kept effects do not settle",
+        hint="check that the model is of this machine, and has the same units",
+    )
+
+
+def _without(dataset: Dataset, motions: Floats) -> Dataset:
+    """The dataset with motions (N, 6), m and rad, instrument's frame, taken from its poses."""
+    orientation = dataset.orientation
+    if orientation is not None:
+        orientation = to_quaternions(exp(-motions[:, 3:]) @ from_quaternions(orientation))
+    return replace(dataset, position=dataset.position - motions[:, :3], orientation=orientation)
+
+
+def _check_sites(effects: Sequence[ActiveEffect], robot: Robot) -> None:
+    for active in effects:
+        if active.site not in active.effect.sites(robot):
+            raise ModelError(
+                f"{robot.name} has no {active.site} with a {active.effect.id}",
+                hint="keep effects of a model of this robot",
+            )
