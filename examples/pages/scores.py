@@ -177,6 +177,30 @@ def real_sign() -> str:
     return "\n".join(lines)
 
 
+def real_curves() -> str:
+    """How the curves of joints agree that two series of one arm show, each diagnosed alone."""
+    lines = [
+        "| joint | both have poses, deg | grid, mrad | random, mrad | difference, mrad | correlation |",
+        "|---" * 6 + "|",
+    ]
+    for joint, found in _record("real_curves.json")["joints"].items():
+        if found is None:
+            lines.append(f"| `{joint}` | too few | | | | |")
+            continue
+        sizes = " | ".join(f"{found[key]:.3f}" for key in ("first", "second", "difference"))
+        lines.append(f"| `{joint}` | {found['degrees']:.0f} | {sizes} | {found['correlation']:.2f} |")
+    return "\n".join(lines)
+
+
+def real_kept() -> str:
+    """What is left of one series with the causes of the other, geometry fitted."""
+    found = _record("real_curves.json")
+    lines = ["| series | geometry alone, mm | geometry, and the causes of the other series, mm |", "|---" * 3 + "|"]
+    for name, alone, kept in zip(found["series"], found["geometry"], found["kept"], strict=True):
+        lines.append(f"| {name} | {alone:.3f} | {kept:.3f} |")
+    return "\n".join(lines)
+
+
 def real_panda() -> str:
     """The Panda with a ball in sockets: what is left at places that were not fitted."""
     record = json.loads((RECORDS / "real_panda.json").read_text(encoding="utf-8"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import os
 import sys
@@ -14,6 +15,8 @@ import pytest
 
 import gtpin
 from gtpin.data import by_region
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.situation import Situation
 
 REAL = Path(__file__).parents[2] / "examples" / "real"
 DATA = os.environ.get("GTPIN_REAL_DATA", "")
@@ -106,3 +109,36 @@ def test_geometry_of_a_real_ur5_predicts_left_out_regions_better_than_was_publis
     off = load("ladder").off
     errors = [off(gtpin.calibrate(dataset.take(~held)).model, dataset.take(held)) for held in by_region(dataset, 3)]
     assert np.concatenate(errors).mean() < 0.1549
+
+
+def test_curves_of_two_series_agree_where_both_have_poses_of_one_machine() -> None:
+    """Two machines with the same line in one joint, measured by other poses; a third one with another phase."""
+    same_curves = load("same_curves")
+    robot = gtpin.load_robot("ur5")
+    rng = np.random.default_rng(3)
+    series = [gtpin.Dataset("ur5", [str(i) for i in range(400)], q, np.zeros((400, 3))) for q in poses_of(rng)]
+    one, same, other = (erring(robot, phase, series[0]) for phase in (0.4, 0.4, 2.0))
+    j = robot.sites.index("elbow_joint")
+    agrees = same_curves.compared([one, same], series, j)
+    differs = same_curves.compared([one, other], series, j)
+    assert agrees["degrees"] == pytest.approx(np.degrees(1.2 - -1.0), abs=10.0)  # where both ranges have poses
+    assert agrees["difference"] < 1e-9
+    assert agrees["correlation"] == pytest.approx(1.0)
+    assert differs["correlation"] < 0.5
+    far = [series[0], series[1].take(series[1].q[:, j] > 1.3)]
+    assert same_curves.compared([one, same], far, j) is None
+
+
+def poses_of(rng: np.random.Generator) -> list[np.ndarray]:
+    return [rng.uniform(low, high, (400, 6)) for low, high in ((-2.0, 1.2), (-1.0, 2.0))]
+
+
+def erring(robot: gtpin.Robot, phase: float, data: gtpin.Dataset) -> gtpin.Model:
+    """A nominal arm whose elbow has a line of 11 periods a turn."""
+    geometry = gtpin.Geometry.nominal(robot)
+    model = gtpin.Model(geometry)
+    at = Situation(model.kinematics, data.q, model.predict(data.q), {})
+    effect = next(e for e in gtpin.catalogue() if e.id == "rack_periodic")
+    c = 3e-4 * np.array([np.cos(phase), np.sin(phase), 0.0, 0.0])
+    line = ActiveEffect(effect, "elbow_joint", 2.0 * np.pi / 11.0, c, np.zeros((4, 4)), at.references)
+    return dataclasses.replace(model, effects=(line,))
