@@ -11,7 +11,7 @@ from scipy.stats import binom, chi2
 
 from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.joint_fit import fit_together
+from gtpin.diagnosis.inference.joint_fit import JointProblem, fit_together
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import fixed
@@ -130,3 +130,23 @@ def test_a_free_instrument_is_found_beside_the_causes(seed):
         assert error @ np.linalg.solve(a.covariance, error) < chi2.isf(1e-4, len(error))
     predicted = found.predict(moved.measured.q, moved.covariates)
     assert np.sqrt(((moved.measured.T - predicted.T) ** 2).mean()) < 1.5 * POSITION
+
+
+def test_derivatives_by_a_calibration_s_unknowns_are_those_at_the_displaced_poses():
+    """Far along a drift, a fit that takes them at the poses without it settles slowly, or not at all."""
+    true, observed = machine(2)
+    start, references = nominal(), true.effects[0].references
+    drift = Hypothesis(effects_by_id()["tracker_drift"], "frame")
+    problem = JointProblem.of(replace(observed, free_frame=True), start, [drift], [200.0], references)
+    x = np.zeros(problem.size)
+    x[problem.calibration.size :] = 2.0  # far: 0.1 rad and more
+    x[problem.calibration.size - 6 : problem.calibration.size] = 0.02
+    point = problem.point(x)
+    found = problem.jacobian(point, slice(None))[:, :, : problem.calibration.size]
+    unknowns = range(problem.calibration.size - 6, problem.calibration.size)  # the instrument's pose
+    for column in unknowns:
+        step = np.zeros(problem.size)
+        step[column] = 1e-4
+        ahead, behind = (problem.residual(problem.point(x + s)) for s in (step, -step))
+        expected = -(ahead - behind) / 2e-4
+        assert_allclose(found[:, :3, column], expected[:, :3], rtol=0.0, atol=1e-4 * np.abs(expected).max())

@@ -131,21 +131,35 @@ class JointProblem:
 
     def residual(self, point: Point) -> Floats:
         """(N, c) whitened measured less predicted, with the effects in the closures."""
-        kinematics, measured = point.model.kinematics, self.observed.measured
-        effects = self.active(point.x, np.zeros((self.size, self.size)))
-        poses = with_effects(kinematics, measured.q, self.observed.covariates, effects, point.poses)
-        return self.calibration.residual_at(point, poses)
+        return self.calibration.residual_at(point, self._displaced(point, slice(None)))
 
     def chunks(self) -> list[slice]:
         """Slices of rows that fit in memory with their derivatives."""
         return self.calibration.chunks()
 
     def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
-        """(M, c, size) derivative of the whitened prediction by x, for some rows: the linear problem's, at no effect."""
+        """(M, c, size) derivative of the whitened prediction by x, for some rows.
+
+        That by a calibration's unknowns is taken at the poses with the effects: a sensor whose mounting is hardly known turns
+        far in one step. That by the coefficients is the linear problem's, at no effect.
+        """
+        displaced = replace(point, poses=self._displaced(point, rows))
         at = self.observed.take(rows).situation(point.model, self.references, point.poses[rows])
         moved = [cause.basis(at).displacement(at) * size for cause, size in zip(self.causes, self.sizes, strict=True)]
         columns = [self.calibration.columns(point, J, rows, weight) for J in moved]
-        return np.concatenate([self.calibration.jacobian(point, rows, weight), *columns], axis=2)
+        return np.concatenate([self.calibration.jacobian(displaced, rows, weight), *columns], axis=2)
+
+    def _displaced(self, point: Point, rows: slice) -> Poses:
+        """The poses of an iterate, base frame, some rows of them with the effects."""
+        some, poses = self.observed.take(rows), point.poses
+        effects = self.active(point.x, np.zeros((self.size, self.size)))
+        moved = with_effects(point.model.kinematics, some.measured.q, some.covariates, effects, poses[rows])
+        T, R = poses.T.copy(), poses.R.copy()
+        joints = {name: x.copy() for name, x in poses.joints.items()}
+        T[rows], R[rows] = moved.T, moved.R
+        for name, x in joints.items():
+            x[rows] = moved.joints[name]
+        return Poses(T, R, joints)
 
     def joint_covariance(self, covariance: Floats) -> Floats:
         """(p + m, p + m) covariance of geometry and coefficients, from the covariance of x (size, size)."""
