@@ -1,1 +1,1 @@
-"""The noise of measured poses, by one likelihood: from repeated visits, from residuals, with heavy tails."""
+"""The noise of measured poses, estimated by maximum likelihood from repeated visits or from residuals; heavy tails."""

@@ -16,27 +16,27 @@ from gtpin.noise.noise import SMALLEST, Noise
 Floats = npt.NDArray[np.float64]
 
 SHOWN = 3.84
-"""Twice the gain in log likelihood from which repeatability is accepted (false-positive probability 2.5 %): what
-scatter alone mimics would make every noise look larger than it is.
+"""Twice the gain in log likelihood from which repeatability is accepted (false-positive probability 2.5 %): repeatability
+that chance alone suggests would make the estimated noise too large.
 """
 
 STARTS = ((0.2, 0.0), (1.0, -0.6), (2.5, 0.0))
-"""From where the likelihood is climbed: repeatability in units of the position's noise, and log of the other sigmas over the
-first estimate. It has several maxima: hardly any repeatability, as much as noise, and more than noise."""
+"""Starting points of the maximisation: repeatability in units of the position noise, and log of the free sigmas over their
+first estimates. The likelihood has several maxima: repeatability much smaller than the noise, as large, and larger."""
 MOST = (100.0, 5.0)
-"""Bounds of both."""
+"""Upper bounds of both; the logs are also bounded below, by minus the second."""
 RESTARTS = 5
-"""Times that the climb begins again where it stopped: one climb may stop in a curved valley."""
+"""Most times that the maximisation starts again where it stopped: it can stop early where the likelihood is badly scaled."""
 SETTLED = 1e-3
-"""Gain in log likelihood by another climb, below which there is none to gain."""
+"""Gain in log likelihood by another start below which the maximisation has converged."""
 
 
 def likeliest(
     noise: Noise, errors: Floats, command_jacobian: Floats, declared: tuple[bool, bool], weight: Floats | None = None
 ) -> Noise:
-    """The noise that makes errors likeliest: repeatability, and the sigmas that were not declared.
+    """Maximum-likelihood noise from errors: repeatability, and the sigmas that were not declared.
 
-    Repeatability is left at zero where the errors do not show it.
+    Repeatability is zero where the errors do not show it.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def likeliest(
     declared
         Whether the position's and the orientation's sigma are known.
     weight
-        (N,) by which squares are counted, as of heavy tails; 1 where left out.
+        (N,) factors of the rows' squared errors, as for heavy tails; 1 where left out.
     """
     J, c = command_jacobian, errors.shape[1]
     open_ = [i for i in range(2) if not declared[i] and (i == 0 or c == 6)]
@@ -69,7 +69,7 @@ def likeliest(
 
 
 class Covariance(Protocol):
-    """What a model of noise gives."""
+    """A model of noise: it has a covariance for each row."""
 
     def covariance(self, command_jacobian: Floats, components: int) -> Floats:
         """(N, c, c) covariance of each row."""
@@ -79,23 +79,23 @@ N = TypeVar("N", bound=Covariance)
 
 
 def likeliest_of(trial: Callable[[Floats], N], free: int, errors: Floats, by_command: Floats, weight: Floats) -> N:
-    """The noise that makes errors likeliest, of those that ``trial`` makes of x: repeatability, and logs of free sigmas.
+    """Maximum-likelihood noise from errors, among the noises ``trial(x)``.
 
-    Repeatability is left at zero where the errors do not show it.
+    Repeatability is zero where the errors do not show it.
 
     Parameters
     ----------
     trial
-        Makes the noise of x (1 + free,): repeatability in units of about the sigmas, and by how much the logs of the free
-        sigmas differ from a first estimate.
+        Gives the noise for x (1 + free,): x[0] is the repeatability in a unit that moves the measured numbers by about one
+        sigma; the others are the logs of the free sigmas over their first estimates.
     free
         Number of free sigmas.
     errors
         (N, c) measured less predicted, m and rad.
     by_command
-        Derivative of what is measured by the commands, as the noise's covariance needs it.
+        Derivative by the commands that ``covariance`` of the noise takes.
     weight
-        (N,) by which squares are counted.
+        (N,) factors of the rows' squared errors.
     """
 
     def cost(x: Floats) -> float:
@@ -114,7 +114,7 @@ def likeliest_of(trial: Callable[[Floats], N], free: int, errors: Floats, by_com
 
 
 def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[float, float]]) -> Floats:
-    """The least cost from a start, begun again until nothing is gained."""
+    """The x of least cost that is found from a start; the search starts again where it stopped until it gains nothing."""
     found = minimize(cost, start, bounds=bounds, method="L-BFGS-B")
     for _ in range(RESTARTS):
         again = minimize(cost, found.x, bounds=bounds, method="L-BFGS-B")

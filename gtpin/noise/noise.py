@@ -12,30 +12,29 @@ from gtpin.kinematics.chunks import chunks
 Floats = npt.NDArray[np.float64]
 
 SMALLEST = 1e-7
-"""Sigma, m and rad, that no noise goes below: rounding takes over, and the fit creeps along curved valleys for ever."""
+"""Smallest sigma of any noise, m and rad: below it, rounding errors are larger than the noise, and fits do not converge."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """One-sigma noise of every measured pose.
+    """Noise of every measured pose, as standard deviations.
 
     Parameters
     ----------
     position_sigma
-        Of the instrument, per axis, m. Where the noise depends on the distance: the root mean square over the axes at the mean
-        distance.
+        Instrument's noise of a position, per axis, m. Where it depends on the distance: the root mean square over the axes at
+        the mean distance.
     orientation_sigma
-        Of the instrument, per axis, rad.
+        Instrument's noise of an orientation, per axis, rad.
     repeatability
         Standard deviation with which every actuator returns to a command, m or rad.
     sight
         (N, 3) unit vectors from the instrument to the poses; None where the instrument's position is not known.
     reach
-        (N,) distance from the instrument to each pose over its mean; None where ``sight`` is None.
+        (N,) distance from the instrument to each pose, divided by the mean distance; None where ``sight`` is None.
     range_ratio
-        Noise along the line of sight over noise across it, at the mean distance.
-    source
-        Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
+        Noise along the line of sight divided by noise across it, at the mean distance. source Where the instrument's sigmas
+        come from: ``declared``, ``repeats`` or ``residuals``.
     dof
         Degrees of freedom of the estimate of the sigmas; infinite where they are declared.
     estimated
@@ -82,7 +81,7 @@ class Noise:
         return float(np.hypot(self.repeatability, self.lack))
 
     def whitening(self, command_jacobian: Floats, components: int) -> Floats:
-        """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view of one where all are alike."""
+        """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view where all are equal."""
         count = len(command_jacobian)
         if self.along_drives == 0.0 and self.sight is None:
             sigma = np.array([self.position_sigma] * 3 + [self.orientation_sigma] * 3)[:components]
@@ -94,7 +93,7 @@ class Noise:
         return whitening
 
     def scaled(self, factor: float) -> Noise:
-        """The same noise, every sigma larger by a factor."""
+        """The same noise with every sigma multiplied by a factor."""
         return replace(
             self,
             position_sigma=self.position_sigma * factor,
@@ -114,7 +113,7 @@ class Noise:
         )
 
     def at_least(self, sigma: float) -> Noise:
-        """The same noise, its sigmas no smaller than one (m and rad)."""
+        """The same noise with ``position_sigma`` and ``orientation_sigma`` of at least ``sigma``, m and rad."""
         return replace(
             self,
             position_sigma=max(self.position_sigma, sigma),
@@ -128,7 +127,7 @@ class Noise:
         return replace(self, sight=self.sight[rows], reach=self.reach[rows])
 
     def shape(self, count: int) -> Floats:
-        """(N, 3, 3) covariance of a position over position_sigma^2."""
+        """(N, 3, 3) covariance of the positions divided by position_sigma^2."""
         if self.sight is None or self.reach is None:
             return np.broadcast_to(np.eye(3), (count, 3, 3))
         along = self.sight[:, :, None] * self.sight[:, None, :]

@@ -1,4 +1,4 @@
-"""The noise of readings of several instruments: one sigma for each kind of number, or what rows declare themselves."""
+"""The noise of readings of several instruments: one sigma for each group of numbers, or a sigma that a row declares."""
 
 from __future__ import annotations
 
@@ -15,21 +15,20 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ReadingNoise:
-    """One-sigma noise of every number of N rows; numbers are independent.
+    """Noise of every number of N rows, as standard deviations. The instruments' noises are independent.
 
     Parameters
     ----------
     sigma
-        (G,) of each group of numbers, m or rad.
+        (G,) sigma of each group of numbers, m or rad.
     group
         (N, c) group of each number.
     row_sigma
-        (N, c) sigma that a row declares itself; NaN where it does not.
+        (N, c) sigma that a row declares for a number; NaN where it declares none.
     estimated
         (G,) whether the group's sigma was estimated from the data.
     repeatability
-        Of every actuator, in units of its command: the scatter of the machine itself. Rows count as if each were a stop of its
-        own.
+        Standard deviation with which every actuator returns to a command, m or rad. Each row counts as a separate visit.
     """
 
     sigma: Floats
@@ -64,7 +63,7 @@ class ReadingNoise:
         return replace(self, group=self.group[rows], row_sigma=self.row_sigma[rows])
 
     def scaled(self, factor: float) -> ReadingNoise:
-        """The same noise, larger by a factor."""
+        """The same noise with every sigma multiplied by a factor."""
         return replace(
             self,
             sigma=self.sigma * factor,
@@ -78,11 +77,11 @@ class ReadingNoise:
         return replace(self, sigma=other.sigma, repeatability=other.repeatability)
 
     def at_least(self, sigma: float) -> ReadingNoise:
-        """The same noise, its sigmas no smaller than one, m and rad."""
+        """The same noise with instruments' sigmas of at least ``sigma``, m and rad."""
         return replace(self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.maximum(self.row_sigma, sigma))
 
     def refitted(self, squares: Floats, counts: Floats, known: npt.NDArray[np.bool_]) -> ReadingNoise:
-        """The noise with the sigmas of groups that are not ``known`` as squares of errors over counts (G,) show them.
+        """The noise with sigma = sqrt(squares / counts) for the groups that are not ``known`` (G,).
 
         Parameters
         ----------
@@ -97,9 +96,9 @@ class ReadingNoise:
 
 
 def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, weight: Floats) -> ReadingNoise:
-    """The noise that makes errors likeliest: repeatability, and the sigmas that were not declared.
+    """Maximum-likelihood noise from errors: repeatability, and the sigmas that were not declared.
 
-    Repeatability is left at zero where the errors do not show it, as in :func:`~gtpin.noise.estimate.likeliest`.
+    Repeatability is zero where the errors do not show it, as in :func:`~gtpin.noise.estimate.likeliest`.
 
     Parameters
     ----------
@@ -110,7 +109,7 @@ def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, 
     by_command
         (N, c, n) derivative of the readings by the commands.
     weight
-        (N,) by which squares are counted.
+        (N,) factors of the rows' squared errors.
     """
     present = np.bincount(noise.group[~np.isfinite(noise.row_sigma)], minlength=len(noise.sigma)) > 0
     open_ = np.flatnonzero(noise.estimated & present)

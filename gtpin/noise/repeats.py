@@ -1,4 +1,4 @@
-"""The noise that repeated visits of poses show."""
+"""Noise estimated from repeated visits of poses."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from gtpin.noise.noise import SMALLEST, Noise
 Floats = npt.NDArray[np.float64]
 
 LEAST_CONTRASTS = 8
-"""Repeated visits, beyond the first of each pose, below which the scatter between them says too little."""
+"""Fewest repeated visits, beyond the first of each pose, from which noise is estimated."""
 
 
 def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """Differences between visits of one pose that are free of the pose itself.
+    """Contrasts between visits of one pose: combinations of errors in which the pose's mean error cancels (Helmert's).
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
     Returns
     -------
     contrasts, rows
-        (k, c) each of the variance of a single visit and independent of the others (Helmert's), and (k,) one row of
-        its pose.
+        (k, c) contrasts, each with the variance of a single visit and independent of the others; and (k,) for each the index
+        of one row of its pose.
     """
     order = np.argsort(visits, kind="stable")
     begins = np.flatnonzero(np.diff(visits[order], prepend=-1))
@@ -47,10 +47,10 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
 
 
 def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, declared: tuple[bool, bool]) -> Noise:
-    """Noise whose repeatability, and whose sigmas that were not declared, explain the scatter between visits.
+    """Noise from the scatter between visits: repeatability, and the sigmas that were not declared.
 
-    Maximum likelihood over contrasts (k, c), with the derivative (k, 6, n) of the pose by the commands. Repeatability is
-    left at zero where the scatter does not show it. Contrasts far outside the others count as if they were at the edge.
+    Maximum likelihood over contrasts (k, c), with the derivative (k, 6, n) of the pose by the commands. Repeatability is zero
+    where the scatter does not show it. Contrasts far larger than the others are shortened to a limit.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, decla
 
 
 def _tamed(contrast: Floats) -> Floats:
-    """Contrasts (k, c), those beyond the 97.5 % point of what the median of their size implies drawn back to it."""
+    """Contrasts (k, c), shortened to the 97.5 % point of a Gaussian with the median of their sizes."""
     scaled = contrast / np.maximum(np.median(np.abs(contrast), axis=0), SMALLEST)
     norms = (scaled**2).sum(axis=1)
     c = contrast.shape[1]

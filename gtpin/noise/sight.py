@@ -1,4 +1,4 @@
-"""The line of sight of an instrument: noise along it differs from noise across it."""
+"""The line of sight of an instrument: the noise along it and the noise across it are not equal."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from gtpin.noise.noise import Noise
 Floats = npt.NDArray[np.float64]
 
 FARTHEST = 10.0
-"""Distance from the instrument, over the median, beyond which a position counts as a gross error: an assumption. Poses of one
-machine are not spread over ten times their distance, since the instrument does not stand among them.
+"""Distance from the instrument, over the median distance, beyond which a position counts as a gross error. Assumed: the
+instrument does not stand among the poses.
 """
 
 
 def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
-    """Unit vectors (N, 3) from a station to positions (N, 3), and the distances (N,) over their mean.
+    """Unit vectors (N, 3) from a station to positions (N, 3), and the distances (N,) divided by their mean.
 
-    Gross errors of position are not in the mean, and count as ``FARTHEST`` times as far away as it at most.
+    Gross errors of position are left out of the mean, and their quotient is ``FARTHEST`` at most.
     """
     sight = position - station
     size = np.abs(sight).max(axis=1, keepdims=True)  # the square of a gross error need not be a number
@@ -33,9 +33,9 @@ def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
 
 
 def range_ratio(noise: Noise, residual: Floats) -> float:
-    """Noise along the line of sight over noise across it, by maximum likelihood from residuals (N, 3), m.
+    """Noise along the line of sight divided by noise across it, by maximum likelihood from residuals (N, 3), m.
 
-    The level stays as declared: only the residuals' directions are used, on which an unmodelled effect has little influence.
+    ``position_sigma`` is not changed: only the ratio is estimated, on which an unmodelled effect has little influence.
     """
 
     def cost(log_ratio: float) -> float:

@@ -1,4 +1,4 @@
-"""Weights of poses in a fit: gross errors lose theirs, heavy tails keep part of it."""
+"""Weights of poses in a fit: zero for gross errors, reduced where the noise has heavy tails."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from gtpin.distributions import chi2, f
 Floats = npt.NDArray[np.float64]
 
 REJECTION = 1e-3
-"""Chance that a single good pose out of all is set aside, for Gaussian noise."""
+"""Probability that any good pose of a dataset is set aside, for Gaussian noise."""
 ABSURD = 10.0
-"""Residual's norm, over that of the bulk, beyond which a pose does not even pull."""
+"""Norm of a residual, in units of the residuals' robust scale, beyond which a pose has weight zero."""
 TAIL_Z = 4.0
-"""Standard errors by which the fourth moment must exceed a Gaussian's before tails count as heavy."""
+"""Standard errors by which the fourth moment must be larger than a Gaussian's for tails to count as heavy."""
 FREEDOMS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0)
 """Degrees of freedom of the t distributions that are tried."""
 
@@ -28,18 +28,18 @@ def square_norms(residual: Floats) -> Floats:
 
 
 def robust_scale(residual: Floats) -> float:
-    """Size of the whitened residuals in units of the noise, from their median; at least 1.
+    """Robust scale: the size of the whitened residuals (N, c) in units of the noise, from their median; at least 1.
 
-    It is 1 for a model that fits, more where the model lacks something: what is then far from the bulk is judged
-    against the bulk, not against a noise that it does not obey.
+    It is 1 where the model fits, and larger where the model is not complete. Outliers are then compared with the other
+    residuals and not with the noise.
     """
     return max(1.0, float(np.sqrt(np.median(square_norms(residual)) / chi2.median(residual.shape[1]))))
 
 
 def huber(residual: Floats) -> Floats:
-    """(N,) weights that bound the pull of a pose beyond the 95 % point of its residual's norm (Huber 1964).
+    """(N,) weights that limit the influence of poses whose residual (N, c) exceeds its 95 % point (Huber 1964).
 
-    A pose that is absurdly far out has none: its share of the cost would leave no digits to the others.
+    A pose beyond ``ABSURD`` has weight zero: its squared residual would leave no significant digits to the others.
     """
     norm = np.sqrt(square_norms(residual)) / robust_scale(residual)
     bound = np.sqrt(chi2.ppf(0.95, residual.shape[1]))
@@ -47,7 +47,7 @@ def huber(residual: Floats) -> Floats:
 
 
 def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> npt.NDArray[np.bool_]:
-    """(N,) poses whose residual no noise of the size and tails of the others explains.
+    """(N,) whether noise with the size and tails of the other poses' residuals does not explain a pose's residual.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.in
     used
         (N,) poses that the fit used.
     heaviest
-        Freedoms of a t distribution whose tails good poses may have, although they do not show them.
+        Upper limit of the degrees of freedom of the t distribution that is assumed for good poses.
     """
     components = residual.shape[1]
     norms = square_norms(residual)
@@ -67,14 +67,14 @@ def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.in
 
 @dataclass(frozen=True)
 class Tails:
-    """Tails of the noise: Gaussian, or those of a multivariate t.
+    """Tails of the noise: of a Gaussian or of a multivariate t distribution.
 
     Parameters
     ----------
     freedom
         Degrees of freedom of the t distribution; infinite for Gaussian noise.
     scale
-        Size of the whitened residuals' core in units of the noise.
+        Scale of the t distribution, in units of the noise.
     """
 
     freedom: float = np.inf
@@ -82,7 +82,7 @@ class Tails:
 
     @staticmethod
     def of(residual: Floats) -> Tails:
-        """The tails that whitened residuals (N, c) show; Gaussian unless they show otherwise."""
+        """Tails estimated from whitened residuals (N, c); Gaussian unless these are clearly heavier."""
         count, c = residual.shape
         norms = square_norms(residual)
         typical = np.median(norms) / chi2.median(c)
@@ -106,20 +106,20 @@ class Tails:
         return bool(np.isfinite(self.freedom))
 
     def weigh(self, residual: Floats) -> Floats:
-        """(N,) weights by which reweighted least squares maximises the likelihood."""
+        """(N,) weights with which reweighted least squares maximises the likelihood."""
         if not self.heavy:
             return np.ones(len(residual))
         c = residual.shape[1]
         return np.asarray((self.freedom + c) / (self.freedom * self.scale**2 + square_norms(residual)))
 
     def kept(self, components: int) -> float:
-        """Information of the data over that of the weighted least squares that fits them."""
+        """Fisher information of the t distribution divided by that of the weighted least squares; 1 for a Gaussian."""
         if not self.heavy:
             return 1.0
         return (self.freedom + components) / (self.freedom + components + 2.0)
 
     def quantile(self, tail: float, components: int) -> float:
-        """Squared norm that a residual exceeds with probability ``tail``, for a core of unit size."""
+        """Squared norm that a residual exceeds with probability ``tail``, for scale 1."""
         if not self.heavy:
             return float(chi2.isf(tail, components))
         return float(components * f.isf(tail, components, self.freedom))

@@ -1,1 +1,1 @@
-"""What may explain a gap: effects at sites, smooth nonparametric terms, proxies for missing covariates."""
+"""The hypothesis set of a diagnosis: effects at sites, smooth nonparametric terms, proxies for missing covariates."""

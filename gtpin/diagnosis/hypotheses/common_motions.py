@@ -1,4 +1,4 @@
-"""Motions of all carts at once: what bends or stretches the whole machine looks like the same effect at every cart."""
+"""Smooth terms that move all carts: a deformation of the whole machine looks like the same effect at every cart."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from gtpin.effects.smooth import wave
 Floats = npt.NDArray[np.float64]
 
 ORDERS = {2: 5, 3: 4}
-"""Sum of the orders of waves that are multiplied, by the number of actuators; single waves alone where there are more."""
+"""Largest sum of the orders in a product of cosines, by the number of actuators; with other numbers of actuators, 1."""
 DECAY = 1.5
-"""How fast sizes decay with that sum."""
+"""Sizes are proportional to that sum to the power of minus this."""
 COMMON = ("field", "scale")
-"""Names of these motions; a site has no share of the gap for them, since they are of no one site."""
+"""Names of these motions. They belong to no single site, so no site has a share of the gap for them."""
 
 
 def common_motions(at: Situation, priors: Priors, scaled: bool) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Smooth terms that move all carts along their tracks: over all commands, and each cart in proportion to its own command.
+    """Smooth terms that move all carts along their tracks: functions of all commands, and of each cart's own command.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def common_motions(at: Situation, priors: Priors, scaled: bool) -> Iterator[tupl
     priors
         Sizes of the terms.
     scaled
-        Whether a named effect scales all measured positions: then no smooth term does.
+        Whether the scope has an effect that scales all measured positions; the term ``scale`` is then left out.
     """
     if at.robot.n_actuators < 2:
         return
@@ -55,7 +55,7 @@ def _field(at: Situation) -> tuple[Floats, Floats]:
 
 
 def _of_all(at: Situation, priors: Priors, columns: Floats, size: Floats) -> Basis:
-    """The same functions along every track, and each in proportion to its own command and a little uneven."""
+    """The same functions along every track, and for each cart its own command and the square of it."""
     total: list[Floats] = []
     sizes: list[Floats] = []
     for j, site in enumerate(at.robot.sites):

@@ -1,4 +1,4 @@
-"""What may explain a gap: effects of a catalogue at their sites, and smooth terms that belong to no effect."""
+"""What can explain a gap: effects at their sites, and smooth terms that belong to no effect."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 
 CLOCK = ("time", "session", "temp_frame", "temp_link")
-"""Coordinates that change with time: any of them may pass for another."""
+"""Coordinates that change with time: an effect of one can look like an effect of another."""
 LOAD = ("load", "payload", "fx", "fy", "fz")
 """Coordinates that depend on forces."""
 
@@ -23,7 +23,7 @@ class Hypothesis:
     Parameters
     ----------
     effect, site
-        What acts, and where.
+        The effect, and the site at which it acts.
     nonlinear
         Value of the nonlinear parameter (a period, a place); None where the effect has none, or where it is not yet estimated.
     sigma
@@ -78,11 +78,11 @@ class Hypothesis:
         return self.effect.covariates(robot, self.site)
 
     def coordinates(self, robot: Robot) -> frozenset[str]:
-        """Names of the covariates and commands that it depends on."""
+        """Names of the covariates and commands that the effect depends on."""
         return frozenset(self.effect.coordinates(robot, self.site))
 
     def drivers(self, robot: Robot) -> frozenset[str]:
-        """Its covariates, where it needs any; else its coordinates."""
+        """Covariates that the effect needs; where it needs none, its coordinates."""
         return frozenset(self.covariates(robot)) or self.coordinates(robot)
 
 
@@ -93,10 +93,10 @@ class SmoothTerm:
     Parameters
     ----------
     site, over
-        Where it acts, and the names of its coordinates.
+        The site at which it acts, and the names of its coordinates.
     motion
         Name of the kind of motion: ``along`` or across (``aside``) a track or a joint's axis, the ``length`` of a rod, the
-        ``tip`` of a link, the pose (``twist``), ... Two terms at one site over the same coordinates differ in it.
+        ``tip`` of a link, the pose (``twist``), ... Two terms at one site over the same coordinates have different motions.
     """
 
     site: str
@@ -117,10 +117,10 @@ Explanation = Hypothesis | SmoothTerm
 
 
 def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
-    """Whether a departure of one of two explanations from its core could look like the other.
+    """Whether a deviation of one explanation from its equation could look like the other explanation.
 
-    At the same place: if both depend on commands or load, or on directions of approach or speeds, or on time. Elsewhere: if
-    both depend on the same time or load.
+    At the same place: where both depend on commands or load, or on directions of approach or speeds, or on coordinates that
+    change with time. At different places: where both depend on such coordinates, or both on forces.
     """
     mine, others = a.drivers(robot), b.drivers(robot)
     if same_place(robot, a, b):
@@ -134,7 +134,7 @@ def same_place(robot: Robot, a: Explanation, b: Explanation) -> bool:
 
 
 def _kind(word: str) -> str:
-    """Of a coordinate: what is known of one tells of others of its kind."""
+    """The kind of a coordinate: coordinates of one kind can look like each other."""
     if word in CLOCK:
         return "clock"
     return "moves" if word.startswith(("approach", "speed")) else "place"
@@ -157,7 +157,7 @@ def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool
 
 
 def _within(robot: Robot, site: str) -> tuple[str, ...]:
-    """Sites that are part of another: a cart's or the arm's links."""
+    """The sites that are parts of a site: the links of a cart or of ``arm``."""
     if site == "arm":
         return robot.rod_sites
     if site in robot.sites:

@@ -1,4 +1,4 @@
-"""All explanations that a search may choose from, and the log prior odds that each must overcome."""
+"""The hypothesis set: all explanations that a search can choose, and the log prior odds against each."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gtpin.effects.basis import Basis
 
 Term = Hypothesis | SmoothTerm | Proxy
 Model = Posterior[Term]
-"""Some explanations together."""
+"""Some members of the hypothesis set together, each with its scale."""
 Floats = npt.NDArray[np.float64]
 T = TypeVar("T", bound=Term)
 
@@ -32,13 +32,13 @@ class Gain(NamedTuple):
     Parameters
     ----------
     value
-        In log evidence.
+        Gain in log evidence, nats.
     term
         The explanation, with its nonlinear parameter estimated.
     further
-        Of a periodic error that can have several lines, others that are worth adding at once.
+        For a periodic error that can have several lines: other lines (period, sigma) that are worth adding together with it.
     more
-        Gain by these lines, in addition: less what they must be worth.
+        Additional gain by these lines less the prior odds against them, nats.
     """
 
     value: float
@@ -55,8 +55,8 @@ class Gain(NamedTuple):
 class HypothesisSet:
     """Explanations, and the inner products of their displacements.
 
-    Nothing that was found is changed afterwards: a hypothesis with another value of its nonlinear parameter is another
-    hypothesis, so that a model that a search gives up leaves no trace in those that it keeps.
+    A hypothesis with another value of its nonlinear parameter is another hypothesis. So a model that a search rejects does
+    not change the models that it keeps.
 
     Parameters
     ----------
@@ -65,15 +65,15 @@ class HypothesisSet:
     linear
         Hypotheses without a nonlinear parameter.
     scanned
-        Hypotheses whose nonlinear parameter must be scanned for, without a value of it.
+        Hypotheses whose nonlinear parameter is scanned, without a value of it.
     smooth
         Smooth terms with their displacements.
     scope
-        Its chance of a false alarm, and the priors.
+        Gives the probability of a false alarm, and the priors.
     untestable
         Effects that can't be tested: those that lack a covariate may have a proxy.
     threshold
-        Log prior odds against a first named cause; by default from the number of hypotheses and the scope's false alarms.
+        Log prior odds against a first named cause, nats; by default ln(number of hypotheses / ``scope.false_alarm``).
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class HypothesisSet:
         self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
         """Models with all lines of a periodic error, by the model without it and its first line."""
         self.grown: dict[tuple[Term, tuple[Term, ...], int], Model] = {}
-        """Models that a search has grown: by their first explanation, those that they may have, and how many of them."""
+        """Models of earlier searches: by first explanation, allowed explanations, and number of explanations."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
 
@@ -113,12 +113,12 @@ class HypothesisSet:
 
     @property
     def every(self) -> tuple[Term, ...]:
-        """What a model may have."""
+        """All explanations that a model can have."""
         return (*self.named, *self.smooth)
 
     @cached_property
     def proxies(self) -> tuple[Proxy, ...]:
-        """Effects by a proxy of what was not recorded; never in a model, only as alternatives to its causes."""
+        """Effects with a proxy of a covariate that was not recorded; never in a model, only alternatives to its causes."""
         found = tuple(proxies(self.design, self.untestable, self.linear, self.priors))
         for proxy in found:
             self.groups.add(proxy, proxy.columns)
@@ -136,18 +136,18 @@ class HypothesisSet:
         self.groups.join(hypothesis, lines)
 
     def cost(self, term: Term) -> float:
-        """Log prior odds against an explanation, given nothing else: the gain in log evidence that it must bring."""
+        """Log prior odds against an explanation as the only one, nats: its gain in log evidence must exceed them."""
         return self.threshold + (self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0)
 
     def share(self, term: Term, stronger: Term) -> float:
-        """Share of a stronger explanation's evidence that another must be worth in addition."""
+        """Share of a stronger explanation's evidence that is added to the prior odds against ``term``."""
         robot, a, b = self.design.situation.robot, explained_by(term), explained_by(stronger)
         if a.site == b.site and a.drivers(robot) & b.drivers(robot):
             return self.priors.same
         return self.priors.related if related(robot, a, b) else self.priors.other
 
     def costs(self, terms: Sequence[Term]) -> dict[Term, float]:
-        """What each explanation of a model must be worth in it."""
+        """Log prior odds against each explanation of a model, nats."""
         templates = tuple(self.without_value(term) for term in terms)
         if templates not in self._costs:
             self._costs[templates] = self._costs_of(templates)
@@ -158,7 +158,7 @@ class HypothesisSet:
         }
 
     def _costs_of(self, terms: Sequence[Term]) -> tuple[float, ...]:
-        """The same of explanations of one line each."""
+        """As :meth:`costs`, for explanations with one line each."""
         alone = {term: self.alone(term) for term in terms}
         found = []
         for term in terms:
@@ -168,12 +168,12 @@ class HypothesisSet:
         return tuple(found)
 
     def alone(self, term: Term) -> float:
-        """Gain in log evidence of an explanation by itself, with the best value of its nonlinear parameter."""
+        """Gain in log evidence of an explanation as the only one, with the best value of its nonlinear parameter."""
         open_ = self.without_value(term)
         return self.gains(NOTHING, (open_,))[open_].value
 
     def worth(self, model: Model) -> float:
-        """Log evidence, less what its explanations must be worth."""
+        """Worth of a model: its log evidence less the log prior odds against its explanations, nats."""
         return model.log_evidence - sum(self.costs(model.terms).values())
 
     def net_gains(self, model: Model, terms: Iterable[T]) -> dict[T, Gain]:
@@ -187,7 +187,7 @@ class HypothesisSet:
     def gains(self, model: Model, terms: Iterable[T]) -> dict[T, Gain]:
         """Gain in log evidence by adding each explanation to a model, nonlinear parameters estimated given the model.
 
-        Explanations that the model has, with whatever value of the nonlinear parameter, are left out.
+        Explanations that the model has, with any value of the nonlinear parameter, are left out.
         """
         known = self._gains.setdefault((model.terms, model.scale), {})
         taken = {self.without_value(term) for term in model.terms}
@@ -200,7 +200,7 @@ class HypothesisSet:
         return {term: known[term] for term in wanted}
 
     def without_value(self, term: Term) -> Term:
-        """A hypothesis of ``named``, whatever the value of its nonlinear parameter; other terms as they are."""
+        """A hypothesis without the value of its nonlinear parameter; other terms unchanged."""
         return term.template if isinstance(term, Hypothesis) else term
 
     def scan(self, hypothesis: Hypothesis) -> Scan:
@@ -210,7 +210,7 @@ class HypothesisSet:
         return self._scans[hypothesis]
 
     def scanned_gain(self, hypothesis: Hypothesis, model: Model, others: Sequence[float] = ()) -> Gain:
-        """Gain by the best value of a hypothesis of ``scanned``; ``others`` are values of it that the model has."""
+        """Gain by the best value of a hypothesis of ``scanned``; ``others``: its values that the model already has."""
         best = self.scan(hypothesis).best(model, others)
         term = Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma)
         room = hypothesis.effect.most_values - 1 - len(others)
@@ -251,7 +251,7 @@ class HypothesisSet:
 
 
 def explained_by(term: Term) -> Hypothesis | SmoothTerm:
-    """The hypothesis behind a proxy; other terms as they are."""
+    """The hypothesis of a proxy; other terms unchanged."""
     return term.hypothesis if isinstance(term, Proxy) else term
 
 
@@ -266,5 +266,5 @@ def smooth_terms(model: Model) -> tuple[SmoothTerm, ...]:
 
 
 def scales(model: Model) -> Mapping[Term, float]:
-    """Of each explanation of a model, over its typical size."""
+    """The scale of each explanation of a model."""
     return dict(zip(model.terms, model.scale, strict=True))

@@ -1,7 +1,7 @@
-"""Lines of periodic errors: several at once, estimated again given each other, as many as are worth it.
+"""Lines of periodic errors: a line is one period with its coefficients, and one hypothesis can have several.
 
-A joint of an arm can have tens of lines. Each step of the search adds all that are large relative to the largest; then each is
-estimated again given the others.
+A joint of an arm can have tens of lines. Each step of the search adds all lines whose gain is large relative to the largest
+gain; then each line is estimated again given the others.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model
 from gtpin.diagnosis.linear.exchange import tuned
 
 FEW_LINES = 3
-"""Number of a periodic error's other lines up to which a line is searched for again over all periods; given more of them, its
-period is estimated again near where it was: some fifty periods are tried instead of all. Assumed."""
+"""Where a periodic error has fewer other lines than this, a line is estimated again by a scan of all periods; otherwise about
+fifty periods near its last one are tried. Assumed."""
 SAME = 0.1
-"""Change of a period, in standard deviations, below which the line stays as it is. Assumed."""
+"""Change of a period, in standard deviations, below which the line is not changed. Assumed."""
 SWEEPS, SETTLED = 6, 0.1
-"""How often all lines are estimated again at most, and the gain in worth, in nats, below which they are settled. Assumed."""
+"""Most times that all lines are estimated again, and the gain in worth, nats, below which this stops. Assumed."""
 
 
 def further_lines(
@@ -29,17 +29,17 @@ def further_lines(
     terms: Collection[Hypothesis] | None = None,
     last: dict[tuple[str, str], float] | None = None,
 ) -> tuple[float, Hypothesis, Hypothesis] | None:
-    """Of a model's periodic errors the one that gains most by more lines, with these lines and without them.
+    """The periodic error of a model that gains most by more lines: (gain, hypothesis with these lines, hypothesis without).
 
-    The gain is in worth, to first order; None where no line gains.
+    The gain is in worth, nats, to first order. None where no line gains.
 
     Parameters
     ----------
     terms
         Only these of its periodic errors.
     last
-        By place, what each gained last, for a smaller model; brought up to date. A line seldom gains more in a larger model, so
-        what gained less than the best does now is not looked at again.
+        Gains of each periodic error in an earlier, smaller model, by place; they are updated here. A line seldom gains more
+        in a larger model, so those that gained less than the best one now are not computed again.
     """
     if hypotheses.design.situation.robot.rods:
         return None
@@ -74,7 +74,7 @@ def widened(hypotheses: HypothesisSet, model: Model, wider: Hypothesis, old: Hyp
 
 
 def settled(hypotheses: HypothesisSet, model: Model) -> Model:
-    """The model with the lines of every periodic error estimated again until that gains nothing more."""
+    """The model with the lines of every periodic error estimated again until the gain is below ``SETTLED``."""
     for place in [cause.place for cause in causes(model) if cause.further]:
         for _ in range(SWEEPS):
             term = next((cause for cause in causes(model) if cause.place == place), None)
@@ -89,7 +89,7 @@ def settled(hypotheses: HypothesisSet, model: Model) -> Model:
 
 
 def with_its_lines(hypotheses: HypothesisSet, rest: Model, term: Hypothesis) -> Model:
-    """A model with one more hypothesis and every further line of it that is worth it."""
+    """A model with one more hypothesis, and with each further line of it that increases the worth."""
     key = rest.terms, rest.scale, term
     if key not in hypotheses.lined:
         model = hypotheses.extended(rest, term)
@@ -104,7 +104,7 @@ def with_its_lines(hypotheses: HypothesisSet, rest: Model, term: Hypothesis) -> 
 
 
 def _with_lines(hypotheses: HypothesisSet, model: Model, term: Hypothesis) -> Model:
-    """The model with each line of a hypothesis estimated again given the others, or left out where it is not worth it."""
+    """The model with each line of a hypothesis estimated again given the others, or left out where that increases the worth."""
     for old in term.lines:
         less = term.with_lines([line for line in term.lines if line != old])
         without_it = hypotheses.replaced(model, term, less)
@@ -122,7 +122,7 @@ def _with_lines(hypotheses: HypothesisSet, model: Model, term: Hypothesis) -> Mo
 def _estimated(
     hypotheses: HypothesisSet, model: Model, others: Hypothesis, old: tuple[float, float]
 ) -> tuple[float, float]:
-    """A line's period given its others, and its standard deviation."""
+    """A line's period given the other lines, and the period's standard deviation."""
     if len(others.values) < FEW_LINES:
         line = hypotheses.scanned_gain(others.template, model, others.values).term
         assert isinstance(line, Hypothesis)

@@ -1,4 +1,4 @@
-"""What a covariate that nobody recorded may have been: proxies of it, from what was recorded."""
+"""Proxies of covariates that were not recorded, from columns that were."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from gtpin.effects.situation import Column, Situation
 Floats = npt.NDArray[np.float64]
 
 MOST_PAUSES = 11
-"""Pauses after which a new session may have begun."""
+"""Largest number of pauses after which a new session is assumed."""
 SHORT = 0.95
-"""Share of the waits, the shorter ones, that are no pauses."""
+"""Share of the times between visits that are no pauses: the shorter ones."""
 BREAKS, TWO_BREAKS = 23, 7
-"""Places in time at which one may have begun where there is no pause: where it is one, and where they are two."""
+"""Where there is no pause: number of instants that are tried for one new session, and for two."""
 CLOCKS = tuple(name for name in CLOCK if name != "session")
-"""What goes by the clock in numbers."""
+"""Numeric coordinates that change with time."""
 SPELLS = 12
-"""Spells of the work in which another payload may have been carried."""
+"""Intervals of time in each of which another payload may have been carried."""
 
 
 def guesses(at: Situation, name: str, priors: Priors = PRIORS) -> Iterable[tuple[Column, ...]]:
@@ -48,13 +48,13 @@ def guesses(at: Situation, name: str, priors: Priors = PRIORS) -> Iterable[tuple
 
 
 def _order(names: Column) -> Floats:
-    """(N,) place of each session: by numbers where all names are, else as texts."""
+    """(N,) rank of each row's session: names that are numbers first, in order of the number, then the others as texts."""
     known = sorted({str(name) for name in names}, key=lambda n: (0, int(n), n) if n.isdecimal() else (1, 0, n))
     return np.array([known.index(str(name)) for name in names], dtype=float)
 
 
 def _sessions(at: Situation, priors: Priors) -> Iterator[tuple[Column, ...]]:
-    """New beginnings after pauses; where there are none, one or two in the course of time."""
+    """New sessions after pauses; where there is no pause, one or two new sessions at tried instants."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if clock is None:
         return
@@ -65,14 +65,14 @@ def _sessions(at: Situation, priors: Priors) -> Iterator[tuple[Column, ...]]:
 
 
 def _places() -> Iterator[Floats]:
-    """Shares of the visits after which something new may have begun."""
+    """Shares of the visits after which a new session is tried."""
     once, twice = (np.arange(1, n + 1) / (n + 1) for n in (BREAKS, TWO_BREAKS))
     yield from once[:, None]
     yield from (np.array(pair) for pair in combinations(twice, 2))
 
 
 def pauses(at: Situation, priors: Priors = PRIORS) -> Floats:
-    """Ends of the longest pauses between visits, s, in their order."""
+    """Ends of the longest pauses between visits, s, in the order of time."""
     if not at.varies("time"):
         return np.zeros(0)
     time = np.sort(at.covariate("time"))
@@ -84,7 +84,7 @@ def pauses(at: Situation, priors: Priors = PRIORS) -> Floats:
 
 
 def _temperatures(at: Situation, name: str, priors: Priors) -> Iterable[tuple[Column, ...]]:
-    """The other temperature, and slow changes over time."""
+    """Proxy of a temperature: the other temperature, and slow changes over time."""
     reference = at.references.temperature
     together: list[Column] = [at.covariate(n) for n in CLOCKS[1:] if n != name and at.varies(n)]
     if at.varies("time"):
@@ -93,7 +93,7 @@ def _temperatures(at: Situation, name: str, priors: Priors) -> Iterable[tuple[Co
 
 
 def loaded(at: Situation, priors: Priors = PRIORS) -> list[Situation]:
-    """Situations with a payload in one interval of time each, as proxies; empty where the payload was recorded."""
+    """Situations with a payload in one interval of time each, as proxies; none where the payload was recorded."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if "payload" in at.covariates or clock is None:
         return []

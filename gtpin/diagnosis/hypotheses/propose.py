@@ -1,4 +1,4 @@
-"""Which effects a dataset can show, and why it can't show the others."""
+"""Which effects a dataset can test, and why it can't test the others."""
 
 from __future__ import annotations
 
@@ -63,6 +63,6 @@ def propose(design: Design, scope: Scope) -> Proposal:
 
 
 def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> bool:
-    """Whether geometry takes nearly all of an effect far beyond its usual size."""
+    """Whether the geometry absorbs nearly all of an effect, even of one ``priors.large`` times its typical size."""
     X = design.columns(hypothesis.basis(design.situation)) * priors.large
     return float(np.trace(marginal.product(X, X))) <= priors.shows

@@ -1,4 +1,4 @@
-"""Effects that depend on a covariate that was not recorded, by proxies: columns of what was recorded."""
+"""Effects whose covariate was not recorded, computed with a proxy of it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gtpin.errors import warn
 Floats = npt.NDArray[np.float64]
 
 UNLOADED = Untestable("unrecorded_payload", "payload")
-"""Why an effect that depends on forces could be what it does not look like by gravity of the robot alone."""
+"""Why an effect that depends on forces could be the cause although its test with the robot's own weight does not show it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def proxies(
 
 
 def _tried(hypothesis: Hypothesis, columns: Callable[[], Floats | None], failed: dict[str, str]) -> Floats | None:
-    """Displacements; None for an effect of a user's that can't do with values that nobody recorded, with why in ``failed``."""
+    """Displacements. None where a user's own effect fails with the proxy; the error is then noted in ``failed``."""
     try:
         found = columns()
     except Exception as error:  # a user's effect may fail in any way
@@ -82,7 +82,7 @@ def _tried(hypothesis: Hypothesis, columns: Callable[[], Floats | None], failed:
 
 
 def _under(design: Design, hypothesis: Hypothesis, spells: list[Situation]) -> Floats:
-    """An effect's displacements, and by how much more its core moves with a payload in each spell."""
+    """An effect's displacements, and those that a payload in each interval of time adds to its core."""
     effect, site = hypothesis.effect, hypothesis.site
     plain = design.columns(effect.basis(design.situation, site))
     core = list(effect.core) or list(range(plain.shape[1]))

@@ -1,4 +1,4 @@
-"""Which effects a diagnosis may name, and how easily."""
+"""Which effects a diagnosis may name, and with what probability of a false alarm."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Scope:
     effects
         The effects; their ids are different.
     exclude
-        What is not tried, each as ``effect`` (at all its sites) or ``effect@site``.
+        Effects that are not tried, each as ``effect`` (at all its sites) or ``effect@site``.
     false_alarm
         Probability of naming a cause where there is none.
     priors

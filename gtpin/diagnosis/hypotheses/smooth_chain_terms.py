@@ -1,4 +1,4 @@
-"""Smooth nonparametric terms of a robot without rods: axes that stray and tilt, links that bend."""
+"""Smooth nonparametric terms of a robot without rods: shifts and tilts of joint axes, motions of links' tips."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _of_all(at: Situation) -> Functions:
 
 
 def _loads(at: Situation, index: int) -> Functions:
-    """Functions of the six components of what hangs on a link's tip, as far as they vary."""
+    """Functions of the six components of the load at a link's tip, for those that vary."""
     mean, spread = (values[index] for values in at.references.joints)
     varying = at.joint_loads[:, index].std(axis=0) > 1e-6 * spread
     parts = [
@@ -73,7 +73,7 @@ def _loads(at: Situation, index: int) -> Functions:
 
 
 def _tips(at: Situation, site: str, waves: list[Floats], size: Floats, priors: Priors) -> Basis:
-    """Six motions of the tips of a site's links, each by its own functions (N, m)."""
+    """Six motions of the tips of a site's links; ``waves`` has the functions (N, m) of each link."""
     scale = np.array([priors.smooth_shift] * 3 + [priors.smooth_turn] * 3)
     twists = [np.einsum("ij,nm->nijm", np.eye(6), w).reshape(len(at), 6, -1) for w in waves]
     return of_tips(at, site, twists, np.outer(scale, size).ravel())

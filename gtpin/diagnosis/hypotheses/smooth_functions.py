@@ -1,4 +1,4 @@
-"""What smooth nonparametric terms are functions of: commands, loads, moves, measurement conditions, the position."""
+"""The functions of smooth nonparametric terms: of commands, loads, direction and speed, measurement conditions, position."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _load(at: Situation, j: int, orders: int) -> Functions:
 
 
 def _moves(at: Situation, j: int, orders: int) -> Functions:
-    """Direction of approach and speed, and both changing along the track."""
+    """Direction of approach and speed, also multiplied by cosines along the track."""
     bends = [np.ones(len(at)), *(np.cos(np.pi / 2.0 * o * (at.travel[:, j] + 1.0)) for o in range(1, orders + 1))]
     for word in ("approach", "speed"):
         if at.varies(f"{word}{j + 1}"):
@@ -67,7 +67,7 @@ def _scaled(values: Floats) -> Floats:
 
 
 def conditions(at: Situation) -> Functions:
-    """Functions of time, temperatures, payload and sessions, as far as these vary."""
+    """Functions of time, temperatures, payload and sessions, for those that vary."""
     for name in CONDITIONS:
         if at.varies(name):
             values = at.covariate(name)
@@ -79,7 +79,7 @@ def conditions(at: Situation) -> Functions:
 
 
 def _changing(waves: Floats, size: Floats, x: Floats, priors: Priors) -> tuple[Floats, Floats]:
-    """Functions, and the same changing linearly with a coordinate (N,)."""
+    """The functions, and the functions multiplied by a coordinate x (N,)."""
     return np.hstack([waves, waves * x[:, None]]), np.concatenate([size, priors.smooth_change * size])
 
 
@@ -94,7 +94,7 @@ def plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
 
 
 def all_moves(at: Situation) -> Floats | None:
-    """(N, m) direction of approach and speed of every actuator, as far as they vary."""
+    """(N, m) direction of approach and speed of every actuator, for those that vary; None where none does."""
     names = [f"{word}{k + 1}" for word in ("approach", "speed") for k in range(at.robot.n_actuators)]
     columns = [_scaled(at.covariate(name)) for name in names if at.varies(name)]
     return np.stack(columns, axis=1) if columns else None

@@ -1,4 +1,4 @@
-"""Smooth nonparametric terms at every site: what any named cause is compared with, and what localises an unknown one."""
+"""Smooth nonparametric terms at every site. Named causes are compared with them, and they localise an unknown cause."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _of_arm(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]
 
 
 def _of_platform(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Motions of the target and tool on the plate, TCP frame."""
+    """Motions of the target and tool on the platform, TCP frame."""
     functions = [*conditions(at), (("position",), *field(at, 2, priors))]
     moves = all_moves(at)
     if moves is not None:

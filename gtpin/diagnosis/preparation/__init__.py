@@ -1,1 +1,1 @@
-"""Covariates that cannot be right are left out before anything is inferred."""
+"""Preparation of a dataset for a diagnosis: covariates that cannot be right are left out."""

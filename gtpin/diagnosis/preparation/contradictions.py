@@ -12,11 +12,11 @@ from gtpin.errors import warn
 def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
     """The dataset without columns that contradict each other; they count as missing.
 
-    These are ``approach`` and ``speed`` of an actuator where the two contradict each other, and ``session`` where a session is
-    an uninterrupted part neither of the time nor of the file.
+    These are ``approach`` and ``speed`` of an actuator where the two contradict each other, and ``session`` where the
+    sessions alternate both in the order of time and in the order of the rows.
 
-    A direction of approach that belongs to other rows, or to another drive, makes backlash look like a lag behind the speed,
-    and the reverse. Nothing tells which of the two columns is wrong, so both count as missing.
+    A direction of approach that belongs to other rows, or to another drive, makes backlash look like servo lag, and the
+    reverse. Nothing tells which of the two columns is wrong, so both count as missing.
 
     Warns
     -----
@@ -50,7 +50,7 @@ def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset
 
 
 def _interleaved(dataset: Dataset, priors: Priors) -> bool:
-    """Whether sessions are no stretches: neither in the order of the file nor in that of time, as far as it is known."""
+    """Whether sessions alternate, both in the order of the file and in the order of time; False without a column ``time``."""
     if "session" not in dataset.covariates or "time" not in dataset.covariates:
         return False
     names, session = np.unique(dataset.covariates["session"].astype(str), return_inverse=True)

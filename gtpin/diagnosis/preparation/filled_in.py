@@ -1,4 +1,4 @@
-"""Covariates that the data hold, but that were filled in and not recorded."""
+"""Columns of covariates that were filled in with a constant and not recorded."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from gtpin.data import Dataset
 from gtpin.errors import warn
 
 _NEVER_CONSTANT = re.compile(r"approach[0-9]+|time|temp_.*")
-"""Drives come to rest from either side, clocks run, and thermometers vary in the last digit: a constant is a default."""
+"""Columns that vary wherever they are recorded: a constant is a default value."""
 _SPEED = re.compile(r"speed[0-9]+")
-"""A speed of 0 everywhere says that the machine stood still; any other one can't be equal to the last digit at all poses."""
+"""A speed of 0 everywhere says that the machine stood still. Any other recorded speed varies in the last digit."""
 
 
 def without_filled_in(dataset: Dataset) -> Dataset:

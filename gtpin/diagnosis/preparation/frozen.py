@@ -1,4 +1,4 @@
-"""Temperatures that stand still to the last digit for a stretch of the measurement, and vary otherwise."""
+"""Temperatures that are constant to the last digit in a sequence of rows, and vary in the other rows."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def without_frozen(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
 
 
 def _longest_stretch(values: Floats) -> tuple[int, int]:
-    """First index and length of the longest stretch of equal values."""
+    """First index and length of the longest sequence of equal values."""
     begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
     lengths = np.diff(begins, append=len(values))
     longest = int(np.argmax(lengths))

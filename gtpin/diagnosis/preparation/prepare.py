@@ -1,4 +1,4 @@
-"""The first step of a diagnosis: rows and columns that can be used, and a calibration of them."""
+"""The first step of a diagnosis: choose the usable rows and columns, and calibrate with them."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class Prepared:
     baseline: Calibration
 
     def undeclared(self, sigmas: Collection[str]) -> Dataset:
-        """The recorded rows without the declared sigmas that ``sigmas`` names."""
+        """The recorded rows; the instrument's keys that ``sigmas`` names count as not declared."""
         instrument = self.recorded.instrument.model_copy(update=dict.fromkeys(sigmas))
         return replace(self.recorded, instrument=instrument)
 
 
 def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
-    """Compare a dataset with the nominal robot, leave out impossible rows and columns, and calibrate the rest.
+    """Check a dataset against the nominal robot, leave out rows and columns that cannot be right, and calibrate the rest.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
 
 
 def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | None, priors: Priors) -> Prepared:
-    """The same of readings of several instruments."""
+    """As :func:`prepare`, for readings of several instruments."""
     check_extremes(dataset)
     recorded = counted_once(with_positions(dataset, nominal))
     usable = without_frozen(
