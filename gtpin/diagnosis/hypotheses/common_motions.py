@@ -35,7 +35,7 @@ def common_motions(at: Situation, priors: Priors, scaled: bool) -> Iterator[tupl
     priors
         Sizes of the terms.
     scaled
-        Whether the scope has an effect that scales all measured positions; the term ``scale`` is then left out.
+        Whether a testable effect scales all measured positions; the term ``scale`` is then left out.
     """
     if at.robot.n_actuators < 2:
         return

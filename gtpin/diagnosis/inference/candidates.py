@@ -1,4 +1,4 @@
-"""Everything that was considered as a cause, and what came of it."""
+"""All hypotheses that were considered as a cause, with their evidence and probability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Causes as they are reported: their classes, parameters with sigmas, and what each takes away of the gap."""
+"""Causes as they are reported, with their classes and their parameters with sigmas."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from gtpin.model.model import Model as FittedModel
 from gtpin.robot.robot import Robot
 
 DRAWS = 150
-"""Draws from a posterior behind a parameter's sigma, and as many opposite ones."""
+"""Number of draws from a posterior for a parameter's sigma; as many mirrored draws are added."""
 
 
 def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, ...]) -> Cause:
-    """One cause, with the coefficients that the fitted model has for it; its share of the gap is not known yet."""
+    """A cause with its parameters from the fitted model; its ``shrinkage`` is 0 until it is computed."""
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in members if m.hypothesis.place == hypothesis.place)
     parameters = _parameters(model.robot, active, [sigma for _, sigma in hypothesis.lines])
@@ -28,9 +28,9 @@ def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, 
 
 
 def _parameters(robot: Robot, active: ActiveEffect, nonlinear_sigmas: Sequence[float]) -> dict[str, Estimate]:
-    """Named parameters with sigmas: middle and half width of the central 68 % over draws from the coefficients' posterior.
+    """Parameters by name: median and half width of the central 68 % of draws from the coefficients' posterior.
 
-    A size, such as a curve's root mean square, is no linear function of coefficients: noise alone makes it larger than zero.
+    Draws are needed because some parameters, such as a curve's root mean square, are not linear in the coefficients.
     """
     values, vectors = np.linalg.eigh(active.covariance)
     unit = np.random.default_rng(0).standard_normal((DRAWS, len(values) + max(len(active.values), 1)))

@@ -1,4 +1,4 @@
-"""Commands that were rounded or cut off on their way into the table: what that leaves is no effect of the machine."""
+"""Commands that were rounded or cut off in the table: residuals of that size are no effect of the machine."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Floats = npt.NDArray[np.float64]
 DIGITS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5)
 """Steps that commands may have been rounded to, m or rad, the coarsest first."""
 VARIOUS = 0.5
-"""Share of different commands from which they are no grid that somebody chose."""
+"""Share of different commands above which they are not a grid that was chosen on purpose."""
 
 
 def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
-    """The conclusion; without causes where something unknown has the size of the last digit of the commands.
+    """The conclusion; without causes where the verdict is ``unknown`` and the errors are as small as the commands' last digit.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
 
 
 def _multiples(q: Floats, step: float) -> bool:
-    """Whether commands are multiples of a step, and too many different ones to have been chosen by hand."""
+    """Whether commands are multiples of a step (m or rad), and too various to have been chosen as a grid."""
     counts = q / step
     various = min(len(np.unique(column)) for column in np.round(counts).T) > VARIOUS * len(q)
     return various and bool(np.abs(counts - np.round(counts)).max() < EXACT)

@@ -1,4 +1,5 @@
-"""What is found, as values without behaviour: causes with their classes, candidates, questions, what is left."""
+"""The findings of a diagnosis as plain values: causes with their classes, hypotheses considered, questions, what is
+unexplained."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ class Cause:
     Parameters
     ----------
     effect, site, probability
-        Of the leader of the class.
+        The leader of the class, and its probability.
     members
         The class: the leader and every hypothesis with at least 5 % of its probability. An effect with a missing covariate is
         one of them where a proxy supports it.
@@ -114,7 +115,7 @@ class Unexplained:
     Parameters
     ----------
     share
-        Share that is left of the chi-square beyond its expected value, 1 being what the geometry alone leaves.
+        Chi-square beyond its expected value, divided by the same with the geometry alone; 0 to 1.
     p_value
         Probability that noise alone gives a larger chi-square.
     correlates
@@ -137,18 +138,18 @@ Reason = Literal[
 ``smooth_term``
     Smooth nonparametric terms are likelier than the named causes alone (``named_causes.py``).
 ``restless``
-    An actuator errs from pose to pose more than repeated visits let it scatter (``reestimate_noise.py``).
+    Errors of an actuator differ from pose to pose by more than repeated visits scatter (``reestimate_noise.py``).
 ``impossible``
     A cause would need a parameter that physics does not allow (``questions.py``).
 ``held_out``
-    Left-out poses are much farther off than noise (``held_out.py``), or no nearer with causes than without
+    Errors on left-out poses are much larger than noise (``held_out.py``), or no smaller with the causes than without
     (``predictive.py``).
 ``two_groups``
-    What passes for noise are two groups of rows (``two_groups.py``).
+    What looks like noise comes from two groups of rows (``two_groups.py``).
 ``two_valued``
-    What passes for scatter of a drive takes two values (``two_valued.py``).
+    What looks like scatter of a drive has two values (``two_valued.py``).
 ``scatter``
-    Visits scatter, and the columns that would tell why contradict each other (``scatter.py``).
+    Visits scatter, and columns that could show the reason contradict each other (``scatter.py``).
 ``chi_square``
     Poses of a check are farther from the earlier model than noise and its uncertainty allow (``gtpin/health/check.py``).
 """
@@ -158,7 +159,7 @@ Reason = Literal[
 class Doubt:
     """A reason for which something unknown is assumed.
 
-    ``site`` and ``over``: where it acts, and the names of the coordinates that it depends on; empty where not known.
+    ``site`` and ``over``: the site at which it acts, and the coordinates that it depends on; empty where not known.
     """
 
     reason: Reason

@@ -69,7 +69,7 @@ def fit(
     rng: np.random.Generator,
     hold_out: HoldOut = "region",
 ) -> Fitted:
-    """Fit geometry and causes together, and check the conclusion with plausible parameters and left-out poses.
+    """Fit geometry and causes together, and check the parameters against their plausible ranges and the fit on left-out poses.
 
     The checks always leave out neighbouring poses; ``hold_out`` says what is left out for the gap that is reported.
     """
@@ -114,7 +114,7 @@ def fit(
 
 
 def _scatter(prepared: Prepared, settled: Settled) -> float:
-    """Scatter of the drives over the instrument's noise: of poses as visits show it, of readings as all residuals do."""
+    """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
     visits, noise = prepared.baseline.noise, settled.observed.noise
     if isinstance(noise, Noise):
         return visits.repeatability / visits.position_sigma
@@ -123,7 +123,7 @@ def _scatter(prepared: Prepared, settled: Settled) -> float:
 
 
 def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Model, list[Cause]]:
-    """The model with the causes in, and the causes with their parameters."""
+    """The model fitted with the causes, and the causes with their parameters."""
     named: Sequence[Hypothesis] = list(found.classes)
     scale = [
         found.scale[hypothesis] for hypothesis in named
@@ -137,7 +137,7 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
 def _gaps(
     settled: Settled, found: Conclusion, hold_out: HoldOut, rng: np.random.Generator
 ) -> tuple[Gap, dict[Place, Gap]]:
-    """How far the gap shrinks with all causes, and with all but each."""
+    """The gap with all causes; and, by cause, with all causes but this one."""
     hypotheses, noise, searched = settled.hypotheses, settled.observed.noise, settled.searched
     design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
     floor = np.zeros(len(design.whitening))

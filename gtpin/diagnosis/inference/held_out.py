@@ -1,4 +1,4 @@
-"""A conclusion held against what left-out poses and the rows of the data show."""
+"""A conclusion compared with the errors on left-out poses."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def fit_together(
 
 
 def _without_causes(observed: Observed, nominal: Model, at: Situation, start: Model) -> Problem | ReadingsProblem:
-    """The problem of a calibration, with the noise as the start has it."""
+    """The problem of a calibration, whitened at the start."""
     measured = observed.measured
     if isinstance(measured, Readings):
         by_command = measured.scatter(at.command_jacobian, start, at.poses)
@@ -126,7 +126,7 @@ class JointProblem:
         return np.concatenate([self.calibration.prior, *map(np.ones_like, self.sizes)])
 
     def point(self, x: Floats, near: Poses | None = None) -> Point:
-        """The model at x without effects, and its poses; NaN where a pose can't be reached."""
+        """The model at x without effects, and its poses; NaN where a pose can't be reached. ``near``: poses to start from."""
         return self.calibration.point(x, near)
 
     def residual(self, point: Point) -> Floats:
@@ -140,8 +140,8 @@ class JointProblem:
     def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
         """(M, c, size) derivative of the whitened prediction by x, for some rows.
 
-        That by a calibration's unknowns is taken at the poses with the effects: a sensor whose mounting is hardly known turns
-        far in one step. That by the coefficients is the linear problem's, at no effect.
+        The derivative by the calibration's unknowns is taken at the poses with the effects, because a sensor whose mounting is
+        hardly known turns far in one step. The derivative by the coefficients is linearised without effects.
         """
         displaced = replace(point, poses=self._displaced(point, rows))
         at = self.observed.take(rows).situation(point.model, self.references, point.poses[rows])

@@ -17,11 +17,12 @@ from gtpin.diagnosis.linear.exchange import tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING
 
 LEADS = 0.1
-"""Nats by which another leader must be better. Assumed: far below what tells two hypotheses apart."""
+"""Nats by which the evidence of another leader must be larger. Assumed: far less than is needed to distinguish two
+hypotheses."""
 
 
 def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
-    """Search with and without smooth terms, and compare what was found.
+    """Search with and without smooth terms, compare both models, and conclude which causes are named.
 
     Parameters
     ----------
@@ -46,14 +47,15 @@ def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
 
 
 def with_restless(hypotheses: HypothesisSet, found: Conclusion, site: str) -> Conclusion:
-    """The same, where an actuator errs in a way that no smooth motion follows: its own causes are no longer named."""
+    """The conclusion where errors of an actuator change too fast for smooth terms: sure causes of other sites only, and a
+    doubt."""
     own = f"q{hypotheses.design.situation.robot.sites.index(site) + 1}"
     kept = found.only(hypotheses, [cause for cause in found.sure() if cause.site != site])
     return kept.doubted(Doubt("restless", site, (own,)))
 
 
 def _unknown(hypotheses: HypothesisSet, mixed: Model, named: Model) -> float:
-    """Probability of a model with smooth terms over one without."""
+    """Probability of the model with smooth terms, as opposed to the one without."""
     priors = hypotheses.priors
     known = hypotheses.only(mixed, causes(mixed))
     modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_terms(mixed))
@@ -63,7 +65,7 @@ def _unknown(hypotheses: HypothesisSet, mixed: Model, named: Model) -> float:
 
 
 def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...]:
-    """Smooth terms that are likelier than a cause and everything that could be in its place."""
+    """Smooth terms that are more probable than a cause and its whole class."""
     found = []
     for cause in causes(named):
         if hypotheses.smooth and sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
@@ -74,9 +76,9 @@ def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...
 
 
 def _led(hypotheses: HypothesisSet, named: Model) -> Model:
-    """The model with the leader of each class in the place of its cause, as long as the evidence is for it.
+    """The model with the leader of each class in the place of its cause, where that increases the evidence.
 
-    The leader of the new class can be another one: the same cause with other lines.
+    This is repeated, because the new cause can have a class with another leader.
     """
     for cause in causes(named):
         while True:
@@ -91,12 +93,12 @@ def _led(hypotheses: HypothesisSet, named: Model) -> Model:
 
 
 def _evidence(hypotheses: HypothesisSet, model: Model) -> float:
-    """Log evidence of a model, less what further lines must be worth."""
+    """Log evidence of a model less the prior odds against its further lines, nats."""
     return model.log_evidence - hypotheses.priors.line * sum(len(cause.further) for cause in causes(model))
 
 
 def _apart(hypotheses: HypothesisSet, model: Model) -> tuple[Hypothesis, ...]:
-    """Causes that have nothing to do with the model's smooth terms, and are far beyond doubt."""
+    """Causes that cannot look like the model's smooth terms, and gain more than twice the prior odds against them."""
     robot = hypotheses.design.situation.robot
     costs = hypotheses.costs(model.terms)
     sure = []

@@ -1,4 +1,4 @@
-"""Causes that predict nothing: they only relieve geometry that strains against its tolerances."""
+"""Causes that do not improve predictions: they only replace a change of the geometry that the tolerances make improbable."""
 
 from __future__ import annotations
 
@@ -60,7 +60,8 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
 
 
 def _compared(hypotheses: HypothesisSet, alone: LeftOut, whole: LeftOut) -> list[tuple[Floats, Floats]]:
-    """Errors of positions without and with causes; of a robot without rods, whose wrist turns the tool, of orientations too."""
+    """Errors of positions without and with causes; for a robot without rods, whose wrist turns the tool, also of
+    orientations."""
     found = [(alone.errors, whole.errors)]
     if not hypotheses.design.situation.robot.rods and alone.turned.size:
         found.append((alone.turned, whole.turned))
@@ -68,7 +69,7 @@ def _compared(hypotheses: HypothesisSet, alone: LeftOut, whole: LeftOut) -> list
 
 
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:
-    """Log density of each block given the others, summed; geometry and causes of the sizes that their priors have."""
+    """Sum over the blocks of the log probability density of each given the others, with the priors of geometry and causes."""
     J = np.hstack([design.B, *causes])
     prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
     root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T

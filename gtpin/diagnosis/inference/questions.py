@@ -1,4 +1,4 @@
-"""Causes whose parameters no machine can have, or few have: what is reported as a question."""
+"""Questions: parameters of causes with values that are impossible or unusual."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gtpin.effects.effect import Range
 
 @dataclass(frozen=True)
 class Questioned:
-    """Questions about parameters of causes: a cause with an ``impossible`` one is not named, with an ``unusual`` one it is."""
+    """Questions about parameters of causes. A cause with an impossible parameter is not named; with an unusual one it is."""
 
     impossible: tuple[Question, ...]
     unusual: tuple[Question, ...]
@@ -55,7 +55,7 @@ def with_possible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[
 
 
 def without_impossible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion:
-    """The conclusion without impossible causes, with a doubt: something unknown looks like them."""
+    """The conclusion without impossible causes, with a doubt: an unknown cause looks like them."""
     places = {(q.effect, q.site) for q in asked}
     wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
     over = tuple(sorted(wrong.drivers(hypotheses.design.situation.robot)))

@@ -18,14 +18,14 @@ from gtpin.diagnosis.preparation.prepare import Prepared
 Mask = npt.NDArray[np.bool_]
 
 MOST_POSES = 3000
-"""Poses that a search is made on; more make it slower, and hardly surer. The causes are then fitted to all."""
+"""Most poses that a search uses: more make it slower, but hardly better. The causes are then fitted to all poses."""
 
 
 @dataclass(frozen=True)
 class Rows:
     """Masks (N,) of rows for the search.
 
-    ``sure``: those that the calibration used. ``admitted``: these, and the outliers that a cause explains.
+    ``sure``: the rows that the calibration used. ``admitted``: these, and the outliers that a cause explains.
     """
 
     admitted: Mask
@@ -38,10 +38,10 @@ class Rows:
 
 
 def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
-    """Rows to search on.
+    """The rows that a search uses: those of the calibration, and outliers that a cause explains.
 
-    A cause that shows in a few poses alone (play whose force seldom changes its sign, a step near a track's end) looks like
-    gross errors given geometry alone. Given the cause it does not.
+    A cause that acts at few poses (play whose force seldom changes its sign, a step near a track's end) makes outliers of a
+    calibration with geometry alone.
     """
     dataset, baseline = prepared.dataset, prepared.baseline
     priors, sure = scope.priors, baseline.used(dataset)
@@ -68,16 +68,16 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
 
 
 def _evenly(rows: npt.NDArray[np.intp], most: int) -> npt.NDArray[np.intp]:
-    """At most so many of the rows, evenly spread."""
+    """At most ``most`` of the rows, evenly spread."""
     if len(rows) <= most:
         return rows
     return np.asarray(rows[np.linspace(0, len(rows) - 1, most).astype(int)])
 
 
 def _predicted(hypotheses: HypothesisSet, model: Model) -> Mask:
-    """(N,) poses that a model fitted to all the others predicts far better than geometry alone does.
+    """(N,) whether a model fitted to all other poses predicts a pose far better than geometry alone does.
 
-    A search explains gross errors as well, each by something of its own; but nothing predicts them.
+    A search can also explain gross errors, each by a separate term, but such a term does not predict other poses.
     """
     design = hypotheses.design
     poses = len(design.whitening)

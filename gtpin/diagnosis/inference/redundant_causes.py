@@ -1,4 +1,4 @@
-"""One cause whose covariate nobody recorded is not reported as two."""
+"""Redundant causes: one cause whose covariate was not recorded is not reported as two."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def without_redundant(
 
 
 def _redundant(hypotheses: HypothesisSet, named: Model, cause: Hypothesis, proxy: Proxy, other: Hypothesis) -> bool:
-    """Whether another cause is not worth its cost once a proxy is in the place of a cause."""
+    """Whether ``other`` gains less than the prior odds against it when ``proxy`` takes the place of ``cause``."""
     rest = without(hypotheses.groups, named, cause)
     less = without(hypotheses.groups, rest, other)
     with_other = rest.log_evidence + hypotheses.gains(rest, (proxy,))[proxy].value

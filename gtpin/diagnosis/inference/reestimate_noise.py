@@ -1,4 +1,4 @@
-"""The noise, re-estimated given the causes: what was taken for scatter may have been a cause, and the reverse."""
+"""The noise, re-estimated given the causes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_like
 Floats = npt.NDArray[np.float64]
 
 MATTERS = 0.03
-"""Change of the noise's variance, or mean change of a weight, from which on the search is worth another round."""
+"""Relative change of the noise's variance, or mean change of a weight, above which the search is repeated."""
 
 
 def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
@@ -53,14 +53,14 @@ def gross_errors(hypotheses: HypothesisSet, model: Model) -> npt.NDArray[np.bool
 
 
 def _gross(left: Floats, most: float) -> npt.NDArray[np.bool_]:
-    """(N,) gross errors among whitened residuals (N, c), and those beyond ``most`` times the size of the bulk."""
+    """(N,) gross errors among whitened residuals (N, c), also those larger than ``most`` times the robust scale."""
     absurd = square_norms(left) > (most * robust_scale(left)) ** 2
     return gross(left, ~absurd) | absurd
 
 
 @dataclass(frozen=True)
 class Reestimated:
-    """The noise that residuals show.
+    """The re-estimated noise.
 
     Parameters
     ----------
@@ -81,7 +81,8 @@ class Reestimated:
 def reestimate_noise(
     observed: Observed, hypotheses: HypothesisSet, model: Model, declared: tuple[bool, bool]
 ) -> Reestimated:
-    """Estimate repeatability, undeclared sigmas and weights from the residuals of a model.
+    """Estimate repeatability, sigmas that were not declared, and weights of the poses from a model's residuals. By maximum
+    likelihood, of Gaussian noise or of noise with heavy tails, whichever is larger.
 
     Parameters
     ----------
@@ -122,9 +123,9 @@ def reestimate_noise(
 
 
 def _of_readings(observed: Observed, noise: ReadingNoise, design: Design, left: Floats, taken: float) -> Reestimated:
-    """Repeatability, and sigmas of readings that were not declared, from what a model leaves.
+    """Repeatability, and sigmas that were not declared, from a model's residuals of readings.
 
-    Degrees of freedom are taken from all readings alike.
+    The model's parameters reduce the degrees of freedom of all readings in the same proportion.
     """
     left = left * np.sqrt(design.count / max(design.count - taken, 1.0))
     errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left)
@@ -147,14 +148,14 @@ def _log_volume(noise: Noise, design: Design) -> float:
 
 
 def _of_scatter(noise: Noise, errors: Floats, design: Design) -> float:
-    """Log likelihood of errors (N, c), m and rad, of Gaussian noise."""
+    """Log likelihood of Gaussian noise, from errors (N, c), m and rad."""
     whitened = _whitened(noise, errors, design)
     gaussian = -0.5 * (whitened**2).sum() - 0.5 * whitened.size * np.log(2.0 * np.pi)
     return float(gaussian) + _log_volume(noise, design)
 
 
 def _of_tails(noise: Noise, whitened: Floats, tails: Tails, design: Design) -> float:
-    """Log likelihood of errors (N, c), whitened by a noise, of that noise with heavy tails."""
+    """Log likelihood of noise with heavy tails, from errors (N, c) that are whitened by this noise."""
     return t_likelihood(square_norms(whitened), tails.freedom, whitened.shape[1])[0] + _log_volume(noise, design)
 
 
@@ -171,12 +172,13 @@ def _most_repeatability(noise: Noise, scatter: Floats, J: Floats, priors: Priors
 
 
 def _most_restless(noise: Noise, errors: Floats, design: Design, explained: float, priors: Priors) -> str | None:
-    """The actuator whose motion the errors (N, c), m and rad, have more of than the noise, by a score test.
+    """The actuator along whose motion the errors (N, c), m and rad, exceed the noise most, by a score test; None where none
+    does.
 
     Parameters
     ----------
     explained
-        Log evidence of what is explained, part of which may be left where cores depart from the machine's.
+        Log evidence of the model; a share of it is tolerated, because no machine follows the equations exactly.
     """
     J, c = design.command_jacobian, design.components
     covariance = noise.covariance(J, c)
@@ -193,5 +195,5 @@ def _most_restless(noise: Noise, errors: Floats, design: Design, explained: floa
 
 
 def _estimated(noise: Noise, errors: Floats, weight: Floats, design: Design, declared: tuple[bool, bool]) -> Noise:
-    """The likeliest noise of errors (N, c), m and rad."""
+    """Maximum-likelihood noise from errors (N, c), m and rad."""
     return likeliest(noise, errors, design.command_jacobian, declared, weight).at_least(SMALLEST)

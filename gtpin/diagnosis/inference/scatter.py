@@ -1,4 +1,4 @@
-"""Scatter between visits that effects may cause whose covariates were recorded, but contradict each other."""
+"""Scatter between visits, possibly caused by effects whose covariates were recorded but contradict each other."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _MOVES = re.compile(r"(approach|speed)[0-9]+")
 def hidden_in_scatter(
     found: Conclusion, scatter: float, untestable: Iterable[Hypothesis], at: Situation, priors: Priors
 ) -> tuple[Hypothesis, ...]:
-    """Effects that differ between visits and whose columns were recorded, but were left out because they contradict each other.
+    """Effects of direction or speed whose columns were recorded, but left out because they contradict each other.
 
-    Where no cause was found and visits scatter by more than the instrument's noise, such an effect may cause the scatter. The
-    verdict ``none`` would say that it was tested.
+    Where no cause was found and the scatter is large relative to the instrument's noise, such an effect may cause the
+    scatter. The verdict ``none`` would say that it was tested.
 
     Parameters
     ----------
@@ -37,5 +37,5 @@ def hidden_in_scatter(
 
 
 def with_scatter(found: Conclusion, hidden: tuple[Hypothesis, ...]) -> Conclusion:
-    """The conclusion, with a doubt where such effects may cause the scatter."""
+    """The conclusion, with a doubt where there are effects ``hidden`` that may cause the scatter."""
     return found.doubted(Doubt("scatter", hidden[0].site)) if hidden else found

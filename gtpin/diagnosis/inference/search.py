@@ -1,4 +1,4 @@
-"""Which explanations, together, are worth most: forward steps from several beginnings, swaps and removals."""
+"""Search for the model of largest worth: forward steps from several first explanations, swaps and removals."""
 
 from __future__ import annotations
 
@@ -11,36 +11,37 @@ from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.linear.posterior import NOTHING
 
 BEAM = 3
-"""Beginnings that are grown side by side: the best single explanation need not be one of the best pair."""
+"""Number of first explanations that are tried: the best single explanation need not be in the best pair."""
 MARGIN, MARGIN_SHARE = 30.0, 0.01
-"""What scales that are estimated again can gain after an explanation is taken out: nats, and a share of the worth. Assumed."""
+"""Largest gain by new scales after an explanation was removed: nats, and as a share of the worth. Assumed."""
 MOST = 5
-"""Explanations that a model of a robot with rods has at most; of another, as many and one for each joint."""
+"""Most explanations in a model of a robot with rods; without rods, one more for each actuator."""
 
 
 def most(hypotheses: HypothesisSet) -> int:
-    """Number of explanations that a model has at most."""
+    """Largest number of explanations in a model."""
     robot = hypotheses.design.situation.robot
     return MOST if robot.rods else MOST + robot.n_actuators
 
 
 def rough_guess(hypotheses: HypothesisSet, before: Model = NOTHING) -> Model:
-    """The model of everything that is no noise, as far as one search finds it.
+    """The model of all that is not noise, by one search with a single first explanation.
 
     Parameters
     ----------
     before
-        The same of these poses with another noise. A search of a robot without rods, whose models are long, starts from it.
+        An earlier such model, of these poses with another noise. A search of a robot without rods, whose models are long,
+        starts from it.
     """
     alone = hypotheses.gains(NOTHING, hypotheses.every)
     return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_anew(hypotheses, before))
 
 
 def guess_of_outliers(hypotheses: HypothesisSet) -> Model:
-    """A model whose causes may predict outliers, which are among the rows.
+    """A model whose causes may predict the outliers among the rows.
 
-    Of a robot without rods, of at most ``MOST`` named causes: terms of all its links have hundreds of coefficients, and a long
-    search among them for what explains gross errors takes a hundred times as long as a diagnosis.
+    For a robot without rods, it has at most ``MOST`` effects and no smooth terms: terms of all its links have hundreds of
+    coefficients, and a search among them for the cause of gross errors takes a hundred times as long as a diagnosis.
     """
     terms = hypotheses.every if hypotheses.design.situation.robot.rods else hypotheses.named
     return search(hypotheses, terms, hypotheses.gains(NOTHING, terms), beginnings=1, largest=MOST)
@@ -54,20 +55,21 @@ def search(
     largest: int | None = None,
     start: Model = NOTHING,
 ) -> Model:
-    """The model that was found to be worth most, out of some explanations.
+    """The model of largest worth that was found, out of some explanations.
 
     Parameters
     ----------
     terms
-        The explanations that it may have.
+        The explanations that the model can have.
     alone
-        Gain in log evidence of each by itself.
+        Gain in log evidence of each as the only one.
     beginnings
-        How many are grown side by side.
+        Number of first explanations that are tried.
     largest
-        Number of explanations that the model has at most; that of :func:`most` where left out.
+        Largest number of explanations in the model; by default :func:`most`.
     start
-        A model of these hypotheses that is grown first; of one that then has more than ``MOST`` no other beginning is grown.
+        A model of these hypotheses that is extended first. If it then has more than ``MOST`` explanations, no other first
+        explanation is tried.
     """
     largest = most(hypotheses) if largest is None else largest
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
@@ -93,7 +95,7 @@ def _grown(hypotheses: HypothesisSet, first: Term, terms: Sequence[Term], larges
 
 
 def _anew(hypotheses: HypothesisSet, before: Model) -> Model:
-    """A model of other inner products, as far as these hypotheses have its explanations, without what is not worth its cost."""
+    """An earlier model with this noise: its explanations that these hypotheses have, without those that reduce the worth."""
     known = set(hypotheses.every)
     terms = [term for term in before.terms if hypotheses.without_value(term) in known]
     if hypotheses.design.situation.robot.rods or not terms:
@@ -126,7 +128,7 @@ def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term], larges
 
 
 def _with_lines_instead(hypotheses: HypothesisSet, model: Model) -> Model:
-    """The model with all lines of a drive in the place of its smooth deviation, where they are worth more.
+    """The model with all lines of a drive in the place of its smooth deviation, where that increases the worth.
 
     A smooth deviation gains more than any single line where a joint has many lines, and none of them is worth adding to it.
     """
@@ -147,9 +149,9 @@ def _with_lines_instead(hypotheses: HypothesisSet, model: Model) -> Model:
 
 
 def _with_room(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Sequence[Term]:
-    """Of a robot without rods, the terms with which a model has no more coefficients than half as many as there are readings.
+    """The terms with which a model of a robot without rods has at most ``most_coefficients`` coefficients per measured number.
 
-    Terms of all links of an arm have hundreds of coefficients, and several of them explain any data.
+    Terms of all links of an arm have hundreds of coefficients, and several such terms explain any data.
     """
     if not model.terms or hypotheses.design.situation.robot.rods:
         return terms
@@ -159,7 +161,7 @@ def _with_room(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -
 
 
 def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
-    """The model after every exchange of one explanation for another that raises its worth."""
+    """The model after exchanges of one explanation for another that increase its worth."""
     for _ in range(3):
         before = model
         for term in model.terms:
@@ -181,7 +183,7 @@ def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> 
 
 
 def _instead(hypotheses: HypothesisSet, term: Term, terms: Sequence[Term]) -> Sequence[Term]:
-    """Of some explanations those that may be in the place of another: of a robot without rods, what may pass for it."""
+    """The explanations that are tried in the place of ``term``: for a robot without rods, those that can look like it."""
     robot = hypotheses.design.situation.robot
     if robot.rods:
         return terms
@@ -190,7 +192,7 @@ def _instead(hypotheses: HypothesisSet, term: Term, terms: Sequence[Term]) -> Se
 
 
 def _pruned(hypotheses: HypothesisSet, model: Model) -> Model:
-    """The model without the explanations that are not worth their cost."""
+    """The model without the explanations that reduce its worth."""
     groups, robot = hypotheses.groups, hypotheses.design.situation.robot
     while model.terms:
         worth = hypotheses.worth(model)

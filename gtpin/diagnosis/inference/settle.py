@@ -1,4 +1,4 @@
-"""The second step of a diagnosis: hypotheses for the rows of the bulk, with the noise that a first search leaves."""
+"""The second step of a diagnosis: gross errors set aside, noise re-estimated, and the hypotheses for the remaining rows."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from gtpin.diagnosis.preparation.prepare import Prepared
 Mask = npt.NDArray[np.bool_]
 
 ROUNDS, LONG_ROUNDS = 2, 6
-"""Times that the noise is re-estimated: a first search with too little noise explains some of it away. Of a robot without rods,
-whose models can be long, the search goes on where it was, so that more rounds cost little.
+"""Most times that the noise is re-estimated; a search with too little noise explains some of the noise by causes. For a robot
+without rods, each search starts from the last model, so that more rounds cost little.
 """
 
 FEW_POSES = 1000
-"""Poses that a search is made on where the model that it finds is long. Assumed; on a real arm with some hundred lines
-(docs/real_arms.md), models searched on 600 and on 1,000 poses predicted other poses alike.
+"""Most poses that a search uses where the model that it finds is long. Assumed; on a real arm with about a hundred lines
+(docs/real_arms.md), models from searches on 600 and on 1,000 poses predicted other poses equally well.
 """
 
 
 @dataclass(frozen=True)
 class Settled:
-    """What a search is made on.
+    """The rows and hypotheses that a search uses.
 
     Parameters
     ----------
     kept
         The rows that were not set aside.
     everything
-        These, as they were observed.
+        The same rows, with noise and weights.
     searched, observed
-        Those of them that the search is made on, likewise.
+        The rows that the search uses, and the same with noise and weights.
     declared
         Whether the position's and the orientation's sigma are known.
     proposal
         The hypotheses.
     guess
-        The model of everything that is no noise, as far as one search found it.
+        The model of all that is not noise, by one search.
     """
 
     kept: Dataset
@@ -65,9 +65,9 @@ class Settled:
 
 
 def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator) -> Settled:
-    """Settle which of some rows (N,) belong to the bulk, how large their noise is, and what may explain them.
+    """Decide which of the rows (N,) are gross errors, estimate the noise, and propose hypotheses.
 
-    Of more rows than ``MOST_POSES`` a random part is searched: of a robot without rods ``FEW_POSES`` where the model is long.
+    The search uses at most ``MOST_POSES`` random rows; ``FEW_POSES`` for a robot without rods whose model is long.
     """
     kept, baseline = prepared.dataset.take(rows), prepared.baseline
     readmitted = ~baseline.used(prepared.dataset)[rows]
@@ -91,10 +91,9 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
 
 
 def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArray[np.intp]:
-    """At most so many rows, in the order of a permutation.
+    """Sorted indices of the first ``most`` rows of a permutation.
 
-    Of those (N,) that the calibration had set aside as many as half of them, so that their cause is there to be found and they
-    to be judged again.
+    Up to half of them are rows that the calibration had set aside (``readmitted``, (N,)), so that their cause can be found.
     """
     first = drawn[readmitted[drawn]][: most // 2]
     return np.sort(np.concatenate([first, drawn[~readmitted[drawn]]])[:most])
@@ -103,7 +102,8 @@ def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArr
 def _reestimated(
     observed: Observed, prepared: Prepared, scope: Scope, declared: tuple[bool, bool]
 ) -> tuple[Observed, Mask, Proposal, Model]:
-    """Outliers and noise, re-estimated given a search; which (N,) are no outliers, and their hypotheses with a guess."""
+    """Outliers and noise, estimated again given a search: the poses, (N,) which are no outliers, their hypotheses, and a
+    model."""
     model = prepared.baseline.model
     proposal = propose(observed.design(model), scope)
     guess = rough_guess(proposal.hypotheses)

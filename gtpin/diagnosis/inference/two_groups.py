@@ -1,8 +1,8 @@
-"""Rows of two measurements in one table: two groups that differ by one motion of the frame, whatever their order.
+"""Rows of two measurements in one table: two groups of rows, in any order, that differ by one motion of the frame.
 
-Two machines, two set-ups of an instrument or two zeros of a drive that were mixed row by row look like a lack of
-repeatability. Of Gaussian noise, two frames, each fitted to the rows that it suits better, take at most the share 2/pi of
-the power in one direction; of two groups far apart they take nearly all.
+Two machines, two set-ups of an instrument or two zeros of a drive that were mixed row by row look like poor repeatability.
+Two frames, each fitted to the rows that it fits better, explain at most 2/pi of the power of Gaussian noise in one direction,
+but nearly all of it where there are two distant groups.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Mask = npt.NDArray[np.bool_]
 
 SWEEPS = 30
 USUAL = (1.5e-5, 5e-5)
-"""Noise of a laser tracker, m and rad, by which positions are weighed against orientations where none is declared."""
+"""Assumed noise of a laser tracker, m and rad, for the weights of positions and orientations where no noise is declared."""
 SHOWN = 8
 """Lines of rows that a message lists."""
 
@@ -105,13 +105,13 @@ def with_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: 
 
 
 def _left_by(F: Floats, y: Floats, group: Mask) -> tuple[Floats, Floats]:
-    """(N, c) what a frame fitted to a group leaves of all rows, and its motion (6,)."""
+    """(N, c) residuals of all rows with a frame fitted to a group, and the frame's motion (6,)."""
     flat = F[group].reshape(-1, 6)
     motion: Floats = np.asarray(np.linalg.lstsq(flat, y[group].ravel(), rcond=None)[0], dtype=np.float64)
     return y - F @ motion, motion
 
 
 def _motions(design: Design) -> Floats:
-    """(N, 6, 6) motions of the poses by shifts, m, and turns, rad, of the frame about their middle."""
+    """(N, 6, 6) motions of the poses by shifts, m, and rotations, rad, of the frame about the mean position."""
     T = design.model.seen(design.situation.poses).T
     return frame_motions(T - T.mean(axis=0))

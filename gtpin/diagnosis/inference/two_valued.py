@@ -1,8 +1,7 @@
-"""Scatter of a drive that takes two values: play whose direction of approach is not known, and no lack of repeatability.
+"""Scatter of a drive that has two values: play whose direction of approach is not known.
 
-Scatter of a machine that does not repeat is Gaussian. Play leaves each drive at one of two places, by the side that it came
-from; where the column ``approach`` is missing, or belongs to other rows, that looks like scatter. Two normal densities a
-width apart then describe a drive's errors far better than one.
+Repeatability is Gaussian. Play leaves a drive at one of two places, by its direction of approach; where the column ``approach``
+is missing or wrong, that looks like scatter. Two normal densities then describe the drive's errors far better than one.
 """
 
 from __future__ import annotations
@@ -23,24 +22,24 @@ from gtpin.noise.noise import Noise
 Floats = npt.NDArray[np.float64]
 
 WIDTHS = np.linspace(0.3, 2.0, 18)
-"""Half the distance of the two values, over the errors' standard deviation, that are tried."""
+"""Half distances of the two values that are tried, in units of the errors' standard deviation."""
 REST = np.linspace(0.0, 1.0, 9)
-"""Standard deviations about each value beyond the instrument's, likewise."""
+"""Standard deviations about each value, beyond the instrument's noise, that are tried, in the same units."""
 SINGULAR = 1e12
-"""Condition number from which drives can't be told apart."""
+"""Condition number above which the errors of the drives can't be distinguished."""
 SHARES = (0.3, 0.5, 0.7)
-"""Shares of the upper value."""
+"""Shares of the rows with the larger value, that are tried."""
 
 
 def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Noise) -> Conclusion:
-    """The conclusion; where a drive's errors take two values: without the causes of this drive, and with a doubt.
+    """The conclusion; where a drive's errors have two values: without the causes of this drive, and with a doubt.
 
     Nothing is changed where causes of the drive explain most of these errors.
 
     Parameters
     ----------
     noise
-        Noise of the poses, whose repeatability may be the two values.
+        Noise of the poses; only its instrument's part is used.
     """
     whole = drive_errors(hypotheses, found.model, noise)
     if whole is None or found.doubts:

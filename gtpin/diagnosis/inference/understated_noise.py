@@ -1,4 +1,4 @@
-"""Declared noise that is too small: what a search leaves is larger in every component, and so are repeated visits."""
+"""Declared noise that is too small: both residuals after a search and differences of repeated visits are larger."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from gtpin.noise.noise import Noise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 
 LOOKED_AT = 1000
-"""Poses that are looked at, an even part of all: they show a sigma to 2 %."""
+"""At most this many poses are used, evenly spread over the rows: 1,000 determine a sigma to 2 %."""
 LOOKS = 2
-"""Searches, each with the noise that the last one left: with too little noise, some of it is explained away."""
+"""Number of searches, each with the noise from the last one: with too little noise, a search explains some of it by causes."""
 
 
 def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[float, float]]:
-    """Sigmas that are declared too small: declared, and what the data show.
+    """Sigmas that are declared too small: by key, the declared value and the estimated one, m or rad.
 
-    A residual that no search explains is noise where it is larger than declared in every component alike, and where visits
-    of one pose differ by as much: structure that depends on the pose does not.
+    The estimate is the smaller of two: from the residuals after a search, and, where there are repeated visits, from their
+    differences. An effect that depends on the pose is in the residuals, but not in these differences.
 
     Parameters
     ----------
     prepared
-        The data, and their calibration with the noise as declared.
+        The data, and their calibration with the declared noise.
     scope
         The effects that may explain part of the residuals.
     """
@@ -65,7 +65,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
 
 
 def warn_of_noise(small: dict[Sigma, tuple[float, float]]) -> None:
-    """Say which sigmas are not used as they were declared."""
+    """Warn which declared sigmas are replaced."""
     for key, (declared, seen) in small.items():
         ratio = seen / declared
         warn(
@@ -74,7 +74,8 @@ def warn_of_noise(small: dict[Sigma, tuple[float, float]]) -> None:
 
 
 def _of_repeats(observed: Observed, baseline: Calibration) -> Noise | None:
-    """The noise that repeated visits show without the drives' scatter; None where there are few."""
+    """The instrument's noise, estimated from repeated visits together with the drives' repeatability; None where there are
+    few visits."""
     visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
     model = baseline.model
     left = observed.measured.minus(model.predict(observed.measured.q))

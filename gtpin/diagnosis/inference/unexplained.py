@@ -1,4 +1,4 @@
-"""What is left after the causes: how much, whether noise could be it, and what it depends on."""
+"""What the causes do not explain: its size, whether noise alone could be the reason, and what it depends on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gtpin.diagnosis.linear.posterior import given
 from gtpin.distributions import chi2
 
 CORRELATES = 5
-"""Free motions that are reported at most."""
+"""Most smooth terms that are reported."""
 
 
 def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexplained:
@@ -54,13 +54,13 @@ def marginal_chance(hypotheses: HypothesisSet, model: Model) -> float:
 
 
 def _power(hypotheses: HypothesisSet, model: Model) -> float:
-    """Squares of the whitened residual, with geometry and a model's causes marginalised."""
+    """Chi-square of the residual with geometry and a model's causes marginalised: y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y."""
     moment = np.concatenate([np.zeros(0), *(hypotheses.groups.moment(n) for n in model.terms)])
     return hypotheses.groups.power - float(moment @ model.mean)
 
 
 def _could_be(hypotheses: HypothesisSet, model: Model) -> tuple[tuple[str, str], ...]:
-    """What nobody could test, but accounts for the unknown nearly as well as the best smooth term, the best first."""
+    """Effect and site of untestable effects whose proxies gain nearly as much as the best smooth term, the best first."""
     priors = hypotheses.priors
     best = max((gain.value for gain in hypotheses.gains(model, hypotheses.smooth).values()), default=0.0)
     gains = hypotheses.gains(model, hypotheses.proxies)

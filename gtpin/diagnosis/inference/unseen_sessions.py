@@ -1,4 +1,4 @@
-"""What a cause with coefficients of its own for each session predicts of a session that it has not seen."""
+"""Predictions for a session that was not fitted, by a cause with separate coefficients for each session."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
 
 
 def _columns(design: Design, cause: Hypothesis, block: Mask, lost: set[str]) -> Floats:
-    """(n c, m') whitened displacements of the poses of a block by a fit that did not know some sessions."""
+    """(n c, m') whitened displacements of the poses of a block, in a fit without some sessions."""
     at = design.situation
     known = tuple(name for name in at.references.sessions if name not in lost)
     some = Situation(

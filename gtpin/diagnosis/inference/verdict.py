@@ -1,4 +1,4 @@
-"""The verdict is decided here: ``unknown`` where there is a :class:`Doubt`, and what it is without one."""
+"""The conclusion of a diagnosis, and its verdict."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ class Contender:
 
 @dataclass(frozen=True)
 class Conclusion:
-    """What is concluded from the evidence.
+    """The conclusion from the evidence: causes, their classes, and doubts.
 
     Parameters
     ----------
     model
         The causes that are named.
     classes
-        For each cause its class, itself among the members, the most probable first.
+        For each cause its class with the cause itself, the most probable member first.
     doubts
         Reasons for which something unknown is assumed in addition to the causes.
     alone
-        Gain in log evidence of every hypothesis and smooth term by itself.
+        Gain in log evidence of every hypothesis and smooth term as the only one.
     """
 
     model: Model
@@ -43,7 +43,7 @@ class Conclusion:
 
     @property
     def verdict(self) -> Verdict:
-        """``unknown`` before ``ambiguous`` before ``explained`` before ``none``: the first that applies."""
+        """The verdict: the first of ``unknown``, ``ambiguous``, ``explained`` and ``none`` that applies."""
         if self.doubts:
             return "unknown"
         if len(self.sure()) < len(self.classes):
@@ -56,11 +56,11 @@ class Conclusion:
         return scales(self.model)
 
     def doubted(self, *doubts: Doubt) -> Conclusion:
-        """The same with further doubts."""
+        """The conclusion with further doubts."""
         return replace(self, doubts=(*self.doubts, *doubts))
 
     def only(self, hypotheses: HypothesisSet, causes: list[Hypothesis]) -> Conclusion:
-        """The same with some of its causes."""
+        """The conclusion with only some of its causes."""
         classes = {cause: self.classes[cause] for cause in causes}
         return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
 

@@ -57,7 +57,7 @@ def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list
     left
         (N c,) whitened residual after the geometry alone was fitted.
     alone
-        Gain in log evidence of each hypothesis and smooth term by itself.
+        Gain in log evidence of each hypothesis and smooth term as the only one.
     blocks
         (N,) masks of the poses of each region.
     """
@@ -78,7 +78,7 @@ def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list
 
 
 def _rods(design: Design, whitened: Floats) -> dict[str, float]:
-    """Residual and noise mapped to the rods by the closures' Jacobian; nothing of a robot without rods."""
+    """Shares of the rods: residual and noise mapped to the rods by the closures' Jacobian. Empty without rods or poses."""
     at = design.situation
     if not at.robot.rods or not design.tracked:
         return {}
@@ -89,7 +89,7 @@ def _rods(design: Design, whitened: Floats) -> dict[str, float]:
 
 
 def _by_reading(readings: Readings, excess: Floats) -> dict[str, float]:
-    """Power beyond noise of each instrument's components, by name, over the number of rows."""
+    """Power beyond noise of each instrument's components, by name, divided by the number of rows."""
     found: dict[str, float] = {}
     for i, one in enumerate(readings.instruments):
         mine = readings.rows.of == i

@@ -1,4 +1,4 @@
-"""How far the gap shrinks on poses that were not fitted: blocks left out in turn."""
+"""Cross-validation: the gap on poses that were not fitted, blocks being left out in turn."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 DRAWS = 400
-"""Draws behind an interval."""
+"""Number of random draws from which an interval is computed."""
 ASKED = 120
-"""Poses that a user is supposed to ask for: so many say how far the gap shrank."""
+"""Number of other poses for which the interval of the shrinkage is computed. Assumed: so many does a user want to predict."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class Turns:
 
 @dataclass(frozen=True)
 class InstrumentGap:
-    """Root mean square errors of an instrument's left-out readings, in its unit: before and after causes were added, and noise.
+    """Root mean square errors of an instrument's left-out readings, in ``unit``: without causes, with causes, and noise floor.
 
-    ``kind`` is the instrument's.
+    ``name`` and ``kind``: of the instrument.
     """
 
     name: str
@@ -49,24 +49,25 @@ class InstrumentGap:
 class Gap:
     """Position errors on left-out poses before and after causes were added.
 
-    Of readings of several instruments, errors are in units of their noise, and ``by_instrument`` has those of each in its own.
+    For readings of several instruments, errors are in units of the noise; ``by_instrument`` has them in each instrument's unit.
 
     Parameters
     ----------
     before, after
-        Root mean square length of the position error per pose, m, of a geometry alone and with the causes.
+        Root mean square length of the position error, m: with the geometry alone, and with the causes.
     floor
-        What a perfect model would show, m.
+        Noise floor, m.
     shrinkage
-        Share of the gap's power that goes away, 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there is no gap.
+        Explained fraction of the gap, 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there are no causes.
     interval
-        Its 95 % interval: what other poses of the same kind would show; of ``session``, what another session would show.
+        95 % interval of the ``shrinkage`` that other poses of the same kind would show, or, with ``hold_out`` ``session``,
+        another session.
     hold_out, blocks
-        What was left out together, and in how many blocks.
+        Which poses were left out together, and the number of these blocks.
     sessions
         Number of sessions in the data; 1 where no column tells them apart.
     turns
-        The same of orientation; None where it was not measured.
+        Errors of the orientation; None where it was not measured.
     """
 
     before: float
@@ -83,23 +84,23 @@ class Gap:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A linear model fitted to all poses, and what it predicts of blocks that were left out.
+    """A linear model fitted to all poses, and the errors of its predictions of left-out blocks.
 
     Parameters
     ----------
     errors
-        (N, 3) measured less predicted position, m, each block predicted from the others; (N, c) of readings, in units of their
+        (N, 3) measured less predicted position, m, each block predicted from the others; for readings (N, c), in units of the
         noise.
     turned
         (N, 3) measured less predicted orientation, rad, likewise; (N, 0) where it was not measured.
     noise
-        (N,) squared length, m^2, that each pose's noise has as the fit shows it.
+        (N,) estimate of the squared length of each pose's position noise from the fit, m^2.
     kept
-        (N, 3), or (N, c) of readings, share of each number that the others can predict: 1 but for what they do not determine.
+        (N, 3), for readings (N, c): share of each number that the other blocks determine, 1 or less.
     z, root
-        (k,) what was fitted, in prior sizes, and (k, k) with root @ root' its covariance.
+        (k,) fitted coefficients in units of their priors' sigmas, and (k, k) a root of their covariance root @ root'.
     columns
-        (N, 3, k) derivative of the positions by it, m, as a fit without the pose's block has it.
+        (N, 3, k) derivative of the positions by ``z``, m, in a fit without the pose's block.
     """
 
     errors: Floats
@@ -117,11 +118,11 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
     Parameters
     ----------
     causes
-        (N c, m) whitened displacements of the causes for coefficients of the size that their priors have; m may be 0.
+                (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
     blocks
         (N,) masks of the poses left out together, a partition.
     unseen
-        (N c, m) the displacements as a fit without the pose's block has them, where these are others.
+        (N c, m) the displacements in a fit without the pose's block, where these are different.
     """
     c = design.components
     J = np.hstack([design.B, causes])
@@ -164,17 +165,17 @@ def gap(
     Parameters
     ----------
     design
-        The linear problem, causes not yet in it.
+        The linear problem, without the causes.
     causes
-        (N c, m) whitened displacements of the causes for coefficients of the size that their priors have; m may be 0.
+                (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
     floor
-        (N,) expected squared length of each pose's position noise, m^2; not used of readings, whose noise is 1 a number.
+        (N,) expected squared length of each pose's position noise, m^2; not used for readings, whose noise is 1 per number.
     blocks
         (N,) masks of the poses left out together, a partition.
     unseen
         As for :func:`leave_out`.
     of_blocks
-        Whether the interval says what another block would show, by how much these differ, and not other poses alone.
+        Whether the interval is for another block, by how much the blocks differ; otherwise for other poses.
     """
     alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
     b2 = (alone.errors**2).sum(axis=1)
@@ -201,7 +202,7 @@ def gap(
 
 
 def instrument_gaps(design: Design, alone: LeftOut, whole: LeftOut) -> tuple[InstrumentGap, ...]:
-    """Errors of each instrument's left-out readings; none of poses."""
+    """Errors of each instrument's left-out readings; empty where poses were measured."""
     readings = design.measured
     if not isinstance(readings, Readings):
         return ()
@@ -229,7 +230,7 @@ def _turns(design: Design, alone: LeftOut, whole: LeftOut) -> Turns | None:
 
 
 def _reach(powers: Floats, shrinkage: float) -> float:
-    """How far from the shrinkage that of another block may lie, 95 %, from what K blocks show.
+    """Half width of the 95 % interval of another block's shrinkage, from the differences of K blocks.
 
     The shrinkage is a ratio of means, 1 - mean(after) / mean(before), and block k departs from it by
     e_k = (before_k - after_k - shrinkage before_k) / mean(before) (Cochran, Sampling Techniques, 3rd ed., section 6.3). Another
@@ -250,12 +251,12 @@ def _reach(powers: Floats, shrinkage: float) -> float:
 
 
 def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: np.random.Generator) -> Floats:
-    """Shrinkages (DRAWS,) that other poses may show, what was fitted being as uncertain as it is.
+    """Random draws (DRAWS,) of the shrinkage on other poses, given the covariance of what was fitted.
 
     Parameters
     ----------
     error
-        Squared length of the error of predictions, m^2, as poses that were left out show it.
+        Mean squared length of the prediction error on left-out poses without noise, m^2.
     squares
         (N,) squared errors of the poses left out, m^2.
     """
@@ -283,6 +284,6 @@ def _root(squares: Floats | float) -> float:
 
 
 def _share(before: float, after: float, floor: float) -> float:
-    """Share of the gap's power beyond the floor that goes away; between 0 and 1 but for noise."""
+    """Explained fraction of the power beyond the floor; noise can make it less than 0."""
     power = max(before - floor, 1e-300)
     return float(np.clip(1.0 - (after - floor) / power, -1.0, 1.0))

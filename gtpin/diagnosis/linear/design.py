@@ -1,4 +1,4 @@
-"""The linear problem of a diagnosis: whitened residuals, the geometry's derivative, and every hypothesis's displacements."""
+"""The linear problem of a diagnosis: whitened residuals, derivative by the geometry, displacements of the hypotheses."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Design:
-    """Whitened residuals of N poses with c numbers each, and what they may be explained by, to first order.
+    """Whitened residuals of N rows with c numbers each, and their derivative by the unknowns.
 
     Parameters
     ----------
     situation
-        The poses at the geometry about which everything is linear.
+        The poses at the geometry about which the problem is linearised.
     whitening
-        (N, c, c) of the measured poses.
+        (N, c, c) whitening matrices of the rows.
     model
         That geometry, and the instrument's frame.
     y
-        (N c,) whitened measured less predicted, with the part that the fitted deviation of the geometry has taken put back:
-        what it would be at nominal geometry, to first order.
+        (N c,) whitened measured less predicted, with the effect of the fitted deviation of the geometry added: to first
+        order, the residual at nominal geometry.
     B
-        (N c, p) whitened derivative by the geometry in tolerances, by the instruments' unknowns in prior sigmas, and by those
-        without a prior: the pose of an instrument that is free.
+        (N c, p) whitened derivative by the geometry in units of the tolerances, by the instruments' unknowns in units of
+        their prior sigmas, and by unknowns without a prior, such as the pose of a free instrument.
     n_prior
         Number of columns of B with a prior, the first ones.
     taken
-        Number of unknowns that no prior holds: they fit as many of the numbers exactly.
+        Number of unknowns without a prior: they take as many degrees of freedom.
     measured
-        What was measured.
+        The measured poses or readings.
     """
 
     situation: Situation
@@ -69,9 +69,9 @@ class Design:
         Parameters
         ----------
         measured, weight
-            The poses, and (N,) what each counts in the fit.
+            The measured poses or readings, and (N,) their weights in the fit.
         pivot
-            (3,) what a free instrument turns about, in its frame, m: the middle of the poses by default.
+            (3,) centre of rotation of a free instrument's pose, instrument's frame, m; by default the middle of the poses.
         """
         J_q = measured.scatter(situation.command_jacobian, model, situation.poses)
         whitening = noise.whitening(J_q, measured.components) * np.sqrt(weight)[:, None, None]
@@ -91,7 +91,8 @@ class Design:
         return _whitened(self.whitening, self.seen(basis.displacement(self.situation) * basis.sigma))
 
     def seen(self, J: Floats) -> Floats:
-        """(N, c, m) motions J (N, 6 + k, m) of the poses, base frame, and of k measured joints, as they are measured."""
+        """(N, c, m) changes of the measured numbers by motions J (N, 6 + k, m) of the poses, base frame, and of k measured
+        joints."""
         return self.measured.seen(J, self.model, self.situation.poses)
 
     @cached_property
@@ -101,12 +102,12 @@ class Design:
 
     @cached_property
     def by_command(self) -> Floats:
-        """(N, c, n) whitened motion by the commands."""
+        """(N, c, n) whitened derivative by the commands."""
         return np.asarray(self.whitening @ self.by_command_seen)
 
     @cached_property
     def by_command_seen(self) -> Floats:
-        """(N, c, n) derivative of what is measured by the commands."""
+        """(N, c, n) derivative of the measured numbers by the commands."""
         return self.seen(self.situation.command_jacobian)
 
     @property
@@ -116,26 +117,26 @@ class Design:
 
     @cached_property
     def units(self) -> Floats:
-        """(N, c, c) what whitened numbers are of: m and rad of poses; the noise of readings, whose units differ."""
+        """(N, c, c) factors from whitened numbers to m and rad, for poses; identities for readings, whose units differ."""
         if self.tracked:
             return np.asarray(np.linalg.inv(self.whitening))
         return np.broadcast_to(np.eye(self.components), self.whitening.shape)
 
     @cached_property
     def counted(self) -> npt.NDArray[np.bool_]:
-        """(N, c) whether a number is a measurement of its own: rows may share one, such as a known distance."""
+        """(N, c) whether a number is a separate measurement: several rows can share one, such as a known distance."""
         return np.asarray(self.independent == 1.0)
 
     @cached_property
     def independent(self) -> Floats:
-        """(N, c) how many measurements each number is: 1, or less where rows share one."""
+        """(N, c) number of measurements that each number counts as: 1, or less where several rows share it."""
         if isinstance(self.measured, Measured):
             return np.ones(self.whitening.shape[:2])
         return self.measured.counted
 
     @property
     def count(self) -> int:
-        """Number of measured numbers, each that is shared counted once."""
+        """Number of measured numbers; a number that several rows share counts once."""
         return round(float(self.independent.sum()))
 
     @property
@@ -145,17 +146,17 @@ class Design:
 
     @property
     def compared(self) -> slice:
-        """The numbers of a row whose errors make the gap: positions of poses; all of readings."""
+        """The numbers of a row from which the gap is computed: the position of a pose; all numbers of readings."""
         return slice(0, 3) if self.tracked else slice(0, self.components)
 
     @cached_property
     def prior(self) -> Floats:
-        """(p,) weight of the square of each column's coefficient in B: none for what has no prior."""
+        """(p,) precision of the prior of each coefficient of B: 1, or 0 without a prior."""
         return np.concatenate([np.ones(self.n_prior), np.zeros(self.B.shape[1] - self.n_prior)])
 
     @property
     def components(self) -> int:
-        """Numbers a pose."""
+        """c, the numbers per row."""
         return int(self.whitening.shape[1])
 
 

@@ -1,7 +1,8 @@
 """Evidence for groups of displacements, with the geometry marginalised: linear Gaussian models in closed form.
 
 y ~ N(0, I + B B' + sum_g s_g^2 E_g E_g'), where y is the whitened residual, B the whitened derivative by the geometry in
-tolerances, E_g the whitened displacements of a group for coefficients of typical size, and s_g the group's scale.
+units of the tolerances, E_g the whitened displacements of a group for coefficients of typical size, and s_g the group's
+scale.
 """
 
 from __future__ import annotations
@@ -20,23 +21,23 @@ K = TypeVar("K", bound=Hashable)
 """What a group is known by."""
 
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
-"""Scales that are tried, over the typical size."""
+"""Scales that are tried."""
 
 
 class Marginal:
     """The geometry, marginalised out of inner products."""
 
     def __init__(self, B: Floats) -> None:
-        """Take the (m, p) whitened derivative by the geometry, in tolerances."""
+        """Take the (m, p) whitened derivative by the geometry, in units of the tolerances."""
         self.B = B
         self._factor = cho_factor(np.eye(B.shape[1]) + B.T @ B, lower=True)
 
     def half(self, X: Floats) -> Floats:
-        """(p, c) L^-1 B'X, whose squares are what the geometry absorbs of X (m, c)."""
+        """(p, c) L^-1 B'X with L L' = I + B'B: the sums of its squares are the energy of X (m, c) that the geometry absorbs."""
         return self.lower_solve(self.B.T @ X)
 
     def lower_solve(self, BtX: Floats) -> Floats:
-        """(p, c) L^-1 times B'X (p, c)."""
+        """(p, c) L^-1 times B'X (p, c), with L L' = I + B'B."""
         return np.asarray(solve_triangular(self._factor[0], BtX, lower=True))
 
     def product(self, X: Floats, Z: Floats) -> Floats:
@@ -44,15 +45,15 @@ class Marginal:
         return np.asarray(X.T @ Z - self.half(X).T @ self.half(Z))
 
     def deviation(self, residual: Floats) -> Floats:
-        """(p,) geometry that explains a residual best, in tolerances."""
+        """(p,) deviation of the geometry that explains a residual (m,) best, in units of the tolerances."""
         return np.asarray(cho_solve(self._factor, self.B.T @ residual))
 
 
 class Groups(Generic[K]):
     """Groups of displacements by key, and their inner products X' (I + B B')^-1 Z, each computed once.
 
-    A group's displacements never change: a `Posterior` of some groups stays what it was, whatever is added later. A group can
-    be several others side by side, with one scale for all; its products are theirs.
+    A group's displacements never change, so a `Posterior` stays valid when groups are added. A group can consist of several
+    others side by side, with one scale for all.
     """
 
     def __init__(self, marginal: Marginal, y: Floats, priors: Priors = PRIORS) -> None:
@@ -73,7 +74,7 @@ class Groups(Generic[K]):
         Raises
         ------
         ValueError
-            If the term is there already.
+                        If there already is a group with this key.
         """
         self._new(term, core)
         self._columns[term] = columns
@@ -81,12 +82,12 @@ class Groups(Generic[K]):
         self._moment[term] = columns.T @ self.y - self._half[term].T @ self._half_y
 
     def join(self, term: K, parts: Sequence[K]) -> None:
-        """Add a group of several groups side by side; its core is theirs.
+        """Add a group that consists of several groups side by side; its core consists of their cores.
 
         Raises
         ------
         ValueError
-            If the term is there already.
+            If there already is a group with this key.
         """
         ends = np.cumsum([0, *(self.width(part) for part in parts)])
         self._new(term, tuple(int(end) + i for part, end in zip(parts, ends, strict=False) for i in self.core[part]))
@@ -98,11 +99,11 @@ class Groups(Generic[K]):
         self.core[term] = core
 
     def __contains__(self, term: object) -> bool:
-        """Whether a group is there."""
+        """Whether there is a group with this key."""
         return term in self.core
 
     def parts(self, term: K) -> tuple[K, ...]:
-        """The groups that a group consists of; itself where it is no group of several."""
+        """The groups that a group consists of; the group itself where it is not joined from several."""
         return self._parts.get(term, (term,))
 
     def columns(self, term: K) -> Floats:
@@ -119,11 +120,11 @@ class Groups(Generic[K]):
         return sum(self._columns[part].shape[1] for part in self.parts(term))
 
     def moment(self, term: K) -> Floats:
-        """(c,) of a group with the residual."""
+        """(c,) inner products of a group with the residual."""
         return np.concatenate([self._moment[part] for part in self.parts(term)])
 
     def block(self, a: K, b: K) -> Floats:
-        """(c_a, c_b) of two groups."""
+        """(c_a, c_b) inner products of two groups."""
         if (a, b) not in self._block:
             if a in self._parts or b in self._parts:
                 found = np.block([[self.block(one, other) for other in self.parts(b)] for one in self.parts(a)])
@@ -133,24 +134,24 @@ class Groups(Generic[K]):
         return self._block[a, b]
 
     def across(self, term: K, others: Sequence[K]) -> Floats:
-        """(c, sum of the others') of a group with several."""
+        """(c, m) inner products of a group with several others, m columns in all."""
         return np.hstack([np.zeros((self.width(term), 0)), *(self.block(term, other) for other in others)])
 
 
 def best_scales(
     grams: Floats, moments: Floats, core: Sequence[int] = (), priors: Priors = PRIORS
 ) -> tuple[Floats, Floats]:
-    """(S,) largest log evidence over the scales, and the scales, of S groups of c columns.
+    """(S,) largest gains in log evidence over the scales, and these scales, for S groups of c columns.
 
-    A scale must suit the group's core: where the coefficients of its core are far smaller than the scale, the scale only
-    serves the modulation, and there is no core left to modulate.
+    A scale is admitted only where the coefficients of the group's core have a root mean square of at least
+    ``priors.least_core`` times the scale (core and modulation in the glossary).
 
     Parameters
     ----------
     grams, moments
-        (S, c, c) and (S, c) of the groups, whatever else is in the model marginalised.
+        (S, c, c) inner products of each group with itself and (S, c) with the residual, the rest of the model marginalised.
     core
-        Columns that are the core; none where all are.
+        Indices of the core's columns; empty where all columns are the core.
     """
     values, vectors = np.linalg.eigh(grams)
     values = np.maximum(values, 0.0)
@@ -174,14 +175,14 @@ def best_scales(
 def gains_of_draws(
     values: Floats, vectors: Floats, along: Floats, core: Sequence[int] = (), priors: Priors = PRIORS
 ) -> Floats:
-    """(S,) largest log evidence of one group over the scales, as :func:`best_scales`, for S residuals.
+    """(S,) largest gain in log evidence of one group over the scales, as :func:`best_scales`, for S residuals.
 
     Parameters
     ----------
     values, vectors
         (c,) eigenvalues and (c, c) eigenvectors of the group's inner products.
     along
-        (S, c) moments along the eigenvectors.
+        (S, c) inner products of the group with each residual, along the eigenvectors.
     """
     s2 = (SCALES**2)[:, None]
     shrunk = s2 / (1.0 + s2 * values)

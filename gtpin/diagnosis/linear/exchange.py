@@ -1,6 +1,7 @@
-"""Small changes of a posterior in closed form, without a new factorisation: groups or parts less or more, other scales.
+"""Small changes of a posterior in closed form, without a new factorisation: groups or parts removed or added, scales changed.
 
-For n coefficients and a part of c the time is of the order n^2 c instead of n^3, and a search makes thousands of such changes.
+With n coefficients, of which c change, the time is of the order n^2 c instead of n^3, and a search makes thousands of such
+changes.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def exchanged(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posteri
     Parameters
     ----------
     old, new
-        The group that the model has, and the one that it has instead; both are in ``groups``.
+        The group that is removed, and the one that takes its place; both are in ``groups``.
     """
     before, after = groups.parts(old), groups.parts(new)
     if len(after) < len(before) and after == tuple(part for part in before if part in after):
@@ -38,7 +39,7 @@ def exchanged(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posteri
 
 
 def without(groups: Groups[K], model: Posterior[K], term: K, sweeps: int = 0) -> Posterior[K]:
-    """A model less one of its groups; its scales tuned again where ``sweeps`` is not 0."""
+    """A model without one of its groups. Its scales are estimated again by ``sweeps`` steps of coordinate ascent; 0: not."""
     if model.terms == (term,):
         return NOTHING
     at = model.terms.index(term)
@@ -58,7 +59,7 @@ def without(groups: Groups[K], model: Posterior[K], term: K, sweeps: int = 0) ->
 
 
 def tuned(groups: Groups[K], terms: Sequence[K], scale: Sequence[float], sweeps: int = 2) -> Posterior[K]:
-    """The model of some groups with the scales that suit best, by coordinate ascent from given ones."""
+    """The model of some groups with the scales of largest evidence, by coordinate ascent from given ones."""
     return _tuned(groups, fixed(groups, terms, scale), sweeps)
 
 
@@ -74,7 +75,7 @@ def _tuned(groups: Groups[K], model: Posterior[K], sweeps: int) -> Posterior[K]:
 
 
 def _rescaled(groups: Groups[K], model: Posterior[K], at: int) -> Posterior[K]:
-    """The model with the best scale of one of its groups, the other scales as they are.
+    """The model with the best scale of one of its groups, the other scales unchanged.
 
     The precision of a group's coefficients, less that of their prior, is their inner product given the other groups.
     """
@@ -100,7 +101,7 @@ def _but(values: tuple[T, ...], at: int) -> tuple[T, ...]:
 
 
 def _less(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K]:
-    """Fewer parts: the posterior given that the coefficients of the others are zero (Savage and Dickey's ratio)."""
+    """Fewer parts: the posterior given that the coefficients of the removed parts are zero (Savage-Dickey density ratio)."""
     at = model.terms.index(old)
     place, left = sum(model.widths[:at]), set(groups.parts(new))
     out = np.zeros(len(model.mean), dtype=bool)
@@ -112,7 +113,7 @@ def _less(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K
 
 
 def _zero(model: Posterior[K], out: npt.NDArray[np.bool_], scale: float) -> Posterior[K]:
-    """The model given that some coefficients (n,) are zero, of which only they have this scale; its terms as they are."""
+    """The model given that the coefficients of the mask ``out`` (n,) are zero; ``scale`` is theirs. Its terms are unchanged."""
     C, mean = model.covariance, model.mean
     own = cho_factor(C[np.ix_(out, out)], lower=True)
     across = cho_solve(own, C[np.ix_(out, ~out)])
@@ -126,7 +127,7 @@ def _zero(model: Posterior[K], out: npt.NDArray[np.bool_], scale: float) -> Post
 
 
 def _more(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K]:
-    """More parts, after those that are there: the posterior by one step of Gaussian elimination."""
+    """More parts, appended to the present ones: the posterior by one step of Gaussian elimination."""
     at = model.terms.index(old)
     added = groups.parts(new)[len(groups.parts(old)) :]
     A = np.vstack([groups.across(part, model.terms) for part in added])

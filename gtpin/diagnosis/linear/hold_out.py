@@ -1,4 +1,4 @@
-"""Which poses are left out together when the gap is computed: neighbours, a session, a stretch of time, or any."""
+"""Which poses are left out together when the gap is computed: neighbours, a session, an interval of time, or random poses."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ HoldOut = Literal["region", "session", "time", "random"]
 TOGETHER = 4
 """Poses that are left out together, neighbours or drawn at random."""
 STRETCHES = 10
-"""Stretches of time that are left out in turn."""
+"""Number of intervals of time that are left out in turn."""
 
 
 def check_hold_out(dataset: Dataset, hold_out: str) -> None:
-    """Check that a dataset can be split so.
+    """Check that a dataset can be split in this way.
 
     Raises
     ------
@@ -45,13 +45,13 @@ def check_hold_out(dataset: Dataset, hold_out: str) -> None:
 def blocks_of(dataset: Dataset, hold_out: HoldOut, rng: np.random.Generator) -> list[Mask]:
     """(N,) masks of the rows that are left out together, a partition.
 
-    Of ``region`` and ``random``, visits to one pose stay together. Of ``session`` and ``time`` they do not: what the same
-    commands bring at another time is what is asked.
+    With ``region`` and ``random``, visits to one pose are in one block. With ``session`` and ``time`` they need not be: these
+    blocks are to show how well another session or time is predicted.
 
     Raises
     ------
     DatasetError
-        If the dataset can't be split so.
+        If the dataset can't be split in this way.
     """
     check_hold_out(dataset, hold_out)
     if hold_out == "session":
@@ -65,12 +65,12 @@ def blocks_of(dataset: Dataset, hold_out: HoldOut, rng: np.random.Generator) -> 
 
 
 def n_sessions(dataset: Dataset) -> int:
-    """Number of sessions that are told apart: 1 where no column does."""
+    """Number of different names in the column ``session``; 1 without this column."""
     return len(set(dataset.covariates["session"])) if "session" in dataset.covariates else 1
 
 
 def _stretch(time: npt.NDArray[np.float64]) -> npt.NDArray[np.int_]:
-    """(N,) stretch of time of each row, with equally many rows as far as rows of one time stay together."""
+    """(N,) index of each row's interval of time. Intervals have about equally many rows; rows of one instant stay together."""
     _, instant, count = np.unique(time, return_inverse=True, return_counts=True)
     earlier = np.cumsum(count) - count
     return np.asarray((earlier * STRETCHES // len(time))[instant])

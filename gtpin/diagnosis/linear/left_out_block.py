@@ -1,4 +1,4 @@
-"""What a linear fit without a block predicts of it, from the fit of all."""
+"""Predictions of a left-out block by a linear fit without it, computed from the fit of all rows."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 LOST = 1e-6
-"""Least variance of a number's noise over that of its prediction by the other numbers: a prediction that is off by more than a
-thousand sigmas is none, such as that of a socket's point by readings of other sockets. A stated assumption; a prior of 1 m and
-noise of 20 um give less than 1e-9, a tolerance of 0.5 mm gives some 1e-4."""
+"""Smallest ratio of a number's noise variance to the variance of its prediction from the other blocks. Below it, the other
+blocks do not determine the number: readings of other sockets do not determine the point of a socket. Assumed: a prior of 1 m
+and noise of 20 um give less than 1e-9, a tolerance of 0.5 mm gives about 1e-4."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """Residuals of r numbers of a block from the fit of all others.
+    """Residuals of the r numbers of a block from a fit to all other numbers.
 
     Parameters
     ----------
     errors
-        (r,) (I - H)^-1 left, H = half half' being the block's leverage and ``left`` its residual from the fit of all, without
-        directions that the others can't predict.
+        (r,) (I - H)^-1 left with H = half half', the block's leverage, and ``left``, its residual from the fit of all;
+        without the directions that the other numbers do not determine.
     kept
-        (r,) share of each number that the others can predict.
+        (r,) share of each number that the others determine.
     log_density
-        Log density of the block given the others, without the constant.
+        Log probability density of the block given the others, without the constant.
     """
 
     errors: Floats

@@ -33,15 +33,15 @@ class Observed:
     measured
         Commands and poses, instrument's frame.
     covariates
-        By name, (N,) each.
+        (N,) values of each covariate, by name.
     noise, weight
-        What the poses' noise is, and (N,) what each counts.
+        The noise of the poses, and (N,) their weights.
     temperature
         degC at which the geometry holds.
     free_frame
         Whether the instrument's pose is identified too.
     unusable
-        Covariates that were recorded and can't be right.
+        Names of covariates that were recorded but cannot be right.
     """
 
     measured: Measured | Readings
@@ -83,7 +83,7 @@ class Observed:
         )
 
     def situation(self, model: Model, fixed: References | None = None, poses: Poses | None = None) -> Situation:
-        """The poses as a geometry has them: ``poses``, base frame, where they are known."""
+        """The poses at a model's geometry; ``poses``, base frame, where they are already computed."""
         kinematics = model.kinematics
         poses = kinematics.forward(self.measured.q) if poses is None else poses
         q = self.measured.q
@@ -117,10 +117,10 @@ def _of_readings(dataset: Dataset, baseline: ReadingsCalibration) -> Observed:
 
 
 def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:
-    """A calibration's noise without repeatability, which visits show that causes may have set apart.
+    """A calibration's noise without repeatability: a cause can make repeated visits differ.
 
-    Sigmas that were not declared carry all of the scatter then: what causes do to repeated visits makes the instrument's share
-    in it look small.
+    The whole scatter is then assigned to the sigmas that were not declared: where a cause makes visits differ, the instrument's
+    part of the scatter is estimated too small.
     """
     noise, instrument, model = baseline.noise, dataset.instrument, baseline.model
     if noise.along_drives > 0.0:

@@ -1,4 +1,4 @@
-"""The posterior of some groups of displacements together: built from nothing, and what one more group gains given it."""
+"""The posterior of some groups of displacements together, and the gain by one more group."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Posterior(Generic[K]):
     widths
         Number of coefficients of each.
     scale
-        Of each, over the typical size.
+        Scale of each group.
     log_evidence
-        Natural log of its evidence over that of no group, with the scales' priors.
+        Log evidence relative to the model without a group, with the scales' priors, nats.
     mean, covariance
-        Of the coefficients of all groups, over their typical sizes.
+        Mean (n,) and covariance (n, n) of the coefficients of all groups, in units of their typical sizes.
     """
 
     terms: tuple[K, ...]
@@ -67,7 +67,7 @@ def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Post
 
 
 def scale_prior(groups: Groups[Any], scale: float) -> float:
-    """Log prior density of a group's scale, over that of the typical size."""
+    """Log of the prior density of ln(scale), relative to scale 1."""
     return -0.5 * float(np.log(scale) / groups.priors.scale_spread) ** 2
 
 
@@ -84,7 +84,7 @@ def gain(groups: Groups[K], model: Posterior[K], term: K) -> tuple[float, float]
 
 
 def all_gains(groups: Groups[K], model: Posterior[K], terms: Iterable[K]) -> dict[K, tuple[float, float]]:
-    """The same for each of several groups."""
+    """As :func:`gain`, for each of several groups."""
     alike: dict[tuple[int, tuple[int, ...]], list[K]] = defaultdict(list)
     for term in terms:
         width = groups.width(term)

@@ -1,4 +1,4 @@
-"""Dense scans of what is not linear in an effect: a period, a place."""
+"""Dense scans of an effect's nonlinear parameter: a period, a place."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from gtpin.effects.effect import Effect
 Floats = npt.NDArray[np.float64]
 
 BATCH = 64
-"""Settings whose displacements are held in memory at once."""
+"""Number of values whose displacements are in memory at the same time."""
 LONG, LIKELY = 100, 0.1
-"""Coefficients of a model from which on all values are first compared by their cores alone, and the share of the largest such
-gain from which on a value is looked at with its modulation. Assumed.
+"""With this many coefficients in the model or more, all values are first compared by their cores alone; only values whose
+gain is at least this share of the largest are then computed with their modulation. Assumed.
 """
 KEPT = 12_000_000
-"""Numbers up to which all values' displacements are kept between scans, and up to which their products with groups are."""
+"""Most numbers in the displacements of all values that are kept between scans; and in their products with groups, likewise."""
 LEAST = -1e9
 """Gain of a value that is left out."""
 REFINED, REFINEMENTS = 13, 4
-"""Settings tried around the best of the scan, and how often, each time nearer."""
+"""Number of values tried around the best of the scan, and number of repetitions, each on a finer grid."""
 
 
 ALIKE = 0.3
-"""Least gain of another maximum over that of the best value for which both are taken together. Derived: a line
+"""Smallest gain of another maximum, relative to the best value's, for which both are added together. Derived: a line
 explains up to 0.047 of another one's power where commands are spread evenly (the largest side lobe of a rectangular window);
 0.3 leaves room for uneven ones."""
 
@@ -49,9 +49,9 @@ class Found:
     gain
         Gain in log evidence.
     scale
-        Of the coefficients, over their typical size.
+        Scale of the coefficients.
     others
-        Other maxima of the gain, each with a sigma and its gain: no less than ``ALIKE`` times the best one's.
+        Other maxima of the gain, each as (value, sigma, gain), with gains of at least ``ALIKE`` times the best one.
     """
 
     value: float
@@ -68,9 +68,9 @@ class _Products:
     Parameters
     ----------
     halves
-        (p, S c) what the geometry absorbs of them.
+        (p, S c) their :meth:`Marginal.half`.
     grams
-        (S, c, c) with themselves.
+        (S, c, c) of each value with itself.
     moments
         (S, c) with the residual.
     """
@@ -80,22 +80,22 @@ class _Products:
     moments: Floats
 
     def of(self, columns: list[int]) -> _Products:
-        """Those of some columns of each value."""
+        """The products of some columns of each value."""
         width = self.moments.shape[1]
         halves = self.halves.reshape(len(self.halves), -1, width)[:, :, columns].reshape(len(self.halves), -1)
         return _Products(halves, self.grams[:, columns][:, :, columns], self.moments[:, columns])
 
     def at(self, values: npt.NDArray[np.intp]) -> _Products:
-        """Those of some values."""
+        """The products of some values."""
         halves = self.halves.reshape(len(self.halves), *self.moments.shape)[:, values].reshape(len(self.halves), -1)
         return _Products(halves, self.grams[values], self.moments[values])
 
 
 class Scan:
-    """An effect at a site with every value that is worth a try, prepared once for all scans given other models.
+    """An effect at a site with all values that are tried, prepared once for all scans with different models.
 
-    Whitened displacements are (R, S, c): S values, c columns each. They have a row for each measured number, or, where one
-    actuator moves, a row for each pose, since rows of a pose then differ by a factor only.
+    Whitened displacements are (R, S, c): S values, c columns each. R is the number of measured numbers; where the effect moves
+    one actuator only, it is the number of poses, since the numbers of a pose are then in fixed proportions.
     """
 
     def __init__(self, design: Design, groups: Groups[Any], effect: Effect, site: str, priors: Priors = PRIORS) -> None:
@@ -117,7 +117,7 @@ class Scan:
         return np.stack([basis.command[1] * basis.sigma for basis in bases if basis.command], axis=1)
 
     def _seen(self, Z: Floats) -> Floats:
-        """(R, m) of columns Z (N c, m), by which products with displacements are taken."""
+        """(R, m) form of columns Z (N c, m) in which inner products with displacements are computed."""
         if self._factor is None:
             return Z
         return np.asarray(np.einsum("nc,ncm->nm", self._factor, Z.reshape(*self._factor.shape, -1), optimize=True))
@@ -156,7 +156,8 @@ class Scan:
         return kept or None, _Products(halves, grams, moments)
 
     def _across(self, model: Posterior[Any]) -> Floats:
-        """(S c, m) products of all values with a model's groups, the geometry marginalised; computed once for each group."""
+        """(S c, m) inner products of all values with a model's groups, the geometry marginalised; computed once for each
+        group."""
         parts = self._parts(model)
         if new := [part for part in parts if part not in self._with_groups]:
             kept, products = self._prepared
@@ -175,7 +176,7 @@ class Scan:
         return np.hstack(list(used.values()))
 
     def _parts(self, model: Posterior[Any]) -> tuple[Hashable, ...]:
-        """A model's groups; of a group of several each of them. What is needed of their columns is prepared."""
+        """The groups of a model, joined groups being divided into their parts; their columns are prepared."""
         parts = tuple(part for term in model.terms for part in self.groups.parts(term))
         self._seen_groups = {
             part: self._seen_groups[part] if part in self._seen_groups else self._seen(self.groups.columns(part))
@@ -184,7 +185,7 @@ class Scan:
         return parts
 
     def _side_by_side(self, model: Posterior[Any]) -> tuple[Floats, Floats]:
-        """(R, m) columns of a model's groups by which products are taken, and (p, m) halves; kept for the next call."""
+        """(R, m) columns of a model's groups for inner products, and their (p, m) halves; kept for the next call."""
         parts = self._parts(model)
         if self._together is None or self._together[0] != parts:
             seen = np.hstack([self._seen_groups[part] for part in parts])
@@ -197,9 +198,9 @@ class Scan:
         Parameters
         ----------
         model
-            Groups that are in already.
+            The model to which the effect is added.
         others
-            Values of the same cause that are in already: those that can't be told from them are left out.
+            Values of the same cause that the model already has: values that can't be distinguished from them are left out.
         """
         products = self._prepared[1]
         gains, scales = self._all_gains(products, model)
@@ -216,7 +217,8 @@ class Scan:
         return Found(found.value, found.sigma, gain, found.scale, self._maxima(gains, top, others))
 
     def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> Found:
-        """Best value given a model within a step of the scan about a value; its gain is that of this one trial.
+        """Best value given a model, within about one step of the scan from ``value``; ln(number of values) is taken off its
+        gain.
 
         Parameters
         ----------
@@ -230,7 +232,7 @@ class Scan:
         return Found(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
 
     def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> Found:
-        """The best value between two values, on finer and finer grids."""
+        """The best value between two values, on successively finer grids."""
         seen, halves = self._side_by_side(model) if model.terms else (None, None)
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
@@ -250,7 +252,8 @@ class Scan:
         return Found(float(finer[best]), max(sigma, step / np.sqrt(12.0)), float(fine[best]), float(fine_scales[best]))
 
     def _maxima(self, gains: Floats, top: int, others: Sequence[float]) -> tuple[tuple[float, float, float], ...]:
-        """Other maxima of the gain over all values, the largest first; each value's neighbours belong to its maximum."""
+        """Other maxima of the gain over all values, the largest first; values that can't be distinguished from them are left
+        out."""
         if self.effect.most_values < 2:
             return ()
         trials = float(np.log(len(gains)))
@@ -273,7 +276,7 @@ class Scan:
         return self.effect.resolved(self.design.situation, self.site, values, others)
 
     def _all_gains(self, products: _Products, model: Posterior[Any]) -> tuple[Floats, Floats]:
-        """(S,) gains of all values, and their scales; of long models, values whose core gains little have ``LEAST``."""
+        """(S,) gains of all values, and their scales; with long models, the gain is ``LEAST`` where the core gains little."""
         if not model.terms:
             return self._gains(products, model, None)
         across, core = self._across(model), list(self.effect.core)

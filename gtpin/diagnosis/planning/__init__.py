@@ -1,1 +1,1 @@
-"""What to measure next."""
+"""Proposals of what to measure next."""

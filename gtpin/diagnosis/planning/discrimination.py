@@ -1,4 +1,4 @@
-"""The measurements that best part the members of a class."""
+"""The measurements that best distinguish the members of a class."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 POOL = 200
-"""Rows at random of which the most telling are taken."""
+"""Number of random rows from which the most informative are chosen."""
 RIVALS = 3
-"""Members of a class that its leader is parted from."""
+"""Most members of a class from which its leader is distinguished."""
 DRAWS = 5
-"""Choices at random that a plan is compared with."""
+"""Number of random choices with which a plan is compared."""
 SETTLED = 2.9
-"""Log Bayes factor, nats, from which on one of two stands at 95 %."""
+"""Log Bayes factor, nats, from which one of two hypotheses has a probability of 95 %."""
 LEAST = 1.0
-"""The same, of a whole round, below which something else than poses tells sooner."""
+"""Log Bayes factor expected of the whole experiment, nats, below which another measurement than poses is also proposed."""
 HOPELESS = 0.1
-"""The same below which there is nothing to choose rows by."""
+"""Log Bayes factor expected of the whole experiment, nats, below which no poses are proposed."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class CauseClass:
     Parameters
     ----------
     cause, scale
-        The fitted cause, and its size over the typical size.
+        The fitted cause, and its scale.
     members
         The class, with probabilities; the cause is one of the members.
     """
@@ -99,7 +99,7 @@ def other_causes(trials: Trials, classes: Sequence[CauseClass], words: set[str])
 
 
 def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis) -> Prediction:
-    """What a hypothesis predicts given other causes, of the size that was measured."""
+    """The prediction of a hypothesis given other causes, at the scale that the measured rows give it."""
     design, old = trials.design, trials.old
     X = design.columns(hypothesis.basis(design.situation))
     groups: Groups[Hypothesis] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
@@ -123,7 +123,7 @@ def best_rows(
 
 
 def _order(trials: Trials, rows: Rows) -> Rows:
-    """Warm before cold, load by load, then along the first actuator; or as time goes on."""
+    """Order of measurement: warm before cold, by payload, then along the first actuator; or by time."""
     new = trials.conditions.new
     if trials.conditions.timed:
         return np.argsort(np.asarray(new["time"], dtype=float)[rows])

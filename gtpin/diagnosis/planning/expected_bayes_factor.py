@@ -1,4 +1,4 @@
-"""How far measurements to come would part two hypotheses: expected log Bayes factors of linear Gaussian predictions."""
+"""How well further measurements would distinguish two hypotheses: expected log Bayes factors of linear Gaussian predictions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 IGNORED = 3e-3
-"""Variance a row, in units of the noise, that a direction must have to matter in the choice of rows."""
+"""Mean variance per row, in units of the noise, below which a direction is ignored in the choice of rows."""
 
 
 @dataclass(frozen=True)
@@ -102,14 +102,14 @@ def most_telling(predictions: Sequence[Prediction], pairs: Sequence[HypothesisPa
 
 
 def _main(spread: Floats) -> Floats:
-    """(M, c, few) what a root of the covariance (M, c, r) is all but equal to."""
+    """(M, c, few) approximation of a root of the covariance (M, c, r) by its largest directions."""
     flat = spread.reshape(-1, spread.shape[2])
     values, vectors = np.linalg.eigh(flat.T @ flat)
     return np.asarray(spread @ vectors[:, values > IGNORED * len(spread)])
 
 
 class _Race:
-    """What a rival gets wrong of all rows while the other hypothesis is true, and rows are measured one by one."""
+    """The errors that a rival hypothesis predicts for all rows while the other one is true; rows are measured one by one."""
 
     def __init__(self, shift: Floats, spread: Floats) -> None:
         """Take the (M, c) mean and (M, c, r) root of the covariance of the rival's errors before anything is measured."""
@@ -121,7 +121,7 @@ class _Race:
         Parameters
         ----------
         inverse, logs
-            (M, c, c) of the covariance that the rival expects, and (M,) log of its determinant over the true one's.
+            (M, c, c) inverse of the rival's covariance, and (M,) log of its determinant over that of the true hypothesis.
         """
         c = self.shift.shape[1]
         trace = (inverse * (np.eye(c) + self.spread @ np.swapaxes(self.spread, 1, 2))).sum(axis=(1, 2))
@@ -129,7 +129,7 @@ class _Race:
         return np.asarray(0.5 * (trace + squared - c + logs))
 
     def take(self, row: int, spread: Floats, inverse: Floats, gain: float) -> None:
-        """Let the rival learn from a row, and from its noise, by its root of the covariance (M, c, r) so far."""
+        """Update the errors after a row is measured; ``spread`` (M, c, r): the rival's root of the covariance before it."""
         update = (spread @ spread[row].T) @ inverse[row]
         self.shift = self.shift - update @ self.shift[row]
         self.spread = np.concatenate([self.spread - update @ self.spread[row], update], axis=2)
@@ -137,7 +137,7 @@ class _Race:
 
 
 def _known(spread: Floats, row: int, covariances: Floats) -> Floats:
-    """The root of the covariance after a row was measured (Potter's update for several numbers at once)."""
+    """The root of the covariance after a row was measured (Potter's square-root update for several numbers at a time)."""
     values, vectors = np.linalg.eigh(covariances[row])
     middle = (vectors / (np.sqrt(values) * (np.sqrt(values) + 1.0))) @ vectors.T
     return np.asarray(spread - (spread @ spread[row].T) @ (middle @ spread[row]))

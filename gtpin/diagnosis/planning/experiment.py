@@ -1,4 +1,4 @@
-"""A proposal of what to measure next, as data; ``gtpin.report.measurements`` makes sentences of it."""
+"""A proposal of what to measure next, as data; ``gtpin.report.measurements`` puts it into words."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class Visits:
     Parameters
     ----------
     site, coordinates
-        Of the smooth nonparametric term that explains the unknown effect best.
+        Site and coordinates of the smooth nonparametric term that explains the unknown effect best.
     pattern
         ``line``: one actuator alone, there and back. ``net``: two actuators alone. ``spread``: poses all over the workspace.
-        ``repeated``: the same few poses under one level of some covariates after the other.
+        ``repeated``: the same few poses at each level of some covariates.
     actuators
         For ``line`` and ``net``: sites of the actuators that move.
     stations
@@ -81,10 +81,10 @@ class Experiment:
     poses
         (K, n) commands, m or rad, in the order of measurement; K = 0 where no poses help.
     covariates
-        By name, (K,) each: measurement conditions to set at these commands.
+        Measurement conditions to set at these commands: (K,) values of each covariate, by name.
     expected_gain
-        Expected Bayes factor (its logarithm, nats) between the effects that it distinguishes, or of one that it makes testable
-        against none; None where not known.
+        Expected log Bayes factor, nats, between the effects that it distinguishes, or between an effect that it makes
+        testable and no effect; None where not known.
     random_gain
         The same for as many poses and measurement conditions drawn at random.
     reference_temperature

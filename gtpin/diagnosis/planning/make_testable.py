@@ -1,4 +1,4 @@
-"""The measurements that would let effects be tested that these data can't show."""
+"""Measurements that make effects testable that these data can't test."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 POOL = 48
-"""Rows at random of which the most telling are taken."""
+"""Number of random rows from which the most informative are chosen."""
 EXAMPLES = 2
-"""Effects of a group for which poses are chosen: those for one are good for the others."""
+"""Number of effects of a group for which poses are chosen; the others can then be tested too."""
 POSES = 12
-"""Poses of an experiment at most: to see an effect at all takes fewer than to tell it from another."""
+"""Most poses of an experiment: fewer are needed to show an effect than to distinguish it from another."""
 SEEN = 1e-9
 """Change of a reading, in sigmas, by an effect of typical size, below which it is rounding."""
 EFFORTS = (1.0, 4.0, 12.0)
-"""Times the loads that any machine takes, of which the least are asked for at which most effects would show."""
+"""Multiples of the assumed largest loads that are tried; the smallest at which most effects can be tested is proposed."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _named(hypotheses: Sequence[Hypothesis]) -> tuple[tuple[str, str], ...]:
 
 
 def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
-    """The members that rows measured and possible would together let be tested, one of each effect first."""
+    """The members that measured and further rows together make testable, one of each effect first."""
     at = trials.design.situation
     able = [c for c in group.members if not c.effect.has_nonlinear and not c.effect.untestable(at, c.site)]
     seen = [sum(o.effect.id == c.effect.id for o in able[:i]) for i, c in enumerate(able)]
@@ -142,7 +142,7 @@ def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
 
 
 def _is_read(hypothesis: Hypothesis, trials: Trials) -> bool:
-    """Whether a hypothesis changes any number that was or could be measured; so taken where that can't be computed."""
+    """Whether a hypothesis changes any measured or further number; True where that can't be computed."""
     effect, site, at = hypothesis.effect, hypothesis.site, trials.design.situation
     if any(name not in at.covariates for name in effect.covariates(at.robot, site)):
         return True
@@ -157,7 +157,7 @@ def _is_read(hypothesis: Hypothesis, trials: Trials) -> bool:
 
 
 def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _Group) -> Prediction:
-    """What a hypothesis of its typical size predicts given the causes."""
+    """The prediction of a hypothesis of typical size, given the causes."""
     design = trials.design
     X = design.columns(hypothesis.basis(design.situation))
     if group.lacking.missing:
@@ -167,12 +167,12 @@ def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _
 
 
 CARRIED = 0.16
-"""Payload that any arm carries, over the mass of its moving links: the least of 5 kg of 18 (UR5), 10 of 29 (UR10) and 3 of 18
-(Panda), by their makers' data sheets."""
+"""Payload that any arm carries, over the mass of its moving links: the smallest ratio of 5 kg / 18 kg (UR5), 10 / 29 (UR10)
+and 3 / 18 (Panda), from their makers' data sheets."""
 
 
 def _efforts(robot: Robot) -> tuple[float, ...]:
-    """Times the loads that any machine takes; of an arm, in proportion to its mass."""
+    """Multiples of the assumed largest loads that are tried; for a robot without rods one, from its mass."""
     if robot.rods:
         return EFFORTS
     mass = sum(float(robot.model.inertias[j].mass) for j in robot.moving_joints)

@@ -1,4 +1,4 @@
-"""Measurements that map an unknown effect along the coordinates that it depends on, all else unchanged."""
+"""Measurements of an unknown effect along the coordinates that it depends on, with all other conditions constant."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from gtpin.effects.situation import Column
 Floats = npt.NDArray[np.float64]
 
 STATIONS = 5
-"""Poses, far from each other, that are visited again and again."""
+"""Number of poses, far from each other, that are visited repeatedly."""
 SPEEDS = (-1.0, -0.5, 0.5, 1.0)
-"""Of the highest that is known."""
+"""Speeds to set, as multiples of the highest recorded one."""
 FINE = 60
-"""Steps into which a track is divided to find how far one actuator can go alone."""
+"""Number of commands at which the range of one actuator alone is checked."""
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """Visits, their commands (K, n) in their order, and what to set in addition."""
+    """Visits, their commands (K, n) in order, m or rad, and the covariates to set."""
 
     visits: Visits
     q: Floats
@@ -59,7 +59,7 @@ def _plan(known: Known, site: str, coordinates: str, poses: int) -> _Plan:
 
 
 def _covariates(known: Known, word: str) -> list[str]:
-    """Names of the covariates that a word stands for; none where it is something of the pose."""
+    """Names of the covariates that a coordinate stands for; none where it depends on the pose."""
     if word in ("approach", "speed"):
         return [f"{word}{i + 1}" for i in range(known.robot.n_actuators)]
     if word == "load":
@@ -84,7 +84,7 @@ def _along(known: Known, visits: Visits, actuators: list[int], poses: int) -> _P
 
 
 def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
-    """(count, n) commands that differ in one actuator's, as far to both sides as the measurements went."""
+    """(count, n) commands that differ in one actuator's command only, over the range of the measured poses."""
     measured = known.observed.measured.q[:, actuator]
     commands = np.tile(start, (FINE, 1))
     commands[:, actuator] = np.linspace(measured.min(), measured.max(), FINE)
@@ -100,7 +100,7 @@ def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
 
 
 def _again(known: Known, visits: Visits, names: list[str], poses: int) -> _Plan:
-    """The same few poses under all that can be set of covariates of one kind."""
+    """The same few poses at several levels of covariates of one kind."""
     stations = _apart(known, min(STATIONS, len(known.observed.measured.q)))
     levels = _levels(known, names, max(poses // len(stations), 2))
     rows = np.repeat(np.arange(len(levels)), len(stations))
@@ -114,7 +114,7 @@ def _again(known: Known, visits: Visits, names: list[str], poses: int) -> _Plan:
 
 
 def _levels(known: Known, names: list[str], rounds: int) -> Column:
-    """What to set of covariates of one kind in each round."""
+    """The value of covariates of one kind in each round of visits."""
     what, recorded = kind(names[0]), known.observed.covariates
     if what == "session":
         first = next_session(recorded.get("session", np.full(1, "0", dtype=object)))
@@ -136,7 +136,7 @@ def _levels(known: Known, names: list[str], rounds: int) -> Column:
 
 
 def _apart(known: Known, count: int) -> Floats:
-    """(count, n) measured commands, each as far from those before it as can be, the first in the middle."""
+    """(count, n) measured commands: the first in the middle, each other one as far as possible from those before it."""
     q = known.observed.measured.q
     far = np.linalg.norm(q - np.median(q, axis=0), axis=1)
     rows = [int(far.argmin())]

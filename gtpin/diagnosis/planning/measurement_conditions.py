@@ -1,4 +1,4 @@
-"""Conditions that a machine can be put in for the next measurements: direction of approach, load, temperature."""
+"""Measurement conditions for the next measurements: direction of approach, load, temperature."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from gtpin.effects.situation import Column, References
 Floats = npt.NDArray[np.float64]
 
 LATER, INTERVAL = 600.0, 25.0
-"""From the last measurement to the first of the next, and from one to the next, s."""
+"""Assumed time from the last recorded visit to the next, and between further visits, s."""
 NIGHT = 8.0 * 3600.0
-"""After which a machine has cooled down, s."""
+"""Time after which a machine has cooled down, s."""
 HOURS = 4.0 * 3600.0
-"""Over which poses are visited again where time itself matters, s."""
+"""Time over which poses are visited repeatedly where an effect depends on time, s."""
 HEAVIER = 5.0
-"""Payload that a machine takes, kg, where the data show but one."""
+"""Assumed largest payload above the smallest recorded one, kg, where the data have only one payload."""
 MOST_PAYLOAD = 4.0
-"""Times HEAVIER at most."""
+"""Largest multiple of ``HEAVIER``."""
 PUSH = 50.0
-"""Push on the tool that a machine takes, N, where the data show none."""
+"""Assumed largest force on the tool, N, where the data have none."""
 FAST = 0.2
-"""Speed that a machine reaches, m/s or rad/s, where the data show none."""
+"""Assumed largest speed of an actuator, m/s or rad/s, where the data have none."""
 LEAST_WARMER = 1.0
-"""Variation of a temperature, K, below which the data do not say by how much the machine warms up in use."""
+"""Largest recorded difference from the reference temperature, K, below which the temperature of a warm machine is assumed."""
 FORCES = ("fx", "fy", "fz")
 OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
-"""What depends on the pose, or on several covariates, and is none itself."""
+"""Coordinates that depend on the pose, or on several covariates, but are no covariates."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class MeasurementConditions:
 
 
 def kind(name: str) -> str:
-    """``approach`` of ``approach2``, ``temperature`` of ``temp_link``, ``force`` of ``fx``; other names as they are."""
+    """``approach`` of ``approach2``, ``temperature`` of ``temp_link``, ``force`` of ``fx``; other names unchanged."""
     if name in FORCES:
         return "force"
     if name.startswith("temp_"):
@@ -76,7 +76,7 @@ def draw(
     ways: Floats,
     effort: float = 1.0,
 ) -> MeasurementConditions:
-    """Draw conditions over what can be set.
+    """Draw random conditions over the values that can be set.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def as_usual(known: Mapping[str, Column], count: int) -> dict[str, Column]:
 
 
 def _usual(name: str, known: Column, time: Column | None, count: int) -> Column:
-    """(M,) a covariate as it is most easily had."""
+    """(M,) the value of a covariate that is easiest to measure at."""
     if name == "session":
         return np.full(count, next_session(known), dtype=object)
     values = _numbers(known)
@@ -166,7 +166,7 @@ def _varied(
     effort: float,
     rng: np.random.Generator,
 ) -> Column:
-    """(M,) a covariate over all that can be set of it."""
+    """(M,) random values of a covariate, over all that can be set."""
     count = len(cold)
     if name == "session":
         return np.full(count, next_session(known), dtype=object)
@@ -192,7 +192,8 @@ def next_session(known: Column) -> str:
 
 
 def payloads(known: Floats, effort: float = 1.0) -> Floats:
-    """Lightest and heaviest payload, kg: of the known ones (N,), or ``effort`` times an assumed one where that is more."""
+    """Lightest and heaviest payload, kg, of the known ones (N,). The heaviest is ``HEAVIER`` times ``effort`` above the
+    lightest where the known ones are equal or, for another ``effort`` than 1, lighter than that."""
     least, most = float(known.min()), float(known.max())
     heaviest = least + effort * HEAVIER
     return np.array([least, most if most > least and (effort == 1.0 or most > heaviest) else heaviest])
@@ -205,7 +206,7 @@ def warm(known: Floats, reference: float) -> float:
 
 
 def _pushes(known: Mapping[str, Column], ways: Floats, effort: float, rng: np.random.Generator) -> Floats:
-    """(M, 3) forces on the tool, N: none at every other row, else along one of its ways."""
+    """(M, 3) forces on the tool, N: zero at a random half of the rows, at the others along one of the row's ``ways``."""
     count = len(ways)
     columns = [_numbers(known[name]) for name in FORCES if name in known]
     largest = float(np.sqrt(sum((column**2 for column in columns), np.zeros(1))).max())

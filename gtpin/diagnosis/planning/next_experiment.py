@@ -1,4 +1,4 @@
-"""What to measure next: what parts the members of a class, traces the unknown, and reveals what could not be tested."""
+"""What to measure next: to distinguish the members of a class, to map an unknown effect, to make effects testable."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from gtpin.effects.situation import References
 from gtpin.model.model import Model
 
 POSES = 20
-"""Poses of an experiment: some ten minutes of work."""
+"""Poses of an experiment: about ten minutes of work."""
 LARGEST = 2000
-"""Measured poses, beyond which so many of them are taken for all: gains come out a little too small."""
+"""Most measured poses that are used; of more, a random part is, which makes the expected gains a little too small."""
 CLASSES = 3
-"""Classes that are split at most, those of the largest causes."""
+"""Most classes for which an experiment is proposed, those of the largest causes."""
 
 
 def classes(found: Conclusion, causes: Sequence[Cause]) -> list[CauseClass]:

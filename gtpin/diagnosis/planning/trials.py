@@ -1,4 +1,4 @@
-"""What could be measured next: commands within reach, each in conditions of its own."""
+"""Rows that could be measured next: reachable commands, each with measurement conditions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 ZERO = 4e-5
-"""By how much the zero of a drive may have moved since the last measurement, m or rad."""
+"""Prior sigma of the change of a drive's zero since the last measurement, m or rad."""
 RESOLUTION = 1e-6
 """Commands are rounded to this, m or rad."""
 
@@ -66,7 +66,7 @@ class Trials:
     design
         The linear problem of all N + M rows, the measured rows first.
     measured
-        N.
+                Number of measured rows, N.
     q
         (M, n) commands of the further rows, m or rad.
     conditions
@@ -147,8 +147,8 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
 
 
 def _against(known: Known, q: Floats, poses: Poses) -> Floats:
-    """(M, k, 3) unit vectors along which a push on the tool takes most off the force of each rod; the base frame's axes
-    where there is no rod.
+    """(M, k, 3) unit vectors along which a force on the tool reduces the force of each rod most; the base frame's axes where
+    there is no rod.
     """
     if not known.robot.rods:
         return np.tile(np.eye(3), (len(q), 1, 1))
