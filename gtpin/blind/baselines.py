@@ -47,7 +47,7 @@ def _silent(case: Judged) -> Judged:
 
 
 def _largest_evidence(case: Judged) -> Judged:
-    """The candidate with the largest evidence, always named."""
+    """The case with a diagnosis that always names the candidate with the largest evidence."""
     if case.said is None or not case.said.top:
         return _silent(case)
     named = Named(name=case.said.top, probability=1.0, members={case.said.top: 1.0})

@@ -18,7 +18,7 @@ def with_instruments(cases: Iterable[Judged]) -> bool:
 
 
 def by_instrument(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
-    """By what measured: number of cases, effects, those not visible, and rates with their bounds."""
+    """By instruments: number of cases, of effects and of effects that are not visible, and rates with their bounds."""
     names = sorted({_name(case) for case in cases})
     return {name: _row([case for case in cases if _name(case) == name]) for name in names}
 

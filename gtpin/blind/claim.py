@@ -1,4 +1,4 @@
-"""Reserves a folder for one check, which can be resumed there, and for one run at a time."""
+"""Reserves a folder for one check, which can be resumed, and locks it for one run at a time."""
 
 from __future__ import annotations
 

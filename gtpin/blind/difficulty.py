@@ -1,10 +1,11 @@
-"""How hard an effect is to name: the energy of its displacement that geometry and each other effect leave unexplained.
+"""How difficult an effect is to name: the energy of its displacement that geometry and each other effect leave unexplained.
 
-Of a whitened displacement d, an effect with whitened displacements X for coefficients of typical size leaves
-d' (I + B B' + s^2 X X')^-1 d, where B is the whitened derivative by the geometry in tolerances and by the unknowns of
-instruments in prior sigmas, and s the scale, out of those a diagnosis would consider, at which the effect has the largest
-evidence. D is the least that an effect other than the true one leaves. Nonlinear parameters (a period, a place) are scanned.
-What is whitened is the change of what was measured: of poses, or of the readings of any instruments.
+Of a whitened displacement d, an effect with whitened displacements X for coefficients of typical size leaves d' (I + B B' +
+s^2 X X')^-1 d, where B is the whitened derivative by the geometry in units of the tolerances and by the unknowns of
+instruments in units of their prior sigmas. s is that scale, of those a diagnosis tries, at which the effect has the largest
+evidence. E is the energy that the geometry alone leaves, d' (I + B B')^-1 d. D is the smallest energy that an effect other
+than the true one leaves. Nonlinear parameters (a period, a place) are scanned. Displacements are whitened as they are
+measured: by poses, or by readings of any instruments.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
-"""Over the typical size."""
+"""Scales that are tried."""
 STRIDE = 3
 """Step of a coarse scan of the nonlinear parameter; its values near the best one are tried afterwards."""
 LINE = 4.0
-"""Nats that a further value must be worth, in addition to the logarithm of how many were tried: as in a diagnosis. Energies are
-twice the nats."""
+"""Prior odds against a further value, nats, in addition to ln(number of tried values): as in a diagnosis. An energy is twice
+the nats."""
 BATCH = 128
 """Values of the nonlinear parameter whose displacements are held in memory at the same time."""
 
@@ -70,9 +71,9 @@ class Difficulty:
     situation
         The poses at which something was measured.
     seen
-        How displacements of these show in what was measured.
+        How displacements of these poses change what was measured.
     row
-        (N,) index of each pose's row in the dataset; None where they are the rows of the dataset.
+        (N,) index of each pose's row in the dataset; None where the poses are the rows of the dataset.
     """
 
     situation: Situation
@@ -114,11 +115,11 @@ class Difficulty:
         return B, cholesky(np.eye(B.shape[1]) + B.T @ B, lower=True)
 
     def whitened(self, columns: Floats) -> Floats:
-        """(c N, m) of displacements (N, 6, m)."""
+        """(c N, m) whitened displacements (N, 6, m)."""
         return self.seen.whitened(columns).reshape(-1, columns.shape[2])
 
     def _true(self, displacement: Floats) -> Floats:
-        """(c N,) whitened, of a displacement (rows, 6) at the dataset's rows."""
+        """(c N,) whitened displacement from a displacement (rows, 6) at the dataset's rows."""
         here = displacement if self.row is None else displacement[self.row]
         return self.whitened(here[:, :, None])[:, 0]
 
@@ -148,7 +149,7 @@ class Difficulty:
         return found
 
     def parameters(self, best: Best, displacement: Floats) -> dict[str, float]:
-        """Parameters, by name, of an effect's textbook form that comes nearest to a displacement (rows, 6).
+        """Parameters, by name, of an effect in its textbook form, fitted to a displacement (rows, 6).
 
         Coefficients that the poses do not determine are as small as the fit allows, in units of the scale.
         """
@@ -181,7 +182,8 @@ class Difficulty:
         return taken, scale, found
 
     def _value(self, effect: Effect, site: str, values: list[float], others: list[float], past: Floats) -> float | None:
-        """The value that explains most, of those that the poses can tell from others; None where they can tell none."""
+        """The value that explains most, of those that the poses can distinguish from ``others``; None where there is no such
+        value."""
         at = self.situation
         allowed = effect.resolved(at, site, np.array(values), others)
         kept = [value for value, can in zip(values, allowed, strict=True) if can]

@@ -100,10 +100,8 @@ def measured(draft: Draft) -> InstrumentCase:
 
 
 def recipe(draft: Draft) -> Recipe:
-    """What the plant makes a case from.
-
-    Where all is touched, there are more touches by those that :func:`~gtpin.blind.left_out_touches.without_some_touches`
-    leaves out.
+    """The recipe from which the plant makes a case. Where only touching instruments measure, touches are added for those that
+    :func:`~gtpin.blind.left_out_touches.without_some_touches` leaves out.
     """
     found = _recipe(draft)
     if draft.instruments and set(draft.instruments) <= set(TOUCHED):
@@ -124,9 +122,9 @@ def truth_of(
 ) -> Truth:
     """The truth of a case, to be sealed.
 
-    Where other instruments than a tracker alone measured, it has their readings in place of poses, because readings alone do
-    not tell where the base is. ``recipe`` is what the plant made the case from; without it the noise of instruments, on which
-    D depends, is not in the truth. ``left_out`` are the touches that are not in the case.
+    Where other instruments than a tracker alone measured, it has true readings in place of true poses, because readings alone
+    do not determine where the base is. ``recipe`` is what the plant made the case from; without it the noise of instruments,
+    on which D depends, is not in the truth. ``left_out`` are the touches that are not in the case.
     """
     noise = Noise()
     alone = isinstance(case, Case) or [gauge.name for gauge in case.gauges] == ["tracker"]

@@ -40,7 +40,7 @@ class Settings:
     plant, diagnosis
         Digests of the source files that make the cases, and of those that diagnose them.
     instruments
-        What measured the cases, with commas between; None for a tracker, and for cases that somebody else made.
+        Kinds of the instruments, separated by commas; None for a tracker, and for cases that somebody else made.
     """
 
     cases: int

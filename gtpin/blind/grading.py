@@ -1,4 +1,4 @@
-"""Whether D of a case can be computed, and how."""
+"""Decides whether D of a case can be computed, and prepares its computation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def gradable(dataset: Dataset, truth: Truth) -> bool:
 
 
 def difficulty_of(dataset: Dataset, truth: Truth, baseline: Calibration) -> Difficulty:
-    """For a gradable case and its calibration."""
+    """The :class:`Difficulty` of a gradable case, from its calibration."""
     noise = {one.name: np.array(one.sigma) for one in truth.noise}
     if isinstance(baseline, ReadingsCalibration):
         return Difficulty.of_readings(dataset, noise, baseline)
@@ -37,5 +37,5 @@ def difficulty_of(dataset: Dataset, truth: Truth, baseline: Calibration) -> Diff
 
 
 def _six(sigma: Floats) -> Floats:
-    """(M, 6) noise of a tracker's rows, of which orientations may not be measured."""
+    """(M, 6) noise of a tracker's rows, from (M, 3) or (M, 6); infinite where orientations are not measured."""
     return np.hstack([sigma, np.full((len(sigma), 6 - sigma.shape[1]), np.inf)])

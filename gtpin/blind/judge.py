@@ -29,7 +29,7 @@ from gtpin.threads import in_one_thread
 
 Floats = npt.NDArray[np.float64]
 Left = Mapping[str, Best]
-"""Energy that every effect of the catalogue leaves of a true one, by ``effect@site``."""
+"""Energy of a true effect that every effect of the catalogue leaves, by ``effect@site``."""
 
 CAUSES_GIVEN = frozenset({"one", "two"})
 SMOOTHED = frozenset({"one"})
@@ -82,7 +82,7 @@ def _statement(outcome: Outcome | None) -> Statement | None:
 
 
 def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outcome: Outcome) -> Judged:
-    """The case with E, D and the explained fraction of the gap, as far as they can be computed."""
+    """The case with those of E, D and the explained fraction of the gap that can be computed."""
     changes: dict[str, object] = {
         "poses": len(dataset),
         "planned": len(np.unique(dataset.visits)),
@@ -129,7 +129,7 @@ def _with_leaves(effect: TrueEffect, left: Left) -> tuple[TrueEffect, str]:
 
 
 def _single(found: Judged, left: Left, effect: TrueEffect) -> dict[str, object]:
-    """Energy of a single effect that the members of its class leave, and the least that other effects leave."""
+    """Energy of a single effect that each member of the class leaves, and the smallest that another effect leaves."""
     members = (found.said.members if found.said else frozenset()) | {effect.name}
     others = [best.left for best in left.values() if best.effect.id != effect.effect]
     return {"left": {n: left[n].left for n in sorted(members) if n in left}, "without_left": max(min(others), 0.0)}

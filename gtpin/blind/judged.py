@@ -8,7 +8,7 @@ from gtpin.blind.statement import Statement
 from gtpin.blind.truth import Kind, TrueEffect
 
 VISIBLE = 63.0
-"""E and D from which an effect must be detected and named (four times the energy that a matched filter needs)."""
+"""Above this E an effect must be detected, above this D named: four times the energy that a matched filter needs."""
 LEFT = 250.0
 """Energy of an unlisted effect that known effects must leave unexplained, so that the verdict must be `unknown`."""
 
@@ -20,7 +20,7 @@ class Shrunk(BaseModel):
     ----------
     before, after
         RMS length of the position error, m, of the geometry alone and of the model with the named causes; where other
-        instruments than a tracker alone measured, RMS error of their readings over their noise.
+        instruments than a tracker alone measured, RMS error of their readings in units of the noise.
     knowing
         The same error, of a fit to which the true causes are given; None if there is no such fit.
     smoothed
@@ -64,8 +64,8 @@ class Judged(BaseModel):
     said
         The scored part of the diagnosis; None if the case failed.
     left
-        Energy of a single true effect that remains, by the effect that is fitted to it: each member of the named class, and
-        the true effect in its textbook form.
+        Energy of a single true effect that remains when another effect is fitted to it, by that effect: each member of the
+        named class, and the true effect in its textbook form.
     without, without_error, without_left
         The diagnosis with the true effect removed from the catalogue; the error if that failed; and the energy that the best
         of the other effects leaves.
@@ -149,7 +149,7 @@ class Judged(BaseModel):
 
     @property
     def not_visible(self) -> frozenset[str]:
-        """True effects that need not be found in what was measured: their E is known, and not more than `VISIBLE`."""
+        """True effects that need not be found: their E is known, and not more than `VISIBLE`."""
         return frozenset(e.name for e in self.truth if e.energy is not None and e.energy <= VISIBLE)
 
     @property

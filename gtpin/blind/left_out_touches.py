@@ -1,7 +1,6 @@
-"""Touches that are left out of a case's dataset: what models predict is compared with the truth at these.
+"""Touches that are left out of a case's dataset, to compare predictions of models with the truth.
 
-Nothing touches at commands all over the workspace, and how far a touch misses there depends on where the base is, which
-touches do not tell.
+Held-out commands all over the workspace can't be used: no instrument touches there.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
 ONE_IN = 6
-"""Of the touches of an instrument, one in so many is left out, at random."""
+"""One in this many of an instrument's touches is left out, at random."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +35,13 @@ class LeftOut:
 
     Parameters
     ----------
-    name
-        The instrument's.
+        name
+        Name of the instrument.
     pose, q, columns
-        (M,) ids, (M, n) commands, and by name (M,) covariates and what is touched, as its table would have them.
+        (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is touched, as in a table.
     values, sigma
-        (M, c) by how much each misses without the noise of the touch, and this noise, m. The machine's lack of repeatability
-        is in the values.
+        (M, c) distance by which each touch misses, without the noise of the touch, and this noise, m. The scatter of the
+        machine's repeatability is contained in ``values``.
     """
 
     name: str
@@ -59,9 +58,10 @@ class LeftOut:
 
 
 def without_some_touches(case: InstrumentCase, recipe: Recipe) -> tuple[InstrumentCase, tuple[LeftOut, ...]]:
-    """A case with the touches that are left in its dataset, and those that are left out; E is that of the former.
+    """A case without some touches, and these touches. E is computed again for the remaining rows.
 
-    Nothing is left out where an encoder measures too: what effects do to its joint is not known here, so E is not.
+    No touch is left out where an encoder measures too: the displacements of its joint are not known here, so E can't be
+    computed again.
     """
     if case.true.joints or not any(gauge.touches for gauge in case.gauges):
         return case, ()
@@ -98,7 +98,7 @@ def _left_out(case: InstrumentCase, gauge: Gauge, read: Read, rows: Rows) -> Lef
 
 
 def _measured_again(case: InstrumentCase, recipe: Recipe) -> tuple[Truth, ...]:
-    """The effects of a case with E as the plant measures it, by the rows that the case has; the largest first."""
+    """The effects of a case with E computed as by the plant, for the rows that the case has; the largest E first."""
     used, rows = stops(case), np.concatenate([gauge.stop for gauge in case.gauges])
     gauges = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in case.gauges]
     poses = case.true[used]

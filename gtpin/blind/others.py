@@ -45,7 +45,7 @@ class Given:
 
 
 class _TruthFile(BaseModel):
-    """What ``NAME.truth.json`` holds; all but the effects is given only if gtpin wrote it."""
+    """The content of ``NAME.truth.json``; all keys but ``effects`` are there only if gtpin wrote it."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -144,7 +144,7 @@ def _robot_of(folder: Path) -> Robot | None:
 
 
 def _described(file: Path) -> SecondDescription:
-    """What a dataset.toml says; without instruments where it is of schema 1."""
+    """The content of a dataset.toml; without instruments where it is of schema 1."""
     values = read_toml(file)
     return describe_second(values, file, {}) if is_second(values) else SecondDescription(describe(values, file), ())
 

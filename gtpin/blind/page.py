@@ -51,7 +51,7 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
 
 
 def headline(result: Mapping[str, Any]) -> str:
-    """How many targets are reached, and how many cases failed."""
+    """Text with the numbers of reached targets and of failed cases."""
     reached = [row["reached"] for row in result["figures"] if row["reached"] is not None]
     failed = len(result["failures"])
     end = f"; {failed} cases failed" if failed else ""

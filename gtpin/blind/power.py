@@ -1,4 +1,4 @@
-"""Power curve: the fraction of effects that is detected by energy, compared with a matched filter."""
+"""Power curve: the fraction of effects that is detected, by their energy, compared with a matched filter."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ Z = 1.959963984540054
 
 @dataclass(frozen=True)
 class Rate:
-    """A fraction or mean of so many cases, with its 95 % bounds; all None where there are no cases."""
+    """A fraction or mean over ``of`` cases, with its 95 % bounds; None where there are too few cases."""
 
     value: float | None
     low: float | None

@@ -1,4 +1,4 @@
-"""The realised explained fraction of the gap of cases that instruments read: predicted readings against the true ones."""
+"""The realised explained fraction of the gap where readings were measured: predicted readings compared with the true ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from gtpin.robot.measured_joints import measured_joint
 
 
 def shrunk_readings(dataset: Dataset, truth: Truth, outcome: Outcome) -> Shrunk:
-    """RMS errors of all instruments' readings over their noise, by the baseline and by the model with the causes."""
+    """RMS errors of all instruments' readings in units of their noise, predicted by the baseline and by the model with the
+    causes."""
     turning = _turning(dataset)
     before, after = (
         _whitened_rms(truth, predicted, turning) for predicted in (outcome.baseline_readings, outcome.model_readings)
@@ -25,7 +26,7 @@ def shrunk_readings(dataset: Dataset, truth: Truth, outcome: Outcome) -> Shrunk:
 
 
 def _whitened_rms(truth: Truth, predicted: Mapping[str, list[list[float]]], turning: Collection[str]) -> float:
-    """RMS error of predicted readings, over the instruments' noise; of those that are ``turning``, but for full turns."""
+    """RMS error of predicted readings, in units of the noise; for the instruments ``turning``, modulo full turns."""
     errors = []
     for true in truth.readings:
         error = np.array(predicted[true.name]) - np.array(true.values)

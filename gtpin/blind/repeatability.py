@@ -1,4 +1,4 @@
-"""What the lack of repeatability of a case's machine does to its poses, which the plant does not hand out."""
+"""The scatter of a case's poses by the machine's repeatability, which the plant does not give."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Floats = npt.NDArray[np.float64]
 
 
 def jitter(case: InstrumentCase, recipe: Recipe) -> Floats:
-    """(N, 6 + k, n) how each actuator's repeatability moves the poses at the stops, and k joints, 1 sigma, m and rad.
+    """(N, 6 + k, n) motions of the poses at stops, and of k joints, by 1 sigma of each actuator's repeatability, m and rad.
 
-    NaN at stops of no instrument. Repeatability is drawn as :func:`~gtpin.plant.instruments.build.build_measured` draws it
-    from the same seed.
+    NaN at stops at which no instrument measures. Repeatability is drawn as
+    :func:`~gtpin.plant.instruments.build.build_measured` draws it from the same seed.
     """
     part = np.random.SeedSequence([recipe.seed, 5]).spawn(5)[3]
     repeatability = recipe.noise.repeatability_of(case.machine, np.random.default_rng(part))

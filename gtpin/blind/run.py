@@ -28,10 +28,10 @@ from gtpin.plant.truth import Case
 from gtpin.threads import in_one_thread
 
 TAKEN_OUT = 2
-"""Of the cases with one effect, one in so many is diagnosed again with the effect removed from the catalogue."""
+"""One in this many of the cases with one effect is diagnosed again with the effect removed from the catalogue."""
 
 SUSPECTS = 16
-"""If a process died, so many of the unfinished cases are diagnosed one by one, to find the case that ended it."""
+"""If a process died, this many of the unfinished cases are diagnosed one by one, to find the case that ended it."""
 
 
 @dataclass(frozen=True)

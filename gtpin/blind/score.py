@@ -63,7 +63,7 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
 
 
 def _of_instruments(cases: Sequence[Judged]) -> dict[str, Any]:
-    """What a score has besides, where other instruments than a tracker alone measured."""
+    """Additional keys of a score where other instruments than a tracker alone measured."""
     return {
         "set_f1_visible": visible_f1(cases).value,
         "not_visible": not_visible(cases),

@@ -1,4 +1,4 @@
-"""How motions of the platform show in what was measured, in units of the noise: in poses, or in readings of instruments."""
+"""Changes of the measured numbers (poses, or readings of instruments) by motions of the platform, in units of the noise."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ Indices = npt.NDArray[np.intp]
 
 
 class Seen(Protocol):
-    """What was measured at N poses, c numbers at each."""
+    """The measurement of c numbers at each of N poses."""
 
     def whitened(self, motions: Floats) -> Floats:
-        """(N, c, m) change of the numbers, over their noise, by motions (N, 6, m) of the platform, m and rad, base frame."""
+        """(N, c, m) change of the numbers in units of their noise, by motions (N, 6, m) of the platform, m and rad, base
+        frame."""
 
     @property
     def unknowns(self) -> Floats | None:
-        """(N, c, k) their derivative by what is unknown of the instruments, in prior sigmas, over their noise; None without."""
+        """(N, c, k) derivative by the instruments' unknowns in prior sigmas, in units of the noise; None where there are
+        none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,7 @@ class SeenReadings:
     Parameters
     ----------
     by_motion
-        (N, c, 6) their derivative by the platform's motion, over their noise.
+        (N, c, 6) derivative of the numbers by the platform's motion, in units of the noise.
     unknowns
         As in :class:`Seen`.
     """
@@ -74,14 +76,14 @@ class SeenReadings:
 class NumberedRows:
     """The readings of a dataset, each of their numbers with its noise.
 
-    Known distances of sockets are left out: no pose changes them, and E has them neither.
+    Known distances of sockets are left out: they do not depend on the pose, and are not in E.
 
     Parameters
     ----------
     dataset
-        The rows, of which each is one number where instruments read different numbers of them.
+        The rows. Each row has one number where the instruments' readings have different lengths.
     row
-        (N,) index of each among the rows of the dataset as it was read.
+        (N,) index of each row in the dataset as it was read.
     sigma
         (N, c) noise, m or rad.
     """
@@ -92,7 +94,7 @@ class NumberedRows:
 
     @staticmethod
     def of(dataset: Dataset, baseline: ReadingsCalibration, noise: Mapping[str, Floats]) -> NumberedRows:
-        """For a dataset of schema 2, and by the instruments' names the noise (M, c) of the numbers in their tables."""
+        """The rows of a dataset of schema 2. ``noise``: by instrument's name, the noise (M, c) of the numbers in its table."""
         split = single(dataset, baseline.model.robot)
         whole, rows = dataset.readings, split.readings
         assert whole is not None
@@ -109,7 +111,7 @@ class NumberedRows:
         return NumberedRows(split.take(kept), row[kept], np.stack([sigma[i] for i in kept]))
 
     def seen(self, baseline: ReadingsCalibration) -> SeenReadings:
-        """How motions show in them, about a calibration."""
+        """The derivatives of the readings, at a calibration."""
         readings = Readings.of(self.dataset, baseline.model.robot, baseline.u)
         poses = baseline.model.kinematics.forward(self.dataset.q)
         unknowns, _ = readings.unknown_columns(baseline.model, poses, False, None)

@@ -21,7 +21,8 @@ ROWS = 400
 
 
 def gaussian_process_positions(dataset: Dataset, baseline: Model, commands: Commands) -> Floats:
-    """(H, 3) positions at commands, m: the baseline's plus a Gaussian process fitted to its residuals at the dataset's rows.
+    """(H, 3) positions at commands, m: those of the baseline plus a Gaussian process fitted to its residuals at the dataset's
+    rows.
 
     Squared-exponential kernels over the commands together and over each covariate alone (its length scale
     is the covariate's spread); the other hyperparameters by maximum a posteriori (Rasmussen and Williams 2006, ch. 5).

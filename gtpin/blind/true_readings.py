@@ -1,4 +1,4 @@
-"""What is sealed of a case that instruments read: their true readings, and the noise of each number."""
+"""The sealed truth of readings: what the instruments read without noise, and the noise of each number."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def true_readings(case: InstrumentCase, left_out: Sequence[LeftOut]) -> tuple[TrueReadings, ...]:
-    """What the instruments read without noise: at the held-out commands, and of touches at those that were left out."""
+    """Readings without noise: at the held-out commands; for touching instruments, at the touches that were left out."""
     touches = {one.name: (one.values, one.sigma) for one in left_out}
     return tuple(
         TrueReadings(name=name, values=_rows(values), sigma=_rows(sigma))
@@ -26,9 +26,9 @@ def true_readings(case: InstrumentCase, left_out: Sequence[LeftOut]) -> tuple[Tr
 
 
 def true_noise(case: InstrumentCase, recipe: Recipe) -> tuple[TrueNoise, ...]:
-    """The noise of every number in the instruments' tables: the instrument's own, and what the machine's repeatability does.
+    """The noise of every number in the instruments' tables: the instrument's own, and that of the machine's repeatability.
 
-    It is the noise by which E is measured.
+    E is computed with this noise.
     """
     moves, found = jitter(case, recipe), []
     for gauge in case.gauges:

@@ -66,15 +66,15 @@ class TruePoses(BaseModel):
 class TrueReadings(BaseModel):
     """What an instrument reads without noise at a case's ``commands-NAME.csv`` or, without this file, ``commands.csv``.
 
-    Row i of ``commands.csv`` has id number i of stations or targets, in alphabetical order, again and again: so does what the
-    worker predicts. Of a touch it is by how much it misses.
+    Stations, planes or targets are assigned to the rows of ``commands.csv`` in turn, in alphabetical order of their ids; so
+    they are in what the worker predicts. The reading of a touch is the distance by which it misses.
 
     Parameters
     ----------
-    name
-        The instrument's.
+        name
+        Name of the instrument.
     values, sigma
-        (H, c) readings and their noise, m or rad; of a tracker positions.
+        (H, c) readings and their noise, m or rad; for a tracker, positions.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -85,14 +85,14 @@ class TrueReadings(BaseModel):
 
 
 class TrueNoise(BaseModel):
-    """The noise of an instrument's readings by which E is measured.
+    """The noise of an instrument's readings with which E is computed.
 
     Parameters
     ----------
     name
-        The instrument's.
+        Name of the instrument.
     sigma
-        (M, c) 1 sigma of every number in the rows of its table, with what the machine's repeatability does to it, m or rad.
+        (M, c) sigma of every number in the rows of its table, with the scatter by the machine's repeatability, m or rad.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -113,11 +113,11 @@ class Truth(BaseModel):
     poses
         True poses at the held-out commands, if known.
     readings
-        What other instruments than a tracker alone would read; poses are left out then.
+        True readings where other instruments than a tracker alone measured; ``poses`` is then None.
     sigma
-        (6,) the instrument's noise, m and rad, by which energies are whitened; None if not known.
+        (6,) the instrument's noise, m and rad, with which displacements are whitened; None if not known.
     noise
-        The same of instruments of schema 2, of each number; empty if not known.
+        The same for instruments of schema 2, for each number; empty if not known.
     """
 
     model_config = ConfigDict(frozen=True)

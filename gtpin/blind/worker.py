@@ -40,8 +40,8 @@ class Outcome(BaseModel):
     baseline, model
         (H, 3) positions, m, at ``commands.csv``, of the geometry alone and with the causes; None without such a file.
     baseline_readings, model_readings
-        What the instruments of a dataset of schema 2 read there by these models, by name: (H, c), with ids in turn. An
-        instrument with commands of its own, ``commands-NAME.csv``, is read at these, with the ids that they have.
+        (H, c) readings at ``commands.csv`` that these models predict, by name of the instrument, for a dataset of schema 2.
+        Where there is a file ``commands-NAME.csv``, the instrument's readings are at its commands and with its ids.
     error
         Message of the error with which the diagnosis failed.
     """
@@ -98,7 +98,7 @@ def _positions(model: Model, commands: Commands) -> list[list[float]]:
 
 
 def _readings(model: Model, folder: Path, commands: Commands) -> dict[str, list[list[float]]]:
-    """What each instrument of a model reads at commands, or at its own in the dataset's folder; of a tracker positions."""
+    """Readings of each instrument of a model, at ``commands`` or at the instrument's own file; for a tracker, positions."""
     if not model.instruments:
         return {}
     poses = model.predict(commands.q, commands.covariates)
@@ -118,7 +118,7 @@ def _readings(model: Model, folder: Path, commands: Commands) -> dict[str, list[
 
 
 def _ids_in_turn(known: Mapping[str, Sequence[str]], count: int) -> dict[str, npt.NDArray[np.object_]]:
-    """(count,) ids of stations, planes or targets by column: of row i number i in alphabetical order, again and again."""
+    """(count,) ids of stations, planes or targets, by column: the ids in alphabetical order, repeated over the rows."""
     return {
         column: np.array(sorted(ids), dtype=object)[np.arange(count) % len(ids)] for column, ids in known.items() if ids
     }

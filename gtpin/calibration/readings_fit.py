@@ -1,4 +1,4 @@
-"""Robust fit of geometry and instruments' unknowns: reject gross errors and estimate each instrument's noise until settled."""
+"""Robust fit of geometry and instruments' unknowns: gross errors are rejected and noise is estimated until both converge."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 SETTLED = 1e-3
-"""Relative change of a sigma at which it has settled."""
+"""Relative change of a sigma below which it has converged."""
 
 WIDE = 1.5
-"""Size of residuals over the noise from which a fit that does not converge is made with noise of that size."""
+"""Size of residuals, in units of the noise, from which a fit that does not converge is repeated with noise of that size."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,8 @@ class SettledReadings:
     noise
         Noise of all rows, used or not.
     tails
-        Tails of the noise, for each instrument; where a row is one component, for each of its sigmas.
+        Tails of the noise, for each group of rows that are compared with each other: an instrument, or one of its sigmas
+        where a row has one number.
     steps
         Number of steps of all fits.
     wide
@@ -81,7 +82,7 @@ class SettledReadings:
 
     @property
     def excess(self) -> float:
-        """Ratio of residuals to noise if chi-square shows a lack of fit; else 1."""
+        """Ratio of residuals to noise where chi-square or heavy tails show a lack of fit; else ``wide``."""
         if any(tails.heavy for tails in self.tails):
             return max([self.wide, *(tails.scale for tails in self.tails if tails.heavy and tails.scale > CORE)])
         if chi2.sf(self.chi2, self.dof) >= LACK_OF_FIT:
@@ -89,7 +90,7 @@ class SettledReadings:
         return max(self.wide, float(np.sqrt(self.chi2 / self.dof)))
 
     def refit(self, factor: float) -> Fit[ReadingsProblem]:
-        """The fit with the noise larger by a factor."""
+        """The fit with the noise multiplied by a factor."""
         problem = replace(self.fit.problem, whitening=self.fit.problem.whitening * self.wide / factor)
         weight = self.fit.weight
         return fit(problem, lambda _: weight, self.fit.point.x)
@@ -104,7 +105,7 @@ class RobustFit:
     start
         The nominal model.
     readings
-        What was read, with a first guess of the unknowns.
+        The readings, with a first guess of the unknowns.
     rows, visits
         (N,) line number of each row in its file, and index of its commands.
     near
@@ -215,7 +216,7 @@ class RobustFit:
         return self.readings.at(outcome.problem.unknowns(outcome.point.x)).minus(poses)
 
     def _alike(self, used: Mask) -> list[npt.NDArray[np.intp]]:
-        """Of the rows that are used, those whose residuals are judged by each other."""
+        """Groups of used rows whose residuals are compared with each other; indices among the used rows."""
         place = np.cumsum(used) - 1
         return [place[rows[used[rows]]] for rows in self.readings.alike]
 
@@ -248,7 +249,8 @@ class RobustFit:
         return tuple(weights.Tails.of(some[rows]) if len(rows) else weights.Tails() for rows in self._alike(used))
 
     def _gross(self, whitened: Floats, used: Mask) -> Mask:
-        """(N,) rows of which any number is a gross error, or that the model does not reach; all of a table's row together."""
+        """(N,) rows with a gross error in any number, or with a pose that the model can't reach; a table's row is rejected as
+        a whole."""
         found: Mask = np.asarray(~np.isfinite(whitened).all(axis=1))
         for rows in self._alike(np.ones(len(used), dtype=bool)):
             if used[rows].any():
@@ -267,7 +269,8 @@ class RobustFit:
     def _estimated(
         self, noise: ReadingNoise, outcome: Fit[ReadingsProblem], fitted: Mask, used: Mask, left: Floats, known: Mask
     ) -> ReadingNoise:
-        """Sigmas that are not declared, from the residuals; from repeated readings where these are significantly smaller."""
+        """Sigmas that are not declared, from the residuals, or from repeated readings where their sigma is significantly
+        smaller."""
         both = fitted & used
         free = ~np.isfinite(self.readings.row_sigma)
         group, groups = self.readings.group, len(noise.sigma)

@@ -18,20 +18,20 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ReadingsProblem:
-    """The fitted problem: x has the deviations of the geometry in tolerances, then those of the instruments' unknowns.
+    """The fitted problem: x has the deviations of the geometry, in units of the tolerances, and of the instruments' unknowns.
 
-    An unknown with a prior is in units of its sigma, from its declared value. An unknown without one is in mm or mrad, from the
-    start of the fit, and gets a prior with the sigma ``VAGUE``. This has no influence where there are readings, and holds a
-    socket whose rows are all set aside.
+    An unknown with a prior is measured from its declared value, in units of its sigma. An unknown without one is measured from
+    the start of the fit, in mm or mrad, and gets a prior with the sigma ``VAGUE``: this has no influence where there are
+    readings, and keeps the fit regular where all rows of a socket are set aside.
 
     Parameters
     ----------
     start
         Model at x = 0: nominal geometry.
     readings
-        What was read, with the unknowns' values at x = 0.
+        The readings, with the unknowns' values at x = 0.
     whitening
-        (N, c, c) see :class:`~gtpin.noise.reading_noise.ReadingNoise`.
+        (N, c, c) whitening matrices: see :class:`~gtpin.noise.reading_noise.ReadingNoise`.
     """
 
     start: Model
@@ -67,7 +67,7 @@ class ReadingsProblem:
 
     @property
     def first(self) -> Floats:
-        """(size,) x of nominal geometry and of the readings' own values of the unknowns."""
+        """(size,) x at nominal geometry and at the values of the unknowns that ``readings`` has."""
         of_unknowns = np.where(np.isfinite(self.readings.sigma), self.readings.u / self.unit, 0.0)
         return np.concatenate([np.zeros(self.n_geometry), of_unknowns])
 
@@ -83,7 +83,7 @@ class ReadingsProblem:
         return self.residual_at(point, point.poses)
 
     def residual_at(self, point: Point, poses: Poses) -> Floats:
-        """(N, c) the same for other poses, base frame, than the point's geometry has."""
+        """(N, c) whitened measured less predicted, for given poses, base frame, instead of those of the point's geometry."""
         return self.whiten(self.readings.at(self.unknowns(point.x)).minus(poses))
 
     def whiten(self, values: Floats) -> Floats:

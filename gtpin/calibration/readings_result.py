@@ -1,4 +1,4 @@
-"""The result of a calibration by any instruments: as by a tracker, with the instruments' unknowns and errors of each."""
+"""The result of a calibration by any instruments: as for a tracker, with the unknowns and the errors of each instrument."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ class ReadingsCalibration(Calibration):
     by_instrument
         Errors of each instrument.
     sigmas
-        For each instrument its name, and the number of its sigmas in ``noise``.
+        Name of each instrument, and the number of its sigmas in ``noise``.
     remedies
         For each unobservable direction, the measurement that would show it; None where none is known.
 
-    ``residual`` and ``residual_before`` have one row for each used row of the data as they were fitted, ``noise`` one sigma for
-    each kind of number.
+    ``residual`` and ``residual_before`` have one row for each used row of the fitted data, ``noise`` one sigma for each group
+    of numbers.
     """
 
     noise: ReadingNoise  # type: ignore[assignment]

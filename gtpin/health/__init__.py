@@ -1,1 +1,1 @@
-"""What has changed since a model was identified: checks from a few poses, which poses to measure, and a log of checks."""
+"""Checks of a machine from a few poses: what has changed since a model was identified; plans of poses; a log of checks."""

@@ -1,4 +1,4 @@
-"""From which evidence on a check raises an alarm: by draws of what it would measure if nothing had changed."""
+"""The evidence above which a check raises an alarm, from simulated checks of a machine that has not changed."""
 
 from __future__ import annotations
 

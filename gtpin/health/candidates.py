@@ -1,4 +1,4 @@
-"""Poses that could be measured, each in conditions of its own, from which a plan chooses."""
+"""Candidate poses of a plan, each with measurement conditions."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 COUNT = 300
-"""Poses to choose from, where none are given."""
+"""Number of poses to choose from, where no commands are given."""
 RESOLUTION = 1e-6
 """Commands are rounded to this, m or rad."""
 SPEED, PAYLOAD = 0.2, 5.0
-"""Speed, m/s or rad/s, and payload, kg, that a plan for discrimination may ask for: what most machines allow. Assumed."""
+"""Speed, m/s or rad/s, and payload, kg, of a plan for discrimination. Assumed: most machines allow them."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,8 @@ def candidates(
 
 
 def _usual(model: Model, given: Collection[str], count: int) -> dict[str, Column]:
-    """What the model's effects need beside what is given: at rest, without load, at the temperature of the fit."""
+    """Covariates that the model's effects need in addition to ``given``: at rest, without load, at the reference
+    temperature."""
     found: dict[str, Column] = {}
     for active in model.effects:
         for name in active.references.covariates:

@@ -1,4 +1,4 @@
-"""What may have changed since an earlier model: effects at their sites, and why some of them can't be told by a check."""
+"""What may have changed since an earlier model: effects at their sites, and why a check can't test some of them."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ class Tested(HypothesisSet):
 
 @dataclass(frozen=True)
 class Changes:
-    """What a check may name.
+    """The changes that a check can name, and those that it can't test.
 
     Parameters
     ----------
     hypotheses
-        What it tests.
+        The hypotheses that it tests.
     untested
-        What it can't test, and why.
+        The hypotheses that it can't test, and why.
     assumed
         Names of the temperatures whose change since the earlier model is not known and therefore assumed.
     """
@@ -63,7 +63,7 @@ class Changes:
 
 @dataclass(frozen=True)
 class Since:
-    """The covariates of a check as effects need them that describe changes since an earlier model.
+    """The covariates of a check, as they are needed for effects that describe changes since an earlier model.
 
     Parameters
     ----------
@@ -80,14 +80,14 @@ class Since:
 
     @staticmethod
     def of(covariates: Mapping[str, Column], earlier: Earlier, reference: float, count: int, warmer: float) -> Since:
-        """Covariates of a check of N poses, after a model.
+        """The covariates of changes, from those of a check of N poses.
 
         Parameters
         ----------
         reference
             Reference temperature of the dataset, degC.
         count
-            N.
+                        N, the number of poses.
         warmer
             Assumed rise, K, of temperatures whose change is not known.
         """
@@ -105,7 +105,7 @@ class Since:
 
 
 def changes(design: Design, scope: Scope, assumed: tuple[str, ...] = ()) -> Changes:
-    """Divide the effects of a scope, at all their sites, into those that a check can show and those that it can't."""
+    """Divide the effects of a scope, at all their sites, into those that a check can test and those that it can't."""
     at, marginal = design.situation, Marginal(design.B)
     tested: list[Hypothesis] = []
     untested: list[Untested] = []
@@ -133,6 +133,7 @@ def _reason(at: Situation, hypothesis: Hypothesis) -> Untestable | None:
 
 
 def _shows(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> bool:
-    """Whether an effect far beyond its usual size shows, whatever the model's uncertainty and the instrument's pose."""
+    """Whether an effect of ``priors.large`` times its typical size shows beyond the model's uncertainty and the instrument's
+    pose."""
     X = design.columns(hypothesis.basis(design.situation)) * priors.large
     return float(np.trace(marginal.product(X, X))) > priors.shows

@@ -40,11 +40,12 @@ from gtpin.threads import in_one_thread
 Floats = npt.NDArray[np.float64]
 
 FALSE_ALARM, POWER = 0.01, 0.95
-"""Chance of an alarm where nothing has changed; and of finding the smallest changes that are reported."""
+"""Probability of an alarm where nothing has changed; and of an alarm by each smallest change that is reported."""
 DRAWS, POWER_DRAWS = 10_000, 800
-"""Draws behind the alarm's threshold: 1 in 100 is known to 0.1 %; and behind each smallest change: 95 % to 0.8 %."""
+"""Number of draws for the alarm's threshold: the probability 1 % has a standard error of 0.1 %; and for each smallest change:
+95 % with 0.8 %."""
 REGIONS, TOGETHER = 4, 3
-"""Boxes of the workspace at most, and poses in each at least."""
+"""Most regions of the workspace, and fewest poses in each."""
 
 
 @in_one_thread
@@ -83,7 +84,7 @@ def check(
 
 @dataclass(frozen=True)
 class _Tried:
-    """Rows of a check with what they are tested for."""
+    """Rows of a check, with the hypotheses that are tested and the conclusion."""
 
     data: Usable
     changes: Changes
@@ -123,9 +124,9 @@ def concluded(hypotheses: Tested, scope: Scope) -> Conclusion:
 
 
 def _without_gross(tried: _Tried, earlier: Earlier, scope: Scope, rng: np.random.Generator) -> _Tried:
-    """The same without gross errors: poses that are far from what the others predict of them, changed as these are.
+    """The check without gross errors: poses far from the prediction of the other poses, given the named changes.
 
-    Also a pose that alone makes a change: far from what the others predict without a change, where these show none.
+    A pose is also a gross error if it is far from the prediction without changes, and no change is named without it.
     """
     for _ in range(int(scope.priors.gross_share * len(tried.data.dataset))):
         none = tried.columns(())
@@ -159,7 +160,7 @@ def _result(
     seed: int,
     rng: np.random.Generator,
 ) -> HealthCheck:
-    """What is reported."""
+    """The result with all that is reported."""
     design, hypotheses, data = tried.design, tried.hypotheses, tried.data
     named: Sequence[Hypothesis] = list(found.classes)
     model, active = updated(earlier, design, named, [found.scale[c] for c in named], tried.columns())
@@ -199,12 +200,12 @@ def _result(
 
 
 def _cause(model: Model, own: ActiveEffect, hypothesis: Hypothesis, found: Conclusion) -> Cause:
-    """A change as it is reported; the model may have an effect of the same name from before."""
+    """A change as it is reported. ``own`` is its effect: the earlier model may have another one of the same name."""
     return cause(replace(model, effects=(own,)), hypothesis, found.classes[hypothesis])
 
 
 def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:
-    """The model without changes whose covariates nobody recorded: it can't predict them."""
+    """The model without the changes at ``places``: it can't predict changes whose covariates were not recorded."""
     p, kept, rows = len(model.geometry.parameters), [], list(range(len(model.geometry.parameters)))
     for active in model.effects:
         own = list(range(p, p + len(active.coefficients)))
@@ -218,7 +219,7 @@ def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:
 
 
 def _gaps(tried: _Tried, rng: np.random.Generator) -> tuple[Gap, dict[tuple[str, str], Gap]]:
-    """How far the gap shrinks with all changes, and with all but each; every pose is left out in turn."""
+    """The gap with all changes; and, by change, with all but this one. Every pose is left out in turn."""
     design, floor = tried.design, _floor(tried)
     blocks = list(np.eye(len(floor), dtype=bool))
     places = [c.place for c in tried.conclusion.classes]

@@ -1,4 +1,4 @@
-"""Choice of the poses that determine some effects best, given everything else that is unknown."""
+"""Choice of the poses that determine some effects best, where everything else is unknown too."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Rows = npt.NDArray[np.intp]
 WORTH = 1e-6
 """Smallest gain, nats, for which poses are exchanged."""
 PASSES = 2
-"""Rounds of exchanges at most."""
+"""Most rounds of exchanges."""
 
 
 class Choice:

@@ -1,4 +1,4 @@
-"""``gtpin.diagnose``: a diagnosis of data by themselves, or of what has changed since an earlier model."""
+"""``gtpin.diagnose``: a diagnosis of data alone, or of what has changed since an earlier model."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def diagnose(
     Without ``against``, five steps: prepare the data and calibrate; propose hypotheses, and re-estimate noise and outliers;
     infer which hypotheses are causes; fit them together with the geometry; plan what to measure next. See docs/diagnosis.md.
 
-    With ``against``, nothing is calibrated: the earlier model, with its uncertainty, is what is known, and the causes are what
-    has changed since. Ten poses are enough. See docs/health.md.
+    With ``against``, nothing is calibrated: the earlier model with its uncertainty is the prior, and the causes are changes
+    since then. Ten poses are enough. See docs/health.md.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def diagnose(
         The effects to try; by default the whole catalogue. To add your own effects: ``[*gtpin.catalogue(), MyEffect()]``.
         The dataset's drivers (``[[driver]]`` in dataset.toml) are tried in addition, but not with ``against``.
     exclude
-        What is not tried, each as ``effect`` (at all its sites) or ``effect@site``.
+        Effects that are not tried, each as ``effect`` (at all its sites) or ``effect@site``.
     false_alarm
         Probability of naming a cause where there is none.
     priors

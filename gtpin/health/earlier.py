@@ -20,7 +20,7 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 SINCE = "since the model"
-"""Session of all rows of a check: none of the model's."""
+"""Session of all rows of a check: none of the sessions of the model's fit."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Earlier:
         return np.concatenate(columns, axis=2)
 
     def _then(self, covariates: Mapping[str, Column], count: int) -> dict[str, Column]:
-        """Covariates as the model's effects take them: no session of its fit, and the middle of its time."""
+        """Covariates for the model's effects: a session that is not in its fit, and the middle of the time of its fit."""
         then = dict(covariates) | {"session": np.full(count, SINCE, dtype=object)}
         for active in self.effects:
             start, span = active.references.time

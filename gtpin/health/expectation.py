@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Conditions:
-    """How a check is measured.
+    """The conditions under which a check is measured.
 
     Parameters
     ----------

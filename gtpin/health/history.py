@@ -1,4 +1,4 @@
-"""A log of checks over time: one line of JSON a check, in a file that is only ever added to."""
+"""A log of checks over time: one line of JSON for each check, in a file to which lines are only added."""
 
 from __future__ import annotations
 

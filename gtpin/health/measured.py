@@ -21,7 +21,7 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 
 FEWEST = 3
-"""Poses that a check needs: fewer have fewer numbers than the pose of an instrument takes, or none to spare."""
+"""Fewest poses of a check: two poses have hardly more numbers than the six unknowns of an instrument's pose."""
 
 
 @dataclass(frozen=True)

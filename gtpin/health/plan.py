@@ -37,10 +37,10 @@ Purpose = Literal["calibration", "discrimination", "health"]
 Place = Literal["robot", "free"]
 
 RANDOM = 20
-"""Random choices of as many poses that a plan is compared with."""
+"""Number of random choices of as many poses with which a plan is compared."""
 VAGUE = 100.0
-"""Prior variance of what a check looks for, in typical sizes squared: ten times the typical size. Of effects that are to be
-told apart it is 1: one of them acts, and the others are no larger than usual."""
+"""Prior variance of the effects that a check is to find, in units of the squared typical size: a sigma of ten typical sizes.
+For effects that are to be distinguished it is 1: the others are not larger than usual."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Information:
-    """What a calibration by the planned poses gives, and in ``..._random`` what as many random poses give.
+    """The result to expect of a calibration with the planned poses and, in ``..._random``, with as many random poses.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class PosePlan(Shown):
     told
         For ``discrimination``: how well each effect is distinguished from all others.
     information
-        For ``calibration``: what the poses tell about the geometry; None for the other purposes.
+        For ``calibration``: the information of the poses about the geometry; None for the other purposes.
 
     Examples
     --------
@@ -157,9 +157,9 @@ def plan(
     model
         A model of the machine. Its covariance says how well the geometry is known; for a nominal model, the tolerances do.
     purpose
-        ``calibration``: the poses that give most information about the geometry (D-optimal). ``health``: the poses that show
-        shifted zeros and backlash of every actuator best, for ``gtpin.diagnose(data, against=model)``. ``discrimination``: the
-        poses that best distinguish effects from each other and from the geometry.
+        ``calibration``: the poses that give most information about the geometry (D-optimal). ``health``: the poses that
+        determine shifted zeros and backlash of every actuator best, for ``gtpin.diagnose(data, against=model)``.
+        ``discrimination``: the poses that best distinguish effects from each other and from the geometry.
     poses
         Number of poses.
     noise
@@ -250,7 +250,7 @@ def _for_calibration(
 def _possible(
     earlier: Earlier, some: Candidates, how: Conditions, scope: Scope, orientation: bool
 ) -> tuple[Design, Changes]:
-    """The linear problem of measuring candidates, and what could be told by it."""
+    """The linear problem of measuring candidates, and the changes that it could test."""
     kinematics = earlier.model.kinematics
     seen = earlier.model.seen(earlier.predicted(some.q, some.covariates, kinematics.forward(some.q)))
     measured = Measured(some.q, seen.T, seen.R if orientation else None)
@@ -265,7 +265,7 @@ def checked_first() -> tuple[str, ...]:
 
 
 def _wanted(possible: Changes, words: Sequence[str], model: Model) -> list[Hypothesis]:
-    """The hypotheses that words name, ``effect`` or ``effect@site``; all, where there are no words."""
+    """The hypotheses that ``words`` name, each ``effect`` or ``effect@site``; all, where there are no words."""
     tested = possible.hypotheses.linear
     found = [h for h in tested if not words or h.effect.id in words or str(h) in words]
     for word in words:
@@ -276,7 +276,7 @@ def _wanted(possible: Changes, words: Sequence[str], model: Model) -> list[Hypot
 
 
 def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Choice:
-    """The choice that determines the cores of some effects, of a prior variance, everything else unknown."""
+    """The choice of poses that determines the cores of some effects, with a prior variance; everything else is unknown too."""
     N, c = len(design.whitening), design.components
     columns, prior, groups = [design.B], [np.ones(design.B.shape[1])], []
     place = design.B.shape[1]
@@ -316,7 +316,7 @@ def _taken(some: Candidates, rows: npt.NDArray[np.intp]) -> Candidates:
 
 
 def _commands(some: Candidates, rows: npt.NDArray[np.intp], purpose: str) -> Commands:
-    """The chosen poses as a table, in an order with short ways between them."""
+    """The chosen poses as a table, in an order with short paths between them."""
     rows = rows[_short_way(some.q[rows])]
     ids = np.array([f"{purpose}{k + 1}" for k in range(len(rows))], dtype=object)
     known = {} if purpose == "calibration" else {name: some.covariates[name][rows] for name in some.set_by_plan}
@@ -324,7 +324,7 @@ def _commands(some: Candidates, rows: npt.NDArray[np.intp], purpose: str) -> Com
 
 
 def _short_way(q: Floats) -> npt.NDArray[np.intp]:
-    """Order of commands, each time the nearest next."""
+    """Order of commands: the next is always the nearest one left."""
     span = np.maximum(np.ptp(q, axis=0), 1e-12)
     left, order = list(range(1, len(q))), [0]
     while left:

@@ -1,4 +1,4 @@
-"""The smallest change that a check finds: what it could not have seen is smaller, or is not in its list at all."""
+"""The smallest change of each effect that a check finds. Changes that it could not find are smaller, or not in its list."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LARGEST = 1e3
 STEPS = 12
 """Halvings of the logarithm of the size: to 0.4 %."""
 NAMED = 60
-"""Shapes from which the median of a parameter is taken."""
+"""Number of random shapes for the median of a parameter."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Smallest:
     Parameters
     ----------
     effect, site
-        The effect that changes, and where.
+        The effect that changes, and its site.
     parameter, value, unit
         The size of the change, as the effect's first parameter. Where the effect has several coefficients: the median over
         changes of random shape. ``value`` is None where not even 1,000 times the typical size is found.

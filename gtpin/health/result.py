@@ -1,4 +1,4 @@
-"""What a check says."""
+"""The result of a check."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class HealthCheck(Shown):
     power, smallest
         For each tested effect, the smallest change that poses like these show with the probability ``power``.
     assumed
-        Temperatures for which it is not known how much they have changed since the earlier model. A check assumes that they
-        may have changed.
+        Names of the temperatures whose change since the earlier model is not known. A check assumes that they may have
+        changed.
     noise
         Root mean square length of the position error, m, that noise alone gives at these poses.
     free_frame

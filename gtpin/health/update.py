@@ -1,4 +1,4 @@
-"""An earlier model brought up to date: geometry, its effects, the instrument's pose, and the changes, by the check's poses."""
+"""An earlier model updated with the poses of a check: geometry, its effects, the instrument's pose, and the changes."""
 
 from __future__ import annotations
 
