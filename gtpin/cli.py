@@ -113,7 +113,7 @@ def _run() -> int:
 
 
 def _flush() -> None:
-    """Write out what waits for standard output, which has been complained of already where it can't be written."""
+    """Write the rest of standard output; an error here is ignored because it was already reported."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -41,13 +41,13 @@ class Accuracy(Shown):
     model, q
         The model, and the (N, n) commands, m or rad, at which it was analysed.
     sensitivity
-        How far each parameter of each link moves the TCP (Dressler et al. 2010, Table III), for these commands.
+        The motion of the TCP by a step in each parameter of each link (Dressler et al. 2010, Table III), at these commands.
     uncertainty, uncertain
-        The uncertainty that causes the expected errors, and a few words that say where it is from.
+        The uncertainty that causes the expected errors, and its source as text.
     expected
         The expected errors of the TCP.
     seed
-        Seed of the machines that are drawn.
+                Seed of the random machines of ``expected``.
 
     Examples
     --------
@@ -75,12 +75,12 @@ class Accuracy(Shown):
     def to_json(self) -> dict[str, Any]:
         """The content of accuracy.json, SI units.
 
-        ``schema``; ``robot``; ``poses``, their number; ``step`` of the sensitivity, m or rad; ``uncertainty``, in a few words;
-        ``expected.position`` (m) and ``expected.orientation`` (rad), each with ``mean`` over the poses, ``p95`` over machines
-        and poses, and ``maximum``, the mean over machines of the largest error over the poses; ``zyz_range``, ranges of the ZYZ
-        Euler angles over the poses (rad), null where an angle jumps; ``dexterity``, the ``least``, ``median`` and ``most`` of
-        each measure over the poses (see :class:`~gtpin.accuracy.dexterity.Dexterity`), null where it is infinite. Values of
-        orientation are null for a reduced arm, whose platform does not turn.
+        ``schema``; ``robot``; ``poses``, their number; ``step`` of the sensitivity, m or rad; ``uncertainty``, its source as
+        text; ``expected.position`` (m) and ``expected.orientation`` (rad), each with ``mean`` over the poses, ``p95`` over
+        random machines and poses, and ``maximum``, the mean over machines of the largest error over the poses; ``zyz_range``,
+        ranges of the ZYZ Euler angles over the poses (rad), null near their singularity; ``dexterity``, the ``least``,
+        ``median`` and ``most`` of each measure over the poses (see :class:`~gtpin.accuracy.dexterity.Dexterity`), null where
+        it is infinite. Values of orientation are null for a reduced arm.
         """
         poses = self.model.kinematics.forward(self.q)
         turns = self.expected.orientation is not None and not self.model.geometry.reduced
@@ -149,10 +149,10 @@ def analyse(
         By link, the cost after a calibration: the sum over ``cost_poses`` poses of the squared closure residual, m^4 (Dressler
         et al. 2010, Table II); None where it is not known.
     uncertainty
-        What is uncertain. By default: where ``costs`` are given, closure residuals of their size; else the geometry, by its
-        covariance, or by its manufacturing tolerances where it is nominal.
+                The uncertainty of the machine. By default: where ``costs`` are given, closure residuals of their size; else the
+        geometry, with its covariance, or with its tolerances where it is nominal.
     seed
-        Seed of the machines that are drawn.
+        Seed of the random machines.
 
     Raises
     ------

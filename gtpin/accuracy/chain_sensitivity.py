@@ -33,7 +33,7 @@ Floats = npt.NDArray[np.float64]
 PARAMETERS = ("x", "y", "z", "rx", "ry", "rz")
 """Placement of a joint in its parent, and of the TCP on its body, in their own axes: m and rad."""
 POSES = 200
-"""Commands where none are given."""
+"""Number of commands where none are given."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ChainSensitivity:
     Parameters
     ----------
     model, q
-        Of what, and at which (N, n) commands.
+        The model, and the (N, n) commands, m or rad, at which it was analysed.
     links
         Names of the k joints, and ``platform``.
     position
@@ -53,9 +53,9 @@ class ChainSensitivity:
     expected
         The errors to expect.
     uncertainty, uncertain
-        What was taken to be uncertain, and in words.
+                The uncertainty that causes the expected errors, and its source as text.
     seed
-        Of the postures and machines that are drawn.
+        Seed of the random postures and machines.
     """
 
     model: Model
@@ -70,7 +70,7 @@ class ChainSensitivity:
 
     @cached_property
     def space(self) -> ChainWorkspace:
-        """Where the TCP can be, by postures that fill the joints' ranges."""
+        """The reachable positions of the TCP, from postures that fill the joints' ranges."""
         return chain_workspace(self.model, self.seed)
 
     def to_table(self) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Robots without rods: where the TCP can be, by many postures, and the robot's dexterity there."""
+"""Robots without rods: the reachable positions of the TCP, from many postures, and the robot's dexterity there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 POSTURES = 8192
-"""Postures of a map: some ten for each of its cells."""
+"""Postures of a map: about ten for each of its cells."""
 COUNTS = (5, 17)
 """Cells of a map along its thinnest direction, and along the other two."""
 FLAT = 1e-6
@@ -32,12 +32,12 @@ class ChainDexterity:
     position_gain
         (N, min(3, n)) singular values, descending, of the TCP's position by the commands: m/rad, m/m where a joint slides.
     rotation_gain
-        (N, min(3, n)) those of its rotation vector: rad/rad, rad/m where a joint slides.
+        (N, min(3, n)) singular values of the TCP's rotation by the commands: rad/rad, rad/m where a joint slides.
     condition
-        (N,) largest over smallest of ``position_gain``.
+        (N,) largest of ``position_gain`` divided by the smallest.
     singularity
-        (N,) smallest singular value of the TCP's motion by the commands, over the largest such value of the N poses: 0 at a
-        singularity. Rotations count times the reach, the root mean square distance of the TCP from its mean position.
+        (N,) smallest singular value of the TCP's motion by the commands, divided by the largest of these over the N poses: 0 at
+        a singularity. Rotations count times the reach, the root mean square distance of the TCP from its mean position.
     limit
         (N,) distance of the nearest actuator from the end of its range, m or rad; negative beyond it.
     """
@@ -83,7 +83,7 @@ class ChainWorkspace:
         return there
 
     def on_grid(self, values: Floats) -> Floats:
-        """(nx, ny, nz) median in each cell of values (M,) that are finite; NaN where there is none."""
+        """(nx, ny, nz) median in each cell of the finite ones of values (M,); NaN where there is none."""
         table = np.full([len(axis) for axis in self.axes], np.nan)
         good = np.isfinite(values)
         place = np.ravel_multi_index(tuple(self.cell[good].T), table.shape)
@@ -94,7 +94,7 @@ class ChainWorkspace:
 
 
 def chain_commands(model: Model, count: int, seed: int) -> Floats:
-    """(N, n) commands that fill the joints' ranges, or a turn where there is no end to them; those that are reached."""
+    """(N, n) reachable commands that fill the joints' ranges; of a joint without limits, one turn."""
     from scipy.stats import qmc
 
     robot = model.robot
@@ -105,7 +105,7 @@ def chain_commands(model: Model, count: int, seed: int) -> Floats:
 
 
 def chain_workspace(model: Model, seed: int = 0) -> ChainWorkspace:
-    """Where the TCP of many postures is.
+    """The cells in which the TCP is, for many postures.
 
     Raises
     ------

@@ -26,15 +26,15 @@ class Dexterity:
         (N, min(3, n)) singular values, descending, of the TCP's position by the commands: m/m, which is mm of TCP per mm
         of cart; m/rad where actuators turn.
     rotation_gain
-        (N, min(3, n)) those of its rotation vector: rad/m, which is mrad per mm.
+        (N, min(3, n)) singular values of the TCP's rotation by the commands: rad/m, which is mrad per mm.
     condition
-        (N,) largest over smallest of ``position_gain``.
+        (N,) largest of ``position_gain`` divided by the smallest.
     position_amplification
         (N,) largest displacement of the TCP by rod length errors of unit root sum of squares, m/m.
     rotation_amplification
-        (N,) the same of its rotation vector, rad/m.
+        (N,) the same for the rotation of the TCP, rad/m.
     singularity
-        (N,) smallest singular value of the closures' Jacobian over that at home: 0 at a singularity, 1 as far as at home. A
+        (N,) smallest singular value of the closures' Jacobian, divided by that at home: 0 at a singularity. A
         row of the Jacobian is the rod's unit vector u and (r x u) / l, r from the mean of the joints on the platform to the
         rod's own, and l their root mean square distance from it.
     limit

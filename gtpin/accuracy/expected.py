@@ -18,7 +18,7 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 CHUNK = 5_000_000
-"""Numbers that are held in memory at the same time."""
+"""Most numbers in memory at the same time."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class Uncertainty:
     Parameters
     ----------
     parameters
-        (p, p) covariance of the model's geometric parameters, in their own units: the same at all poses of one machine.
+        (p, p) covariance of the model's geometric parameters, in their units. Their errors are the same at all poses of a
+        machine.
     closures
         (k,) 1 sigma of each rod's closure residual \\|d\\|^2 - L^2, m^2: independent from pose to pose, as in the paper's cost.
     repeatability
@@ -47,9 +48,9 @@ class Response:
     Parameters
     ----------
     fixed
-        (N, c, a) response to what one machine has at all poses alike, m and rad.
+        (N, c, a) response to causes that are the same at all poses of a machine, m and rad.
     fresh
-        (N, c, b) response to what is new at every pose.
+        (N, c, b) response to causes that are independent from pose to pose, m and rad.
     """
 
     fixed: Floats
@@ -68,13 +69,13 @@ class Error:
     Parameters
     ----------
     at
-        (N,) its expectation at each pose.
+                (N,) expected length at each pose.
     mean
-        Its expectation over the poses.
+        Mean of ``at`` over the poses.
     p95
-        95 % of all machines and poses have less.
+        95th percentile of the length over random machines and poses.
     maximum
-        Expectation of the largest that one machine shows over the visited poses.
+        Expected largest length of a machine over the visited poses.
     mean_spread, maximum_spread
         Standard deviations, from machine to machine, of the mean and of the largest over the visited poses.
     """
@@ -89,15 +90,15 @@ class Error:
 
 @dataclass(frozen=True)
 class ExpectedError:
-    """The error to expect of a machine, against its model, at a set of poses.
+    """The error to expect of a machine, relative to its model, at a set of poses.
 
     Parameters
     ----------
     position, orientation
-        Lengths of the position error, m, and of the error's rotation vector, rad; the latter None where the arm has no
-        orientation to err in.
+        Lengths of the position error, m, and of the error's rotation vector, rad; the latter None for a
+        reduced arm.
     visits
-        Number of poses that ``maximum`` is over.
+        Number of visited poses of ``maximum``.
     """
 
     position: Error
@@ -120,7 +121,7 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
     Raises
     ------
     ModelError
-        If the uncertainty is not of the model's size, or closures are named of a robot without rods.
+        If the uncertainty has not the model's number of parameters, or has closures for a robot without rods.
     UnreachableError
         If the commands can't be reached.
     """
@@ -156,17 +157,17 @@ def expected_error(
 def expected_of(response: Response, *, visits: int | None = None, draws: int = 2000, seed: int = 0) -> ExpectedError:
     """The error to expect of a response to standard normal causes.
 
-    Means are closed form (see :func:`mean_length`); what lies beyond them is by Monte Carlo over whole machines.
+    Means are in closed form (see :func:`mean_length`); percentiles and largest errors are from random machines.
 
     Parameters
     ----------
     visits
-        Number of poses, drawn from the N without repetition as far as they go, over which each machine's largest error is
-        taken; all N by default.
+        Number of visited poses over which each machine's largest error is taken; drawn from the N poses, without repetition
+        where N is enough; all N by default.
     draws
-        Number of machines.
+        Number of random machines.
     seed
-        Same seed, same numbers.
+        Seed of the random numbers.
     """
     count = len(response.fixed)
     visits = count if visits is None else visits

@@ -73,9 +73,9 @@ def workspace_map(space: Workspace | ChainWorkspace, values: Floats, title: str,
     Parameters
     ----------
     values
-        (M,) at the reachable points.
+        (M,) values at the reachable points.
     title, unit
-        What they are.
+        Name and unit of the values.
     """
     a, b = (i for i in range(3) if i != space.across)
     names, along = "xyz", space.axes[space.across]

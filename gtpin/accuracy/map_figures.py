@@ -24,29 +24,29 @@ SINGULARITY = {False: "smallest singular value / at home", True: "smallest singu
 
 
 class Analysed(Protocol):
-    """What maps need of an analysis."""
+    """The parts of an analysis that maps need."""
 
     @property
     def model(self) -> Model:
-        """Of what."""
+        """The analysed model."""
 
     @property
     def uncertainty(self) -> Uncertainty:
-        """What was taken to be uncertain."""
+        """The uncertainty that causes the expected errors."""
 
     @property
     def uncertain(self) -> str:
-        """The same in words."""
+        """The source of this uncertainty, as text."""
 
     @property
     def space(self) -> Workspace | ChainWorkspace:
-        """Where the TCP can be."""
+        """The reachable positions of the TCP."""
 
 
 def map_figures(found: Analysed) -> dict[str, Figure]:
-    """The maps of an analysis, by name; none of orientations that never change, and none of what is finite nowhere.
+    """The maps of an analysis, by name, without orientations that never change and without values that are finite nowhere.
 
-    The condition number is infinite everywhere where the TCP sits on a joint, so that some commands never move it.
+    The condition number is infinite everywhere where the TCP is on the axis of a joint, so that a command never moves it.
     """
     return {
         f"map_{name}": figures.workspace_map(found.space, values, title, unit)

@@ -23,10 +23,10 @@ WORTH = 1e-9
 
 
 def best_poses(signal: Signal, count: int) -> Rows:
-    """(count,) ascending rows of the poses with most information together (D-optimal): greedy, then exchange until none gains.
+    """(count,) ascending rows of the poses that together give most information (D-optimal): greedy choice, then exchanges.
 
-    An exchange takes one pose out and puts the one in that gains most (Fedorov 1972). No exchange of a single pose improves
-    on the result, which need not be the best of all.
+    An exchange replaces one pose by the one that gains most (Fedorov 1972). At the end no exchange of a single pose improves
+    the result, but it need not be the best of all.
 
     Raises
     ------
@@ -73,14 +73,14 @@ class Plan:
     rows
         (count,) the chosen candidates.
     nats, random_nats
-        log det(I + B'B) of the chosen, and (draws,) of random choices of as many.
+        log det(I + B'B) of the chosen poses, and (draws,) of random choices of as many.
     error, random_error
-        Root mean square error, m, of the position that the calibrated model predicts at other commands: of the chosen poses,
-        and (draws,) of random ones.
+        Root mean square error, m, of the positions that the model predicts at other commands after a calibration: with the
+        chosen poses, and (draws,) with random ones.
     learned
-        (p,) by parameter, how much of the tolerance's square the chosen would take away.
+        (p,) variance reduction of each parameter with the chosen poses.
     observability
-        By direction, with the indices O1 to O5.
+        Variance reduction by direction, and the indices O1 to O5.
     """
 
     rows: Rows
@@ -110,15 +110,15 @@ def plan_poses(
     Parameters
     ----------
     candidates
-        (N, n) commands to choose from.
+                (N, n) commands to choose from, m or rad.
     count
-        How many to choose.
+        Number of poses to choose.
     noise, orientation, free_frame
         See :func:`~gtpin.accuracy.signal.signal`.
     at
-        (M, n) commands at which the calibrated model shall predict well.
+                (M, n) commands, m or rad, at which the errors of the calibrated model are computed.
     draws, seed
-        Random choices to compare with; same seed, same choices.
+        Number of random choices to compare with, and their seed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What this part of gtpin needs of a robot: rods, and poses that it can reach."""
+"""Checks of a robot before an accuracy analysis: it has rods, and can reach the poses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def rod_kinematics(model: Model) -> RodKinematics:
     Raises
     ------
     ModelError
-        If its robot has none.
+        If its robot has no rods.
     """
     if not isinstance(model.kinematics, RodKinematics):
         raise ModelError(f"{model.robot.name} has no rods", hint="this analysis is of rods that hold a platform")
@@ -33,9 +33,9 @@ def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:
     Raises
     ------
     ModelError
-        If there are no commands, or they are not of that shape.
+        If there are no commands, or they do not have that shape.
     UnreachableError
-        If one can't be reached; the message names its row, from 0.
+        If one can't be reached; the message names its row, counted from 0.
     """
     robot = kinematics.geometry.robot
     poses = kinematics.forward(q)

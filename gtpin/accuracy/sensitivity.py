@@ -54,11 +54,11 @@ class Sensitivity:
     poses
         Number of commands that were summed over.
     step
-        The finite step, m, or m/m for directions.
+                The step, m, or m/m for directions.
     exact
-        By solving the forward kinematics again after the step.
+        Changes by solving the forward kinematics again after the step.
     linear
-        By the Jacobian.
+        Changes by the Jacobian.
     """
 
     links: tuple[str, ...]
@@ -113,16 +113,16 @@ def sensitivity(
     Raises
     ------
     ModelError
-        If the robot has no rods, or residuals are given both ways or in a wrong number.
+        If the robot has no rods, or both ``sigmas`` and ``measured`` are given, or a wrong number of sigmas.
     UnreachableError
         If the commands can't be reached.
     ConvergenceError
-        If a step opens the rods, as it may near a singularity.
+        If the closures have no solution after a step, as may happen near a singularity.
 
     Warns
     -----
     GtpinWarning
-        If the TCP's z axis comes to lie along the base's, where ZYZ angles jump: their changes are then left out.
+        If the TCP's z axis is nearly parallel to the base's, where ZYZ angles are singular: their changes are then left out.
     """
     kinematics = rod_kinematics(model)
     poses = reached_poses(kinematics, q)
@@ -170,7 +170,7 @@ def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ..
     q, poses
         (N, n) commands and the (N) poses there, base frame.
     parameters
-        Some of :data:`~gtpin.accuracy.steps.PARAMETERS`; NaN where a rod has no such one.
+        Some of :data:`~gtpin.accuracy.steps.PARAMETERS`; results are NaN where a rod has no such parameter.
 
     Returns
     -------

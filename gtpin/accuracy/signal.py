@@ -28,9 +28,9 @@ class Signal:
     Parameters
     ----------
     B
-        (N, c, size) geometry in tolerances, then the instrument's pose, where that is free, in metres and radians.
+        (N, c, size) geometry in units of the tolerances, then the pose of a free instrument, m and rad.
     names
-        Of the geometry's p parameters.
+        Names of the geometry's p parameters.
     """
 
     B: Floats
@@ -48,7 +48,7 @@ class Signal:
         return float(np.linalg.slogdet(np.eye(len(information)) + information)[1])
 
     def covariance(self, rows: Rows | None = None) -> Floats:
-        """(p, p) of the geometry after measuring, in tolerances."""
+        """(p, p) covariance of the geometry after measuring, in units of the tolerances."""
         information = self.information(rows)
         p = len(self.names)
         return np.asarray(np.linalg.inv(np.eye(len(information)) + information)[:p, :p])
@@ -71,11 +71,11 @@ def signal(model: Model, q: Floats, noise: Noise, *, orientation: bool = True, f
     Parameters
     ----------
     noise
-        Of the poses; a station's line of sight has to be that of these very poses.
+        Noise of the poses. Where it has a line of sight, this must be that of the same poses.
     orientation
         Whether orientations are measured too.
     free_frame
-        Whether the instrument's pose has to be found as well.
+        Whether the instrument's pose is identified too.
 
     Raises
     ------

@@ -29,11 +29,11 @@ class RodStep:
     rod
         Index of the rod.
     P
-        (3,) motion of its joint on the platform, TCP frame, per unit.
+                (3,) motion of its joint on the platform, TCP frame, per unit of the parameter.
     C
-        (N, 3) motion of its joint on the carrier at each pose, base frame, per unit.
+        (N, 3) motion of its joint on the carrier at each pose, base frame, per unit of the parameter.
     L
-        Change of its length, per unit.
+        Change of its length, per unit of the parameter.
     """
 
     rod: int
@@ -42,7 +42,7 @@ class RodStep:
     L: float
 
     def vector(self, poses: Poses) -> Floats:
-        """(N, 3) motion of the rod's vector d = T + R P - C at fixed poses, base frame, per unit."""
+        """(N, 3) change of the rod's vector d = T + R P - C at fixed poses, base frame, per unit of the parameter."""
         return np.asarray(poses.R @ self.P - self.C)
 
     def applied(self, ends: RodEnds, step: float, poses: int) -> RodEnds:
@@ -56,10 +56,10 @@ class RodStep:
 
 
 def rod_step(kinematics: RodKinematics, q: Floats, parameter: str, rod: int) -> RodStep | None:
-    """What a parameter of a rod does at commands q (N, n); None for a direction where the rod's carrier has no track.
+    """The effect of a parameter of a rod at commands q (N, n); None for a direction where the rod's carrier has no track.
 
-    C = C0 + q (v + dv): a step of the direction is added, and not normalised again, as in the paper; it is added to the
-    path of a measured track too. Where the carrier turns, C is fixed to it and names its place at zero.
+    C = C0 + q (v + dv): as in the paper, a step of the direction is added without normalisation, also to the path of a
+    measured track. Where the carrier turns, C is the joint's position at command 0.
     """
     zero, still = np.zeros(3), np.zeros((len(q), 3))
     if parameter == "L":
@@ -80,12 +80,12 @@ def rod_step(kinematics: RodKinematics, q: Floats, parameter: str, rod: int) -> 
 
 
 def poses_after(kinematics: RodKinematics, ends: RodEnds, poses: Poses, change: RodStep, step: float) -> Poses:
-    """Poses (N), base frame, that close the rods again after a step, near where they were.
+    """Poses (N), base frame, that fulfil the closures after a step, near the poses before it.
 
     Raises
     ------
     ConvergenceError
-        If the rods can't be closed again.
+        If the closures have no solution.
     """
     after = change.applied(ends, step, len(poses))
 

@@ -25,10 +25,10 @@ class Stiffness:
     matrix
         (N, 6, 6) force and moment per displacement and rotation vector: N/m, N, N m.
     principal
-        (N, 3) what a force at the TCP meets along the three principal directions, ascending, N/m (1 N/um = 1e6 N/m):
-        eigenvalues of the inverse of the compliance's block of positions, the platform being free to turn.
+        (N, 3) stiffness against a force at the TCP along the three principal directions, ascending, N/m (1 N/um = 1e6 N/m):
+        eigenvalues of the inverse of the compliance's position block. The platform is free to turn.
     directions
-        (N, 3, 3) those directions, one a column.
+        (N, 3, 3) these directions, one per column.
     """
 
     matrix: Floats
@@ -41,16 +41,16 @@ def stiffness(
 ) -> Stiffness:
     """K = J' (1 / k_rod + B (1 / k_drive) B')^-1 J at commands q (N, n), unloaded.
 
-    J is the derivative of the rods' lengths by the TCP's pose, B that by the commands: a rod and the drive that moves it are
-    springs in a row, and rods on one cart share its drive.
+    J is the derivative of the rods' lengths by the TCP's pose, B that by the commands. A rod and the drive that moves it are
+    springs in series, and rods on one cart share its drive.
 
     Parameters
     ----------
     rod
-        N/m along a rod, joints included: one number, or (k,).
+                Stiffness along a rod with its joints, N/m: one number, or (k,).
     drive
-        N/m (N m/rad where it turns) of an actuator in the sense of its command: one number, or (n,); infinite where it does not
-        give way.
+        Stiffness of an actuator along its command, N/m, or N m/rad where it turns: one number, or (n,); infinite for a rigid
+        drive.
     poses
         (N) the poses there, base frame, where they are known.
 

@@ -22,7 +22,7 @@ CONDITIONED = 1.5
 SOUND = 0.5
 """Smallest accepted distance from singularity, relative to that at home."""
 TRIES = 4
-"""Commands tried per wanted one."""
+"""Number of commands that are tried for each one wanted."""
 SMALLEST_BOX = 1.0 / 64.0
 """Fraction of the ranges below which the search stops."""
 
@@ -38,11 +38,11 @@ class Workspace:
     reachable
         (nx, ny, nz) whether the TCP can be brought there within the actuators' ranges.
     q
-        (M, n) commands of the M reachable points, in the order of the grid's rows (z runs fastest).
+        (M, n) commands of the M reachable points, m or rad, in the order of the grid (z varies fastest).
     poses
         (M) the poses there, base frame.
     dexterity
-        At the reachable points.
+        The dexterity at the reachable points.
     """
 
     axes: tuple[Floats, Floats, Floats]
@@ -82,9 +82,9 @@ def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int
     Raises
     ------
     ModelError
-        If the robot has no rods, or the box is none.
+        If the robot has no rods, or the corners give no box.
     UnreachableError
-        If it can go nowhere in the box.
+        If it can reach no point of the box.
     """
     kinematics = rod_kinematics(model)
     if min(counts) < 1 or not (np.asarray(lower) <= np.asarray(upper)).all():
@@ -108,8 +108,8 @@ def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int
 def default_commands(model: Model, count: int = 180) -> Floats:
     """(count, n) commands spread evenly (Halton) over the ranges, where the dexterity is about as good as at home.
 
-    An actuator without limits is taken from -pi to pi. Where the robot reaches hardly any of a box of commands, as one whose
-    actuators could do far more one by one than together, the box is shrunk towards home.
+    An actuator without limits is taken from -pi to pi. Where the robot reaches hardly any combination of these commands, the
+    ranges are reduced around home.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Identify a robot's geometry from what other instruments than one tracker read."""
+"""Identify a robot's geometry from readings of other instruments than one tracker."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 FEWEST = 1.0
-"""Degrees of freedom, the readings less what was learned of all unknowns, without which nothing can check a fit."""
+"""Fewest degrees of freedom (readings less the effective number of parameters) of a fit that can be checked."""
 MISFIT = 10.0
-"""Size of the residuals over the noise that is worth a warning."""
+"""Size of the residuals, in units of the noise, from which there is a warning."""
 
 
 def with_positions(dataset: Dataset, robot: Robot) -> Dataset:
     """The dataset with the nominal TCP's positions, base frame, m, as ``position``: readings alone do not have any.
 
-    They divide the poses into regions. A row that the nominal robot does not reach gets the position of the first row that it
-    reaches.
+    These positions serve to divide the poses into regions. A row that the nominal robot can't reach gets the position of the
+    first row that it can reach.
     """
     if dataset.readings is None or dataset.n_actuators != robot.n_actuators:
         return dataset

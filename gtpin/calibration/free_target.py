@@ -24,7 +24,7 @@ from gtpin.robot.geometry import Geometry
 Floats = npt.NDArray[np.float64]
 
 POSITION, ROTATION = 0.05, 0.1
-"""Tolerances, m and rad, of a free target about its first guess, whose own error is that of the robot: millimetres."""
+"""Tolerances, m and rad, of a free target about its first guess. The error of the guess is that of the robot: millimetres."""
 ANY_ROTATION = 2.0
 """The same, rad, where orientations were not measured: any rotation is as good."""
 FEWEST, ROWS = 6, 100
@@ -34,7 +34,7 @@ ROUNDS = 30
 
 
 def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
-    """The geometry with the TCP where the target must sit, and its tolerances wide, if the dataset says that it is free.
+    """The geometry with the TCP moved to a first guess of the target and with wide tolerances, if the dataset's target is free.
 
     Raises
     ------
@@ -73,8 +73,8 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
 def _misplaced_order(predicted: Poses, measured: Measured, free_frame: bool) -> str | None:
     """The order in which the numbers of quaternions stand, where it is not wxyz, by how well a target on the platform fits.
 
-    Positions count as angles, divided by the size of the workspace: a free target takes an inverted rotation for another
-    frame where the robot turns about one axis alone.
+    Distances are converted to angles by division by the size of the workspace. They are needed because, where the robot turns
+    about one axis only, a free target can compensate an inverted rotation.
     """
     if measured.R is None or len(predicted) < FEWEST:
         return None
@@ -100,15 +100,15 @@ def _misplaced_order(predicted: Poses, measured: Measured, free_frame: bool) -> 
 def target_on_platform(predicted: Poses, measured: Measured, *, free_frame: bool) -> pin.SE3:
     """Placement X of the target in the TCP frame, from measured = F predicted X with F the identity or free.
 
-    Alternating least squares from two first guesses; poses that are far off have little weight. Without measured
-    orientations the target's rotation can't be told, and is none.
+    Alternating least squares from two first guesses; poses with large errors have little weight. Without measured
+    orientations the target's rotation is not determined, and is set to the identity.
 
     Parameters
     ----------
     predicted
         (N) poses of the TCP, base frame.
     measured
-        (N) of the target, instrument's frame.
+        (N) poses of the target, instrument's frame.
     """
     weight = np.ones(len(predicted))
     F, X = np.eye(3), np.eye(3)

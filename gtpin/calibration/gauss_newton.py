@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 MAX_ITERATIONS = 200
 MAX_DAMPING = 1e12
 STEP = 1e-7
-"""Step, in tolerances, at which the fit has converged."""
+"""Step, in units of the tolerances, at which the fit has converged."""
 DECREASE = 1e-10
 """Decrease of the cost that a step promises, per unit of cost, at which the fit has converged, by default."""
 ROUNDING = 1e-6
@@ -27,7 +27,7 @@ ROUNDING = 1e-6
 
 
 class LeastSquares(Protocol):
-    """What a fit needs of its problem: unknowns x with a Gaussian prior about zero, and the residuals that they leave."""
+    """A problem that can be fitted: unknowns x with a Gaussian prior about zero, and residuals that depend on x."""
 
     @property
     def size(self) -> int:

@@ -1,4 +1,4 @@
-"""Unknowns of instruments fitted alone, to given poses: where they start, and what is left of a nominal robot."""
+"""Unknowns of instruments fitted to given poses: their first guess for a fit, and for comparisons with the nominal robot."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Floats = npt.NDArray[np.float64]
 STEPS = 12
 """Steps of the fit."""
 FARTHEST = 1e3
-"""How far unknowns may go, m and rad: readings that take them farther are no robot's, and are judged where they are."""
+"""Largest deviation of unknowns, m and rad: readings that need more are not a robot's, and are compared at this limit."""
 
 
 def with_unknowns(readings: Readings, poses: Poses) -> Readings:
-    """The readings with the values of the unknowns that fit best at given poses (N), base frame; gross errors hardly pull."""
+    """The readings with the unknowns' values that fit best at given poses (N), base frame; gross errors have little weight."""
     if not len(readings.u):
         return readings
     sigma = readings.sigma

@@ -51,7 +51,7 @@ def model_geometry(
     Raises
     ------
     ModelError
-        If there is no such model, or the robot is not made for it.
+        If there is no such model, or the robot does not have the structure that it needs.
     DatasetError
         If the carts were not measured.
     """

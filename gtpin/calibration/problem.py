@@ -96,7 +96,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Problem:
-    """The fitted problem: x has the deviations of the geometry in tolerances, then the instrument's pose if it is free.
+    """The fitted problem: x has the deviations of the geometry, in units of the tolerances, and the pose of a free instrument.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Problem:
 
     @property
     def prior(self) -> Floats:
-        """(size,) weight of the square of each x in the cost: 1 for a parameter in tolerances, 0 for the instrument's pose."""
+        """(size,) weight of the square of each x in the cost: 1 for a geometric parameter, 0 for the instrument's pose."""
         return np.concatenate([np.ones(self.n_geometry), np.zeros(self.size - self.n_geometry)])
 
     def point(self, x: Floats, near: Poses | None = None) -> Point:

@@ -86,7 +86,7 @@ def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
 def _neighbours(q: Floats) -> list[Floats]:
     """By kind, (n, N, N) weight of each pair of poses for each drive: near in its own command, or in all commands.
 
-    Near is what is no farther than a pose's nearest neighbour usually is, which is as fine as the poses can tell.
+    Two poses are near where their distance is not larger than the usual distance of a pose to its nearest neighbour.
     """
     unit = q / np.maximum(np.std(q, axis=0), 1e-12)
     apart = cdist(unit, unit)

@@ -1,4 +1,4 @@
-"""Which measurement would tell what readings can't see: each is tried on the calibrated robot, to first order."""
+"""Which measurement would make an unobservable direction observable: each is tried on the calibrated robot, to first order."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from gtpin.kinematics.rotations import frame_motions, skew
 Floats = npt.NDArray[np.float64]
 
 POSES = 12
-"""Poses, evenly taken among those of the data, at which each is tried."""
+"""Number of poses, evenly distributed over those of the data, at which each measurement is tried."""
 RANGE, TOUCH, TILT, TRACKED = 2e-5, 1e-5, 5e-5, (2e-5, 5e-5)
-"""Usual noise, m and rad, of a draw wire or ball bar, a touch probe, a tilt sensor, and a laser tracker. Stated assumptions;
+"""Usual noise, m and rad, of a draw wire or ball bar, a touch probe, a tilt sensor, and a laser tracker. Assumed;
 none decides but by orders of magnitude."""
 STATION, HEIGHT, TILTED, MOUNT = 0.5, 5e-3, 5e-3, 1e-2
 """Prior sigmas, m and rad, of what is unknown of them: the defaults of dataset.toml."""
@@ -57,11 +57,11 @@ class Candidate:
     Parameters
     ----------
     remedy
-        What it is.
+                Its description.
     by_pose
         (M, c, 6) whitened derivative by the platform's motion.
     by_unknown
-        (M, c, k) whitened derivative by the measurement's own unknowns, in prior sigmas.
+        (M, c, k) whitened derivative by the measurement's own unknowns, in units of their prior sigmas.
     """
 
     remedy: Remedy
@@ -77,7 +77,7 @@ def remedies(fitted: Fit[ReadingsProblem], directions: Floats, up: Floats) -> tu
     fitted
         The calibration's fit.
     directions
-        (p, m) unit vectors in parameter space, in tolerances.
+        (p, m) unit vectors in parameter space, in units of the tolerances.
     up
         (3,) unit vector against gravity, base frame.
     """

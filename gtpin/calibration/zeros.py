@@ -44,7 +44,7 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     Parameters
     ----------
     covariance
-        (p, p) of the geometry's parameters.
+        (p, p) covariance of the geometry's parameters.
     """
     robot = geometry.robot
     if not robot.rods:

@@ -1,4 +1,4 @@
-"""The numbers of a certificate, from rows held against the uncorrected and the corrected machine."""
+"""The numbers of a certificate, from rows compared with the models of the uncorrected and the corrected machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A model held against measured poses: errors, scatter of visits, and whether the model was fitted to these poses."""
+"""A model compared with measured poses: errors, scatter of visits, and whether the model was fitted to these poses."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 Floats = npt.NDArray[np.float64]
 
 DETERMINED, FEWEST = 0.5, 10
-"""Directions of the unknowns that say whether the poses were fitted: those that these poses determine at least half as well as
-the best, and how many of them it takes."""
+"""The test whether the poses were fitted uses the directions of the unknowns that these poses determine at least half as well
+as the best one, and needs at least so many directions."""
 SMALL = 0.2
 """Mean square of the score, in its standard deviations, below which the poses were fitted. It is 1 of new poses; ten directions
 of these fall below 0.2 in 4 of 1,000 cases (chi-square)."""

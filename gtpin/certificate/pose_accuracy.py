@@ -73,7 +73,7 @@ def accuracy(
     Parameters
     ----------
     symbol, unit
-        Of the quantities: ``AP_p`` and ``m``, or ``AP_o`` and ``rad``.
+        Symbol and unit of the quantities: ``AP_p`` and ``m``, or ``AP_o`` and ``rad``.
     visits
         (N,) index of each row's pose.
     errors

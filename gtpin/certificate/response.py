@@ -28,7 +28,7 @@ class At:
     q
         (N, n) commands, m or rad.
     covariates
-        By name, (N,) each.
+        (N,) values of each covariate, by name.
     plain
         The N poses of the model's geometry without effects, base frame.
     """

@@ -86,7 +86,7 @@ def _text(result: dict[str, Any]) -> str:
 
 
 class _Rate(ProgressColumn):
-    """How many cases a minute."""
+    """Number of cases per minute."""
 
     def render(self, task: Task) -> Text:
         """The column's text."""

@@ -72,9 +72,9 @@ def simulate(
 ) -> None:
     """Write a dataset of a virtual machine: a robot drawn from its tolerances, measured by a noisy tracker.
 
-    With a scenario the machine has the effects that it lists. They stand in DATASET.truth.json, and the true poses at
-    commands.csv in DATASET.truth.csv, next to the dataset. Without one, these two are deleted if gtpin wrote them: they are
-    the truth of a dataset that is replaced.
+    With a scenario the machine has the effects that it lists. They are written to DATASET.truth.json, and the true poses at
+    commands.csv to DATASET.truth.csv, next to the dataset. Without a scenario, these two files are deleted if gtpin wrote
+    them: they belong to the dataset that is replaced.
 
     With --instrument the dataset is of schema 2, with a table for each instrument, and DATASET.truth.json also has what is
     hidden of the instruments and of the geometry.

@@ -22,7 +22,7 @@ from gtpin.output.json_text import json_text
 
 
 def output_path(text: str) -> Path:
-    """What ``-o`` names; nothing at all is what a variable of a script that was never set gives."""
+    """The path of ``-o``; an error for an empty text, as from an unset variable of a script."""
     if not text:
         raise typer.BadParameter("it is empty")
     return Path(text)
@@ -66,7 +66,7 @@ Tcp = Annotated[
 ]
 
 PIPED_WIDTH = 120
-"""Columns of tables that nobody watches being printed."""
+"""Width of tables, in characters, where the output is not a terminal."""
 
 
 def with_tcp(dataset: Dataset, tcp: str | None) -> Dataset:
@@ -108,7 +108,7 @@ def rendered(*parts: RenderableType) -> str:
 
 
 class _Rate(ProgressColumn):
-    """How many iterations a second: nobody knows beforehand how many a fit takes."""
+    """Iterations per second: the number of iterations of a fit is not known beforehand."""
 
     def render(self, task: Task) -> Text:
         """The column's text."""

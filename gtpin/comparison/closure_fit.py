@@ -1,4 +1,4 @@
-"""The paper's own calibration: squared closure residuals at measured poses, each rod by itself (eq. 6)."""
+"""The paper's own calibration: squared closure residuals at measured poses, each rod separately (eq. 6)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DAMPING = 1e-7
 ROUNDS = 4
 """Number of iterations for the residuals' size, and with it the weight of the tolerances."""
 SMALLEST = 1e-9
-"""Least size of the residuals, m^2, that tolerances are weighed against: a quarter of a nanometre of a rod."""
+"""Smallest assumed size of the residuals, m^2, for the weight of the tolerances: a quarter of a nanometre of a rod's length."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +57,18 @@ def _of_the_arm(geometry: Geometry, poses: Poses) -> Poses:
 def fit_closures(geometry: Geometry, q: Floats, poses: Poses, *, priors: bool = True) -> ClosureFit:
     """Minimise the squared closure residuals by Levenberg-Marquardt.
 
-    Where no parameter belongs to two rods, this is each rod by itself. The poses stand in the regressors as they were
-    measured, so that noise in them, in orientation above all, biases the joints' places.
+    Where no parameter belongs to two rods, this is a separate fit for each rod. The measured poses are regressors, so that
+    their noise, mainly that of the orientation, biases the joints' positions.
 
     Parameters
     ----------
     geometry
-        Where to start, and what to identify.
+        The nominal geometry, with the parameters to identify.
     q, poses
         (N, n) commands and (N) measured poses, base frame.
     priors
-        Whether the tolerances hold what the poses can't see. The paper's fit had none; on this machine it then ends
-        wherever the solver stops, centimetres away along directions that change nothing.
+        Whether tolerances are priors for what the poses do not determine. The paper's fit had no priors: it then ends at a
+        point that depends on the solver, centimetres away along unobservable directions.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def fit_closures(geometry: Geometry, q: Floats, poses: Poses, *, priors: bool = 
 
 
 def _moved(geometry: Geometry, x: Floats) -> Geometry:
-    """The geometry with deviations x (p,), in tolerances, from where the fit started."""
+    """The geometry with deviations x (p,), in units of the tolerances, from where the fit started."""
     return geometry.with_values(geometry.values + geometry.tolerance * x)
 
 

@@ -32,9 +32,9 @@ Rows = npt.NDArray[np.intp]
 Choice = Literal["paper", "validation"]
 
 HALVES = 2
-"""Each is predicted by models fitted to the other, as the paper did with one of them."""
+"""Each half is predicted by models that were fitted to the other half; the paper did so with one of them."""
 FOLDS = 5
-"""Parts of a half by which model 5 chooses."""
+"""Number of parts of a half for the cross-validation by which model 5 chooses tracks."""
 
 
 @in_one_thread
@@ -124,7 +124,7 @@ def compare(
 
 @contextmanager
 def _warned_once(number: int) -> Iterator[None]:
-    """Give each warning of a model's fits once, with the model's number: rows that one rejects another may explain."""
+    """Give each warning of a model's fits once, with the model's number: models reject different rows."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GtpinWarning)
         yield

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLORS = {1: "#7f7f7f", 2: "#d98b00", 3: "#1f5fa8", 4: "#2e8b57", 5: "#c0392b"}
-"""Of models 1 to 5; for 3 to 5 the paper's blue, green and red."""
+"""Colours of models 1 to 5; for 3 to 5 the paper's blue, green and red."""
 FILES = (
     "compare.csv",
     "compare.json",
@@ -30,16 +30,16 @@ FILES = (
 )
 """What ``write_comparison`` may write."""
 LINES = ("-", "--", ":")
-"""Of carts 1 to 3, as in the paper."""
+"""Line styles of carts 1 to 3, as in the paper."""
 
 
 def linearity(carts: CartMeasurements) -> Figure:
-    """Length of what a linear fit leaves along each track, as in the paper's Fig. 5.
+    """Plot the length of the residual of a linear fit over each track, as in the paper's Fig. 5.
 
     Parameters
     ----------
     carts
-        Measured along the guideways, in any frame.
+        Poses of the carts, measured along the guideways, in any frame.
     """
     figure = new_figure(8.0, 4.5)
     axis = figure.subplots()
@@ -56,14 +56,15 @@ def linearity(carts: CartMeasurements) -> Figure:
 
 
 def along_and_across(carts: CartMeasurements, roaming: CartMeasurements | None = None) -> Figure:
-    """What a linear fit leaves, along each track and across it, as in the paper's Fig. 6.
+    """Plot the residuals of a linear fit, along each track and across it, as in the paper's Fig. 6.
 
     Parameters
     ----------
     carts
-        Measured while all carts moved together: lines.
+        Cart poses that were measured while all carts moved together, in any frame; drawn as lines.
     roaming
-        Measured while the TCP went anywhere: stars. Its frame may be another: each set has a linear fit of its own.
+        Cart poses that were measured while the TCP moved freely, drawn as stars. They can be in another frame: each set has a
+        separate linear fit.
     """
     n = carts.n_actuators
     figure = new_figure(3.4 * n, 5.5)

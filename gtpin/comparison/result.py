@@ -25,7 +25,7 @@ Rows = npt.NDArray[np.intp]
 Cost = Literal["pose", "closure"]
 
 RESAMPLES = 2000
-"""Bootstrap samples behind every interval."""
+"""Number of bootstrap samples for each interval."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Comparison(Shown):
     dataset: Dataset | None = None
 
     def table(self) -> pd.DataFrame:
-        """``model, mean_um, max_um, rms_um, orientation_rms_mrad, poses``, one row a model."""
+        """``model, mean_um, max_um, rms_um, orientation_rms_mrad, poses``, one row per model."""
         import pandas as pd
 
         return pd.DataFrame([{"model": h.model, **h.figures(), "poses": len(h.position)} for h in self.held])

@@ -1,4 +1,4 @@
-"""How a controller turns positions into commands: by the geometry that it believes in."""
+"""The kinematics of a controller: how it computes commands from positions, by its own geometry."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class ModelController:
 
 
 def positions_to_ask_for(machine: Machine, controller: Controller, box: Box, wanted: Floats) -> Floats:
-    """(N, 3) positions that the controller has to be given so that the TCP comes to wanted ones (N, 3), its coordinates, m.
+    """(N, 3) positions to command so that the TCP reaches ``wanted`` (N, 3); both in the controller's coordinates, m.
 
     Raises
     ------
@@ -63,7 +63,8 @@ def positions_to_ask_for(machine: Machine, controller: Controller, box: Box, wan
 
 
 def there(machine: Machine, controller: Controller, box: Box, asked: Floats, approach: Floats | None = None) -> Floats:
-    """(N, 3) where the TCP comes to if the controller is given positions (N, 3), its coordinates, m; see `Machine.goes_to`."""
+    """(N, 3) positions that the TCP reaches for commanded positions ``asked`` (N, 3), controller's coordinates, m; see
+    `Machine.goes_to`."""
     q = controller.commands(asked)
     inside = np.isfinite(q).all(axis=1)
     found = np.full_like(asked, np.nan)

@@ -1,4 +1,4 @@
-"""A table over commands and temperatures: what to add to the commands of a controller."""
+"""A table over commands and temperatures, with additions to the commands of a controller."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 NODES = 11
 """Nodes of the grid along each actuator's range."""
 ACTUATORS = 3
-"""Of robots that such a table serves: over six, a grid of even five nodes has 15,625 rows a temperature."""
+"""Largest number of actuators for such a table: with six, a grid of only five nodes each has 15,625 rows per temperature."""
 STEPS = 4
 """Steps of Newton's method, each with an error of some thousandths: the relative error of the geometry."""
 
@@ -34,11 +34,11 @@ class GridTable:
     Parameters
     ----------
     nodes
-        By actuator, (NODES,) commands, m or rad.
+                For each actuator, (NODES,) commands, m or rad.
     temperatures
-        Of every step, degC by covariate.
+        For each step of temperature: degC, by covariate.
     change
-        (steps, NODES, ..., NODES, n), m or rad; NaN where the robot can't be.
+        (steps, NODES, ..., NODES, n) additions, m or rad; NaN where the robot can't be.
     """
 
     nodes: tuple[Floats, ...]
@@ -67,12 +67,12 @@ class GridTable:
 
 
 def grid_table(machine: Machine, controller: Model, temperatures: Sequence[float] = ()) -> GridTable:
-    """The table of a machine; each temperature that its effects depend on goes through the steps.
+    """The table of a machine, for each of the ``temperatures``, degC: all temperatures of its effects have the same value.
 
     Raises
     ------
     ModelError
-        If the robot has more actuators than a grid serves, or one without limits.
+        If the robot has more than ``ACTUATORS`` actuators, or one without limits.
     """
     robot = machine.model.robot
     if robot.n_actuators > ACTUATORS:
@@ -92,7 +92,7 @@ def grid_table(machine: Machine, controller: Model, temperatures: Sequence[float
 
 
 def _changes(machine: Machine, controller: Model, q: Floats) -> Floats:
-    """(N, n) what to add to commands q (N, n) of the controller; NaN where the robot can't be."""
+    """(N, n) additions to commands q (N, n) of the controller; NaN where the robot can't be."""
     kinematics = controller.kinematics
     wanted = kinematics.forward(q)
     rows = np.flatnonzero(wanted.reached)

@@ -28,11 +28,11 @@ class Machine:
     Parameters
     ----------
     model
-        In the base frame, without effects of the instrument.
+                The model in the base frame, without effects of the instrument.
     session
-        Whose zero shifts are in force; None if no effect depends on one.
+        Session whose zero shifts apply; None if no effect depends on a session.
     temperatures
-        By covariate, degC; where one is missing, the reference temperature of the fit.
+        Temperatures by covariate, degC; where one is missing, the reference temperature of the fit.
     """
 
     model: Model
@@ -45,7 +45,7 @@ class Machine:
         Parameters
         ----------
         approach
-            +1 or -1, of all actuators; by default the mean of both positions, which no table can be nearer to.
+            +1 or -1, for all actuators; by default the mean of both positions, the best that a table without directions can do.
         """
         if approach is None and self._depends_on_approach:
             return np.asarray(0.5 * (self.goes_to(q, 1.0) + self.goes_to(q, -1.0)))

@@ -28,13 +28,13 @@ class PlaneTables:
     Parameters
     ----------
     offset
-        (2,) of x and y, m.
+        (2,) offsets of x and y, m.
     skew
         (3,) xy, xz, yz.
     x, y
         (NODES,) nodes of the grid, m.
     height
-        (NODES, NODES), m: row i is at y[i].
+        (NODES, NODES) heights, m; row i is at y[i].
     """
 
     offset: Floats
@@ -44,7 +44,8 @@ class PlaneTables:
     height: Floats
 
     def applied(self, xyz: Floats) -> Floats:
-        """(N, 3) positions that the controller goes to when it is asked for positions (N, 3). Outside, the edge counts."""
+        """(N, 3) positions that the controller moves to for commanded positions (N, 3), m. Outside the grid, its edge is
+        used."""
         p = _skewed(xyz, self.offset, self.skew)
         across, i = _cell(self.x, p[:, 0])
         along, j = _cell(self.y, p[:, 1])

@@ -24,7 +24,7 @@ RRF_ANGLES = (210.0, 330.0, 90.0)
 
 
 def named(temperature: float | None) -> str:
-    """What a temperature adds to a name: nothing, or as ``_25``. Klipper's commands have digits at their end alone.
+    """Suffix of a name for a temperature: empty for None, or as ``_25``. Klipper allows digits only at the end of a command.
 
     Raises
     ------

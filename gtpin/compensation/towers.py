@@ -1,4 +1,4 @@
-"""A linear delta as printers' firmwares describe it: one radius, and an arm, an angle, an end stop and a scale a tower."""
+"""A linear delta as printers' firmwares describe it: one radius; for each tower an arm, an angle, an end stop and a scale."""
 
 from __future__ import annotations
 
@@ -17,30 +17,31 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 CLOSE = 1e-5
-"""m by which carriages of a firmware and of the nominal robot may differ: firmwares' files often have hundredths of mm."""
+"""Largest difference, m, of a carriage's height by the firmware and by the nominal robot: firmware files are often rounded to
+0.01 mm."""
 POINTS = (9, 9, 5)
 """Points of the box that the dimensions are fitted at."""
 USUAL = 1e-3
-"""m, rad, and relative: a change of a dimension that is nothing unusual."""
+"""Usual change of a dimension: m, rad, and relative."""
 SLACK = 1e-7
-"""m of the TCP's error that a dimension may cost to change by `USUAL`: of dimensions that can't be told apart in the box, the
-smallest change is taken."""
+"""Weight of a change by `USUAL`, as an error of the TCP, m: where the box does not determine the dimensions, their smallest
+change is taken."""
 
 
 @dataclass(frozen=True, eq=False)
 class Towers:
-    """The dimensions; in m and rad.
+    """The dimensions of a linear delta, m and rad.
 
     Parameters
     ----------
     radius
-        From the middle to each tower, less that of the effector.
+        Distance from the middle to each tower, less the radius of the effector.
     arms, angles
         (3,) length of the arms, and direction of the tower from the x axis.
     ends
-        (3,) height of the nozzle over z = 0 in the middle, if all carriages were as this one at its end stop.
+        (3,) height of the nozzle over z = 0 in the middle, if all carriages were as high as this one at its end stop.
     scale
-        (3,) travel per step over the travel per step that the drive was configured with.
+        (3,) travel per step divided by the configured travel per step.
     """
 
     radius: float
@@ -74,14 +75,14 @@ class Towers:
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Which tower moves which actuator: q[actuator] = sign * height + zero, height by the dimensions that `towers` has.
+    """The actuator of each tower: q[actuator] = sign * height + zero, with the carriage's height by the dimensions ``towers``.
 
     Parameters
     ----------
     towers
         The dimensions that these drives were configured with, of scale 1.
     actuator, sign, zero
-        (3,) by tower.
+        (3,) actuator, sign and zero (m) of each tower.
     """
 
     towers: Towers
@@ -110,7 +111,7 @@ class TowerController:
 
 
 def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
-    """Which tower is which actuator of a nominal robot.
+    """The actuator of a nominal robot for each tower.
 
     Raises
     ------

@@ -18,26 +18,26 @@ from gtpin.data.table import Column, Floats
 
 @dataclass(frozen=True, eq=False)
 class CartMeasurements:
-    """M measured cart poses of a robot with n actuators, in a frame of their own.
+    """M measured cart poses of a robot with n actuators, in any one frame.
 
     Parameters
     ----------
     cart
         (M,) number of the cart, 1 .. n.
     q
-        (M,) its command, m.
+                (M,) command of this cart, m.
     position
-        (M, 3) m.
+        (M, 3) measured position, m.
     orientation
         (M, 4) unit quaternions, wxyz; None where only positions were measured.
     covariates
         By name, (M,) each: `session` as ids, everything else as float64 in SI units.
     n_actuators
-        n.
+                Number of actuators, n.
     row
-        (M,) line of each row in its file; numbered from 2 where none are given.
+        (M,) line of each row in its file; by default 2, 3, ...
     file
-        Where the rows were read from.
+        The file that the rows were read from; None where they were not read from a file.
 
     Raises
     ------

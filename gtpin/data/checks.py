@@ -18,7 +18,7 @@ from gtpin.errors import DatasetError
 _NORM_TOLERANCE = 1e-3
 _SAME_COMMAND = 1e-12
 LARGEST = 1e30
-"""Largest number that a covariate may hold: the tenth power of it, of which no effect goes beyond the fourth, is still one."""
+"""Largest value of a covariate: its tenth power is still a finite number, and no effect uses more than the fourth power."""
 
 
 def unnumbered() -> NDArray[np.int64]:

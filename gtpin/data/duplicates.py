@@ -9,21 +9,21 @@ from gtpin.data.dataset import Dataset
 from gtpin.errors import warn
 
 COARSE = 1e-5
-"""Readings, m, that are rounded to so much or more may agree by chance; finer ones do not, at any instrument's noise."""
+"""Rounding of readings, m, from which two of them can be equal by chance; with finer readings noise makes them different."""
 
 
 def counted_once(dataset: Dataset) -> Dataset:
     """The dataset without copies of rows: the same instrument and commands and, to the last digit, the same measurement.
 
     A copy may have another pose id, time or temperature: an instrument never reads the same twice, and a table that is joined
-    with another one repeats its rows. Where positions are rounded to 10 micrometres or more, visits can agree by chance;
-    then only a table in which every row is there equally often, twice or more, holds copies. So it is where nothing is
-    read but that something was touched.
+    with another one repeats its rows. Where positions are rounded to 10 micrometres or more, or where a row only says that
+    something was touched, visits can be equal by chance; then only a table in which every row occurs equally often, twice or
+    more, has copies.
 
     Warns
     -----
     GtpinWarning
-        Of the copies that are left out.
+        Says how many copies are left out.
     """
     copies = _copies(dataset)
     if not copies.any():

@@ -11,15 +11,15 @@ from gtpin.data.names import POSITION
 from gtpin.errors import DatasetError, warn
 
 SIGMA = (1e-10, 1.0)
-"""Between which an instrument's sigma lies, m or rad: a stated assumption."""
+"""Smallest and largest sigma of an instrument, m or rad. Assumed."""
 TOLERANCE = (1e-10, 10.0)
-"""Between which a tolerance lies, m, rad or m/m: a stated assumption."""
+"""Smallest and largest tolerance, m, rad or m/m. Assumed."""
 STATION = 1e4
-"""Farthest coordinate of an instrument, m, that can measure a robot: a stated assumption."""
+"""Farthest coordinate of an instrument, m, that can measure a robot; assumed."""
 FARTHEST = 1e12
-"""Median size of a coordinate of the positions, m, that no unit of length explains: a metre is 1e9 nm. A stated assumption."""
+"""Median size of a coordinate of the positions, m, that no unit of length explains: a metre is 1e9 nm. Assumed."""
 TEMPERATURE = (-60.0, 150.0)
-"""degC between which a machine's reference temperature lies: a stated assumption."""
+"""Lowest and highest reference temperature of a machine, degC. Assumed."""
 FAHRENHEIT = (59.0, 86.0)
 """A reference temperature that is 15 to 30 degC when it is read in degrees Fahrenheit."""
 
@@ -57,11 +57,11 @@ def check_extremes(dataset: Dataset) -> None:
 
 
 Bound = tuple[str, float, tuple[float, float], str]
-"""A key, its value, between what it lies, and what to write."""
+"""A key, its value, the limits of the value, and a hint."""
 
 
 def _of_readings(dataset: Dataset) -> Iterator[Bound]:
-    """Of the instruments of schema 2."""
+    """The bounds for the instruments of schema 2."""
     for i, table in enumerate(() if dataset.readings is None else dataset.readings.tables):
         for name in ("sigma", "position_sigma", "orientation_sigma"):
             sigma = getattr(table, name, None)

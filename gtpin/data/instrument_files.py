@@ -1,4 +1,4 @@
-"""Files of a dataset of several instruments: which table is whose."""
+"""Files of a dataset of several instruments: which file is the table of which instrument."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def file_of(path: Path, index: int, table: InstrumentTable) -> Path:
 
 
 def columns_beside(toml: Path, index: int, tables: tuple[InstrumentTable, ...], files: list[Path]) -> set[str]:
-    """Columns that other instruments read in the same file; raises where they are this one's readings as well."""
+    """Columns of the same file that other instruments use; raises `DatasetError` where this instrument uses them too."""
     found: set[str] = set()
     for i, other in enumerate(tables):
         if i == index or files[i] != files[index]:
@@ -56,7 +56,7 @@ def columns_beside(toml: Path, index: int, tables: tuple[InstrumentTable, ...], 
 
 
 def warn_of_files(path: Path, used: set[str]) -> None:
-    """Warn of tables in a folder that are no instrument's, given the names of those that are."""
+    """Warn of tables in a folder that no instrument uses; ``used``: names of those that are used."""
     try:
         there = sorted(file.name for file in path.iterdir() if file.suffix.lower() in (".csv", ".parquet"))
     except OSError:

@@ -21,13 +21,13 @@ class Part:
     Parameters
     ----------
     table, file
-        What dataset.toml says of it, and its table's file.
+        Its section of dataset.toml, and the file of its table.
     line
         (N,) line of each row.
     pose, q
         (N,) ids, and (N, n) commands, m or rad.
     readings, covariates
-        Its own columns and the others, (N,) each, by name.
+        Columns of its kind of instrument, and all other columns: (N,) each, by name.
     """
 
     table: InstrumentTable

@@ -23,22 +23,22 @@ class InstrumentRows:
     Parameters
     ----------
     tables
-        What dataset.toml says of each instrument.
+                Section of dataset.toml of each instrument.
     files
-        The file of each one's rows; None where they came from none.
+        File of each instrument's rows; None where they were not read from a file.
     of
         (N,) index of each row's instrument.
     line
         (N,) line of each row in its instrument's file.
     columns
-        By name, (N,) each: what the instruments read, and ids of stations, planes, sockets and targets. NaN, or "" of an id,
-        in rows of instruments without the column.
+                (N,) each, by name: readings, and ids of stations, planes, sockets and targets. NaN, or "" for an id, in rows of
+        instruments without the column.
     component
-        (N,) the one number that a row stands for, counted from 0; -1 where it stands for all of its reading.
+        (N,) index of the one component of the reading that a row has, from 0; -1 where the row has all components.
     known
-        Of each instrument by name, the ids that each column of ids had in all rows that were read.
+        For each instrument, by column of ids: the ids in all rows that were read.
     kinds
-        Classes of instruments of a user's own, by their kind.
+        The user's own classes of instruments, by their kind.
     """
 
     tables: tuple[InstrumentTable, ...]
@@ -73,7 +73,7 @@ class InstrumentRows:
 
     @property
     def countable(self) -> NDArray[np.bool_]:
-        """(N,) rows whose numbers are none that are too large to count with."""
+        """(N,) rows whose numbers are all small enough for computations."""
         good = np.ones(len(self), dtype=bool)
         for column in self.columns.values():
             if column.dtype != object:

@@ -7,12 +7,12 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
 LARGEST = 1e12
-"""Largest number, m or rad, that a description or a reading may hold: its fourth power can still be counted with."""
+"""Largest number, m or rad, in a description or a reading: its fourth power is still a finite number."""
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
 NAME = r"[A-Za-z0-9_-]+"
-"""What an instrument may be called."""
+"""Pattern of an instrument's name."""
 Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 Point = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
@@ -51,7 +51,7 @@ class InstrumentTable(BaseModel):
     ids: ClassVar[tuple[str, ...]] = ()
     """Columns of ids that it may have."""
     needed: ClassVar[tuple[str, ...]] = ()
-    """Those of ids that it must have."""
+    """Columns of ids that it must have."""
 
     name: Name
     kind: Text
@@ -170,7 +170,7 @@ class EncoderTable(InstrumentTable):
 
 
 class AnyTable(InstrumentTable):
-    """The table of a kind that is not known here: one of a user's own."""
+    """The table of an unknown kind of instrument, such as one of the user's own."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 

@@ -25,14 +25,14 @@ BY_ORDER: tuple[Sequence, ...] = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz
 
 @dataclass(frozen=True)
 class Misread:
-    """Three numbers that meant one convention and were taken for another's.
+    """A mistake: three numbers of one convention of rotations that were converted by another one.
 
     Parameters
     ----------
     meant, taken
-        The conventions.
+        The convention of the numbers, and the one by which they were converted.
     by_axis
-        Whether each number stayed with its axis; else each stayed at its place among the three.
+        True: each number was used as the angle about its own axis. False: the numbers were used in their order.
     """
 
     meant: Convention
@@ -41,7 +41,7 @@ class Misread:
 
     @property
     def mistakes(self) -> int:
-        """How many mistakes it takes."""
+        """Number of mistakes that it assumes."""
         return 1
 
     @property
@@ -57,7 +57,7 @@ class Misread:
         return f"compute qw qx qy qz again, from {self._described(self.meant)}"
 
     def read(self, rotation: Rotation) -> Floats:
-        """(N, 3, 3) rotations as they were meant."""
+        """(N, 3, 3) rotations by the convention ``meant``, from those that were converted by ``taken``."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the answers will do
             numbers = rotation.as_rotvec() if self.taken == VECTOR else rotation.as_euler(self.taken)
@@ -78,7 +78,7 @@ class Misread:
 
 
 def misread() -> Iterator[Misread]:
-    """All ways to take one convention's numbers for another's."""
+    """All such mistakes."""
     for meant, taken in permutations(BY_AXIS, 2):
         yield Misread(meant, taken, True)
     for meant, taken in permutations(BY_ORDER, 2):

@@ -16,9 +16,9 @@ from gtpin.errors import DatasetError, warn
 
 _NEARLY_ALL = 0.95
 TURNS = 3.0
-"""Turns either way beyond which commands of a joint without limits look like degrees: a stated assumption."""
+"""Turns either way beyond which commands of a joint without limits look like degrees; assumed."""
 _SEVERAL = 6
-"""Rows from which a part of a column is said to be in another unit."""
+"""Fewest rows of a column for the message that a part of them is in another unit."""
 
 
 def check_plausible(
@@ -88,10 +88,10 @@ def check_measurements(
     predicted_position, predicted_rotation
         (N, 3) m and (N, 3, 3): the TCP by the nominal model in the base frame, NaN where it can't reach.
     reach
-        How far geometry within its tolerances may move the TCP, m.
+        Largest motion of the TCP by deviations of the geometry within its tolerances, m.
 
     Raises `DatasetError` for measurements that look like millimetres or quaternions in another order than qw qx qy qz,
-    and where no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are let pass.
+    and where no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are accepted.
     """
     position, rotation = np.asarray(predicted_position, float), np.asarray(predicted_rotation, float)
     keep: NDArray[np.bool_] = np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))

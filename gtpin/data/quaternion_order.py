@@ -1,4 +1,4 @@
-"""In which order the numbers of measured quaternions stand, by what the robot's orientations must nearly be."""
+"""The order of the numbers of measured quaternions, found by comparison with the nominal orientations of the robot."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _ALIKE = 0.01
 
 
 def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> str | None:
-    """What stands under qw, qx, qy and qz, such as ``xyzw``; None where they fit as named, or in no order.
+    """The actual content of the columns qw, qx, qy and qz, such as ``xyzw``; None where it is as named, or no order fits.
 
     Parameters
     ----------
     quaternion
         (N, 4) unit quaternions as measured.
     predicted
-        (N, 3, 3) rotations by the nominal model, base frame.
+                (N, 3, 3) rotations of the nominal model, base frame.
     free
-        Of an instrument that stood elsewhere: (N, 3) measured and predicted positions, which tell how it was turned.
+        For a free frame: (N, 3) measured and predicted positions, m, from which its rotation is found; else None.
     """
     from scipy.spatial.transform import Rotation
 
@@ -49,12 +49,12 @@ def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, F
 
 
 def order_that_fits(off: Callable[[str], float]) -> str | None:
-    """The order of w, x, y and z that fits far better than ``wxyz``; None where that fits, or no order does.
+    """The order of w, x, y and z that fits far better than ``wxyz``; None where ``wxyz`` fits, or no order does.
 
     Parameters
     ----------
     off
-        Median angle, rad, between the robot and quaternions whose columns stand in an order.
+        Function that gives, for an order of the columns, the median angle, rad, between quaternions and robot.
     """
     as_named = off(_AS_NAMED)
     if as_named <= _OFF:

@@ -40,7 +40,7 @@ class InstrumentContents:
     def as_tracker(self) -> tuple[Instrument, Floats, Floats | None] | None:
         """The instrument, positions and quaternions of a dataset of one tracker whose target is the TCP or free.
 
-        None for any other: such data read the same in schema 1.
+        None for other datasets. Such data could be written in schema 1 too.
         """
         table = self.rows.tables[0]
         if len(self.rows.tables) > 1 or not isinstance(table, TrackerTable):
@@ -73,7 +73,7 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentCo
     Parameters
     ----------
     kinds
-        Classes of instruments of a user's own, by kind; each has its ``Table``.
+        The user's own classes of instruments, by kind; each has its ``Table``.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentCo
     Warns
     -----
     GtpinWarning
-        Of covariates that only some instruments have, and that are left out.
+        Names covariates that only some instruments have, and that are left out.
     """
     toml = path / "dataset.toml"
     own: dict[str, type[InstrumentTable]] = {kind: one.Table for kind, one in kinds.items()}

@@ -1,4 +1,4 @@
-"""What measured positions and orientations may have been written as: other units, axes and signs."""
+"""Mistakes in measured positions and orientations: other units, axes and signs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Positions:
     Parameters
     ----------
     looks
-        What the columns look like, and what to do about it; both empty where they are read as they stand.
+        Message texts: what the columns look like, and what the user should do; empty where nothing is changed.
     mistakes
         Number of mistakes that it assumes.
     axes

@@ -14,7 +14,7 @@ from gtpin.errors import warn
 STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 """Steps that positions are rounded to, m, the coarsest first."""
 FEWEST = 10
-"""Poses below which multiples of a step may be chance."""
+"""Fewest poses from which multiples of a step are not due to chance."""
 EXACT = 1e-6
 """Share of a step by which a number in decimals may miss a multiple of it."""
 FARTHEST = 1e3
@@ -24,10 +24,10 @@ MATTERS = 1.05
 
 
 def with_rounding(dataset: Dataset) -> Dataset:
-    """The dataset with a declared position's noise that has the rounding in it.
+    """The dataset with the rounding error added to the declared noise of positions.
 
     Rounding to a step d is an error uniform over d, of standard deviation d / sqrt(12). Undeclared noise is estimated from
-    the data, and has it already.
+    the data, and includes it already.
 
     Warns
     -----

@@ -15,7 +15,7 @@ from gtpin.errors import DatasetError, warn
 Mask = NDArray[np.bool_]
 
 MOST = 0.1
-"""Share of the rows that may lack a reading before the column is refused: a stated assumption."""
+"""Share of the rows that may lack a reading before the column is refused; assumed."""
 _OVERFLOW = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 65535.0, 32767.0, -32768.0, 2147483647.0, 4294967295.0)
 
 
@@ -30,11 +30,11 @@ class Kind:
     what
         What it is and its unit, for messages.
     lowest, highest
-        Between what any machine's values lie: stated assumptions.
+        Limits of the values of any machine. Assumed.
     marks
-        Values that loggers write where they have no reading. They count as such where nothing else is near them.
+                Values that loggers write where they have no reading. They count as marks where no other value is near them.
     apart
-        Least distance from all other values for that; also no less than the others' span, times ``spans``.
+        Smallest distance of a mark from all other values, which must also be at least ``spans`` times the others' range.
     """
 
     names: re.Pattern[str]
@@ -47,7 +47,7 @@ class Kind:
 
 
 FASTEST = 20.0
-"""Speed, m/s or rad/s, that no actuator of a parallel robot has: a stated assumption."""
+"""Speed, m/s or rad/s, that no actuator of a parallel robot has; assumed."""
 KINDS = (
     # 85 degC is a DS18B20's value at power-up, -127 degC is its library's error; 0 and -273.15 are 0 counts and 0 K.
     Kind(re.compile("temp.*"), "a temperature in degC", -60.0, 150.0, (0.0, 85.0, 127.0, -127.0, *_OVERFLOW), 5.0),
@@ -57,7 +57,7 @@ KINDS = (
     Kind(re.compile("time"), "a time in s", -1e20, 1e20, (0.0, -1.0, *_OVERFLOW), 60.0, 10.0),
     Kind(re.compile(".*"), "a number that can be counted with", -1e100, 1e100, (), np.inf),
 )
-"""The first whose pattern the column's name matches."""
+"""Kinds of columns; the first one whose pattern matches a column's name applies."""
 ROOM = (-40.0, 90.0)
 """degC between which a shop floor's temperatures lie when they are read in kelvin."""
 WARM, MILD, USUAL = 45.0, (10.0, 40.0), 25.0
@@ -66,18 +66,17 @@ above the reference temperature by the last, K."""
 
 
 def sane_rows(dataset: Dataset) -> Mask:
-    """(N,) the rows without a value that can't have been read.
+    """(N,) the rows without an impossible value.
 
     Raises
     ------
     DatasetError
-        Where a temperature looks like kelvin or Fahrenheit, a speed like mm/s; where more than a tenth of a column
-        can't be.
+        If a temperature looks like kelvin or Fahrenheit, or a speed like mm/s; if more than a tenth of a column is impossible.
 
     Warns
     -----
     GtpinWarning
-        Of the poses that are set aside, by name.
+        Names the poses that are set aside.
     """
     good = np.ones(len(dataset), dtype=bool)
     for name, column in dataset.covariates.items():

@@ -67,12 +67,12 @@ def describe_second(
     Parameters
     ----------
     own
-        Tables of kinds of a user's own, by kind.
+        Classes of the tables of the user's own instruments, by kind.
 
     Raises
     ------
     DatasetError
-        With the invalid key.
+        If a key is invalid; it names the key.
     """
     if isinstance(values.get("instrument"), dict):
         hint = "write [[instrument]], in double brackets, once for each, with name and kind"

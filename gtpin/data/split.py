@@ -30,9 +30,9 @@ def by_session(dataset: Dataset) -> list[Mask]:
 
 
 def by_region(dataset: Dataset, blocks: int) -> list[Mask]:
-    """Give (N,) masks of held-out rows, one for each of so many compact blocks of the measured positions.
+    """Give (N,) masks of held-out rows, one for each of ``blocks`` compact blocks of the measured positions.
 
-    Blocks come from halving the longest side again and again, and hold equally many poses to within one.
+    Blocks are made by repeated division of the longest side, and their numbers of poses differ by one at most.
     Raises `DatasetError` for fewer than 2 blocks or more than there are poses.
     """
     _check_number(dataset, blocks)
@@ -46,9 +46,9 @@ def by_region(dataset: Dataset, blocks: int) -> list[Mask]:
 
 
 def random(dataset: Dataset, folds: int, seed: int = 0) -> list[Mask]:
-    """Give so many (N,) masks of held-out rows, drawn at random, with equally many poses to within one.
+    """Give ``folds`` (N,) masks of held-out rows, drawn at random; their numbers of poses differ by one at most.
 
-    Same seed and pose ids, same folds, in whatever order the rows are. Raises `DatasetError` like `by_region`.
+    The same seed and pose ids give the same folds, for any order of the rows. Raises `DatasetError` like `by_region`.
     """
     _check_number(dataset, folds)
     poses = dataset.visits.max() + 1

@@ -63,7 +63,7 @@ def _plain(name: str) -> str:
 
 
 def check_header(names: Sequence[str], file: Path) -> None:
-    """Raise `DatasetError` for a header that is none, or has a doubled or an unnamed column."""
+    """Raise `DatasetError` for a line that is no header, or a header with a column that is unnamed or there twice."""
     if not any(math.isnan(number(name)) for name in names):
         raise DatasetError(
             "the first line holds numbers, not names", file=file, row=1, hint="put a header line above it"

@@ -13,8 +13,8 @@ from gtpin.data.table import Floats
 def numbers_or_words(cells: Sequence[str]) -> Floats | int | None:
     """Read a column of any kind.
 
-    Gives its numbers; or, where most cells that hold something are numbers but not all, the index of the first
-    that is none; or None for a column of words, or of nothing.
+    Gives its numbers. Where most cells that are not empty are numbers, but not all: the index of the first that is not a
+    number. None for a column of words or of empty cells.
     """
     values = numbers(cells)
     bad = np.isnan(values)

@@ -22,10 +22,9 @@ MILLIMETRE = 1e-3
 FARTHEST = 1e3
 """Length, m, or angle, rad, beyond which a number of a file is taken to be damaged."""
 ASIDE = (0.1, 500.0)
-"""Distance, mm, of a probe beside the nozzle from its axis, between which it lies: less looks like metres. A stated
-assumption."""
+"""Distance, mm, of a probe beside the nozzle from its axis, between which it lies: less looks like metres. Assumed."""
 TIP = 2.0
-"""Distance of a target from the TCP, m, that no probe has: it looks like millimetres. A stated assumption."""
+"""Distance of a target from the TCP, m, that no probe has: it looks like millimetres. Assumed."""
 FREE, WHOLE = 3, 6
 """Actuators with which positions alone, or positions with an orientation, determine the commands."""
 

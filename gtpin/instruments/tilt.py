@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 
 MOST = 1.05
-"""Length of two components of a unit vector beyond which noise of a sensor is no reason. A stated assumption."""
+"""Length of two components of a unit vector beyond which noise of a sensor is no reason. Assumed."""
 
 
 class Tilt(Instrument):

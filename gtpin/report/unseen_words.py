@@ -23,7 +23,7 @@ WHAT = {
 }
 """Measurements in words."""
 SCALE = 0.9
-"""Cosine between a direction and the growth of all lengths alike from which it is called that. A stated assumption."""
+"""Cosine between a direction and the growth of all lengths alike from which it is called that. Assumed."""
 
 
 def unseen_words(
@@ -36,7 +36,7 @@ def unseen_words(
     geometry
         The geometry.
     directions
-        (p, m) unit vectors in parameter space, in tolerances.
+        (p, m) unit vectors in parameter space, in units of the tolerances.
     learned
         (m,) variance reduction along each.
     remedies
@@ -56,7 +56,7 @@ def _remedy(remedy: Remedy | None) -> str:
 
 
 def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
-    """A direction in words; ``sigma`` is its standard deviation in tolerances."""
+    """A direction in words; ``sigma`` is its standard deviation in units of the tolerances."""
     order = np.argsort(-np.abs(direction))
     direction = direction * np.sign(direction[order[0]])
     sizes = direction * geometry.tolerance * sigma

@@ -1,7 +1,7 @@
-"""An instrument that moved once, or for a while, during the measurement: steps of its frame, sought along the rows.
+"""An instrument that moved once, or for a while, during the measurement: steps of its frame are searched for along the rows.
 
-As in :mod:`gtpin.calibration.checks.strain`, with a motion of the frame from some row on, and back from another: rows in
-the order of the file, and by time where it was recorded.
+The computation is that of :mod:`gtpin.calibration.checks.strain`, with a motion of the frame from some row on, and back from a
+later one. Rows are in the order of the file, and also in the order of time where it was recorded.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from gtpin.noise.noise import Noise
 Floats = npt.NDArray[np.float64]
 
 RATIO = 2.0
-"""Power of the residuals without steps over that with them from which steps are the reason. A stated assumption: a moved frame
+"""Power of the residuals without steps over that with them from which steps are the reason. Assumed: a moved frame
 explains all residuals, other causes only a part."""
 LARGE = 4.0
-"""Size of the step at the median pose, in standard deviations of what is left, from which data are refused. A stated
-assumption: smaller ones are left to a diagnosis, which weighs them against drift and other causes."""
+"""Size of the step at the median pose, in standard deviations of what is left, from which data are refused. Assumed: smaller
+ones are left to a diagnosis, which weighs them against drift and other causes."""
 AHEAD = 1.2
 """Ratio of the best alternative's residual power to that of steps above which it is steps: a motion in proportion to
-time (to its third power), temperatures, payload or another recorded column that changes slowly. A stated assumption; with 150
+time (to its third power), temperatures, payload or another recorded column that changes slowly. Assumed; with 150
 poses of six numbers it is 80 nats."""
 
 
@@ -83,7 +83,8 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise)
 
 
 def _alternatives(dataset: Dataset, rows: npt.NDArray[np.intp]) -> Floats:
-    """(M, k) what may move the frame instead of steps: powers of the rows' order, and every numeric column but the moves'."""
+    """(M, k) alternatives to steps of the frame: powers of the rows' order, and all numeric columns but directions and
+    speeds."""
     t = np.linspace(-1.0, 1.0, len(rows))
     columns = [t, t**2, t**3]
     for name, values in dataset.covariates.items():

@@ -1,4 +1,4 @@
-"""Commands that were rounded or truncated: all are multiples of a step, and residuals are what such a step makes."""
+"""Commands that were rounded or truncated: all are multiples of a step, and residuals have the size of this step."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 COARSE = (0.1, 0.05, *STEPS)
 """Steps that commands are rounded to, m or rad, the coarsest first."""
 LEAST, MOST = 0.1, 1.5
-"""Error of the commands over the step: at least in the median, at most in nine tenths of the rows. A stated assumption:
+"""Error of the commands over the step: at least in the median, at most in nine tenths of the rows. Assumed:
 rounding makes up to a half, truncation up to one, and the geometry's own errors come on top."""
 NINE_TENTHS = 0.9
 

@@ -1,4 +1,4 @@
-"""What commands may have been written as: other orders, signs and units of their columns."""
+"""Mistakes in the columns of commands: other orders, signs and units."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class CommandReading:
     columns
         The columns that are read in another way.
     looks, hint
-        What they look like, and what to do.
+                Message texts: what these columns look like, and what the user should do.
     q
         (N, n) commands, read in this way, m or rad.
     """

@@ -20,10 +20,10 @@ ROWS = 150
 """Number of poses that are enough for the decision."""
 LEFT, GAIN = 0.8, 60.0
 """Share of the squared orientation residuals that another convention may leave, and the least by which it lowers them: a
-factor of exp(30) in likelihood, over some 150 readings. A reading has no free number: of effects' residuals none left less than
-0.96 (80 fits of 40 machines of the plant)."""
+factor of exp(30) in likelihood, over some 150 readings. A convention has no free parameter: with residuals of effects, no
+other convention left less than 0.96 (80 fits of 40 machines of the plant)."""
 AS_GOOD = 1.5
-"""Times the least that is left up to which a convention fits as well."""
+"""Ratio of its residuals to the smallest up to which a convention counts as equally good."""
 LEAST = 20
 """Number of poses below which nothing is reported."""
 

@@ -1,4 +1,4 @@
-"""Whether the noise that a dataset declares can be true: too large, by what a fit leaves when the noise is estimated."""
+"""Whether declared noise can be true: it is compared with the noise that is estimated from the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ Settle = Callable[[Instrument], Settled]
 SIGMAS: tuple[tuple[Sigma, slice], ...] = (("position_sigma", slice(0, 3)), ("orientation_sigma", slice(3, 6)))
 """Keys of the noise, and the components of a pose that each is of."""
 SUSPECT = 0.7
-"""Root mean square of the residuals over the declared sigma below which the noise is estimated for comparison. A stated
-assumption: it only saves a second fit where the answer is plain."""
+"""Root mean square of the residuals over the declared sigma below which the noise is estimated for comparison. Assumed: it
+only saves a second fit in clear cases."""
 TWICE = 2.0
-"""Declared noise over the noise that the data show from which the declared value is not used. A stated assumption: data
+"""Declared noise over the noise that the data show from which the declared value is not used. Assumed: data
 sheets give limits of two standard deviations as often as one, and less than that changes no verdict."""
 ABSURD = 10.0
-"""The same ratio from which the data are refused: no data sheet is so careful. A stated assumption."""
+"""The same ratio from which the data are refused: no data sheet is so careful. Assumed."""
 NO_NOISE = 0.01
-"""Noise, m or rad, that no instrument of a robot has: what is left is then no noise. A stated assumption."""
+"""Noise, m or rad, that no instrument of a robot has: residuals of this size are no noise. Assumed."""
 CHANCE = 1e-3
 """Chance, by chi-square, of residuals so small under the declared noise, below which the declared value is not used."""
 UNITS: dict[Sigma, tuple[tuple[float, float, str], ...]] = {

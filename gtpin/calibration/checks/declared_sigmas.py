@@ -1,4 +1,4 @@
-"""Whether the noise that instruments declare can be true: by what a fit leaves when it is estimated."""
+"""Whether the noise that instruments declare can be true: it is compared with the noise that a fit estimates."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _explain(fit: RobustFit, declared: list[Declared], error: ConvergenceError) 
 
 
 def _own(settled: SettledReadings, one: Declared) -> Floats:
-    """Residuals, over the declared sigma, of the numbers that it is of."""
+    """Residuals of the numbers with this declared sigma, in units of it."""
     problem, point = settled.fit.problem, settled.fit.point
     readings = problem.readings.at(problem.unknowns(point.x))
     sigma = np.where(

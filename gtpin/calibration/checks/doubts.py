@@ -24,16 +24,16 @@ from gtpin.model.model import Model
 from gtpin.noise import weights
 
 WHOLE = 1e-3
-"""Median error, m, of rows that were set aside from which they are another measurement's. A stated assumption: an effect that
-shows in some rows alone makes less."""
+"""Median error, m, of rows that were set aside, from which they belong to another measurement. Assumed: an effect that acts
+in some rows only is smaller."""
 MOST = 0.25
 """Share of the rows that gross errors make at most; beyond it nobody can say which the errors are."""
 FAR = 0.01
 """Median position error after a fit, m, that no calibrated robot shows."""
 MISFIT = 10.0
-"""Size of the residuals over the noise that is worth a warning."""
+"""Size of the residuals, in units of the noise, from which there is a warning."""
 STRAYED = 6.0
-"""Deviation of a parameter from nominal, in tolerances, that is worth a warning."""
+"""Deviation of a parameter from nominal, in units of the tolerances, that is worth a warning."""
 
 
 def settled_in_doubt(
@@ -71,7 +71,7 @@ def settled_in_doubt(
 def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
     """Raise `DatasetError` if the fit set aside a sequence of rows, or a large part of them.
 
-    What fits is then not the whole machine.
+    The fit then does not describe the whole machine.
     """
     if settled.used.all():
         return
@@ -95,7 +95,7 @@ def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
 
 
 def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., Settled]) -> tuple[Settled, Instrument]:
-    """The calibration; if its geometry strains against the priors, repeated with a wider tolerance or a free frame.
+    """The calibration; if the priors contradict the data, repeated with a wider tolerance or a free frame.
 
     A warning names what was assumed wrongly.
     """

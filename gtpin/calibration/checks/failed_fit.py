@@ -1,4 +1,4 @@
-"""Why a fit has failed, where the data say it better than the fit."""
+"""Finds the reason why a fit has failed in the data."""
 
 from __future__ import annotations
 

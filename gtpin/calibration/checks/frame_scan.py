@@ -1,4 +1,4 @@
-"""How well motions of the instrument's frame, in steps along the rows or with columns, explain what a geometry leaves."""
+"""How well motions of the instrument's frame, in steps along the rows or linear in columns, explain a geometry's residuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Refuses data whose noise nobody states, where it can't be estimated from them."""
+"""Refuses data whose noise is not declared and can't be estimated."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gtpin.noise.noise import Noise
 
 
 def known_noise(dataset: Dataset, position: float | None, orientation: float | None, repeatability: float) -> Noise:
-    """The noise of measured poses by its sigmas, as far as they are known.
+    """The noise of measured poses from declared sigmas, or from those of a model.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Positions of which a part of the rows is in another unit than metres: which rows, and which unit."""
+"""Positions that are in another unit than metres in a part of the rows: which rows, and which unit."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Mask = npt.NDArray[np.bool_]
 FITS, ALLOWED = 0.1, 5e-3
 """Share of the workspace's size, and error of a machine, m, up to which a row fits: see :mod:`.recognise`."""
 BETTER = 4.0
-"""How many times nearer to the nominal model another unit must bring a row. A stated assumption."""
+"""How many times nearer to the nominal model another unit must bring a row. Assumed."""
 FEWEST, SHARE = 6, 0.1
-"""Rows, and share of all rows, below which a part in one unit is left to the search for gross errors. A stated assumption."""
+"""Rows, and share of all rows, below which a part in one unit is left to the search for gross errors. Assumed."""
 REST = 0.75
-"""Share of the other rows that must fit in metres. A stated assumption."""
+"""Share of the other rows that must fit in metres. Assumed."""
 ENOUGH = 300
 """Rows, evenly over the file, that are enough to guess a free frame."""
 TRIPLES = 400
@@ -29,17 +29,17 @@ TRIPLES = 400
 
 
 def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
-    """Refuse positions of which a part is in another unit.
+    """Refuse positions that are in another unit in a part of the rows.
 
     Parameters
     ----------
     poses
-        (N) by the nominal model at the rows of the dataset, base frame; NaN where it can't reach.
+        (N) poses of the nominal model at the rows of the dataset, base frame; NaN where it can't reach.
 
     Raises
     ------
     DatasetError
-        If so; it says how many rows, and names the first and the last by their lines in the file.
+        If there are such rows; it gives their number, and the lines of the first and the last in the file.
     """
     there = poses.reached
     found = _part(dataset.position[there], poses[there], dataset.instrument.frame == "free") if there.any() else None

@@ -1,4 +1,4 @@
-"""An instrument that was set up elsewhere in each labelled session: each session fits by a frame of its own, not by one."""
+"""An instrument that was at another place in each session: each session fits with a separate frame, but not with one frame."""
 
 from __future__ import annotations
 
@@ -19,23 +19,22 @@ from gtpin.noise.noise import Noise
 Floats = npt.NDArray[np.float64]
 
 FEWEST = 6
-"""Rows below which a session tells no frame."""
+"""Fewest rows from which the frame of a session is determined."""
 FAR = 0.01
-"""Motion, m, from which data are refused before a fit. A stated assumption: no diagnosis is linear about one frame then, and
-nobody calls two such setups one."""
+"""Motion, m, from which data are refused before a fit. Assumed: with such motions no diagnosis is linear about one frame."""
 FAILED = 1e-3
 """The same where a fit has failed."""
 CLEAR = 4.0
-"""Motion over the misfit that frames of their own leave, from which it is a motion. A stated assumption."""
+"""Motion over the misfit that frames of their own leave, from which it is a motion. Assumed."""
 EXPECTED = 3.0
 """Motion over the nominal model's expected error from which it is a motion: a frame in a part of the workspace follows such
-errors. A stated assumption."""
+errors. Assumed."""
 BEYOND = 0.1
 """Motion, m, from which no error of a geometry is mistaken for it."""
 LINE = 0.1
-"""Width of a session's poses over the length of the workspace, below which positions tell no turn. A stated assumption."""
+"""Width of a session's poses over the length of the workspace, below which positions tell no turn. Assumed."""
 RATIO = 4.0
-"""Power of the residuals without motions over that with them from which motions are why a fit failed. A stated assumption."""
+"""Power of the residuals without motions over that with them from which motions are why a fit failed. Assumed."""
 NAMED = 5
 """Sessions that are named."""
 
@@ -52,7 +51,7 @@ def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: 
     Raises
     ------
     DatasetError
-        If the pose differs; it names the sessions, and how far each is from the session with most rows.
+        If the pose differs; it names the sessions, and the distance of each from the session with most rows, m.
     """
     there = np.flatnonzero(poses.reached)
     if not len(there):
@@ -123,7 +122,7 @@ def _sessions(dataset: Dataset) -> tuple[npt.NDArray[np.str_], list[str]]:
 
 
 def _moved(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -> dict[str, float]:
-    """By session, how far the instrument stood from where it stood in the largest, m; nothing where that is not clear."""
+    """Distance, m, of the instrument's place in each session from that in the largest session; empty where it is not clear."""
     sessions, names = _sessions(dataset)
     names = [name for name in names if _tells_frame(measured, poses, sessions == name)]
     if len(names) < 2:
@@ -144,7 +143,7 @@ def _moved(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -
 
 
 def _tells_frame(measured: Measured, poses: Poses, own: npt.NDArray[np.bool_]) -> bool:
-    """Whether a session's rows tell a frame: by orientations, or by positions that do not lie on a line."""
+    """Whether a session's rows determine a frame: by orientations, or by positions that do not lie on a line."""
     if measured.R is not None:
         return True
     wide = [

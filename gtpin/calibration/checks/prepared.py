@@ -1,4 +1,4 @@
-"""A dataset as it is counted: copies of rows once, and without orientations that nobody measured."""
+"""A dataset without copies of rows, and without orientations that were not measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other ways to read an instrument's table and description: other units, other signs, other orders. The usual mistakes."""
+"""Usual mistakes in an instrument's table and description, as other ways to read them: other units, signs and orders."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
     ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (-1.0, 1.0)),
     ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (1.0, -1.0)),
 )
-"""What it looks like, the columns read as tilt_x and tilt_y, and their signs."""
+"""Message text, the columns that are read as tilt_x and tilt_y, and their signs."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class Otherwise:
     Parameters
     ----------
     looks, hint
-        What it looks like, and what to do.
+                Message texts: what the table looks like, and what the user should do.
     change
-        The table and some columns, read so.
+        Function that gives the description and the columns, read in this way.
     column, key
-        What is wrong: columns of the table, or else a key of dataset.toml.
+        The columns of the table that are wrong, or the key of dataset.toml.
     """
 
     looks: str
@@ -62,9 +62,9 @@ class Otherwise:
 
 
 def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Otherwise]:
-    """Other ways to read an instrument's table: in each unit its columns, places and target, and together.
+    """Other ways to read an instrument's table: lengths in other units (columns, places and target, alone and together), signs.
 
-    ``unit_of_reading`` is that of its first component: ``m`` or ``rad``.
+    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``.
     """
     table = rows.tables[index]
     mine = rows.rows_of(index)
@@ -119,7 +119,7 @@ def _tilts() -> Iterator[Otherwise]:
 
 
 def _readings(unit: str) -> Iterator[Otherwise]:
-    """Of an encoder."""
+    """Other ways to read an encoder."""
     units = (("degrees", np.pi / 180.0),) if unit == "rad" else UNITS
     for sign, and_sign in ((1.0, ""), (-1.0, " of the other sign")):
         for name, factor in units:

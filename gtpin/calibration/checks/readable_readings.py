@@ -19,36 +19,36 @@ from gtpin.kinematics.poses import Poses
 Floats = npt.NDArray[np.float64]
 
 LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
-"""What to do where nothing that is known of fits."""
+"""What the user should do where no usual mistake explains the readings."""
 TURN = 0.2
 """Median error of a tilt or an orientation, rad, that no robot within its tolerances shows."""
 SUSPECT = 0.05
 """Share of the largest error within tolerances from which other ways to read a table are tried."""
 LEFT = 0.2
-"""Share of the largest error within tolerances, m, that no minimum of a fit leaves in the median. A stated assumption."""
+"""Share of the largest error within tolerances, m, that no minimum of a fit leaves in the median. Assumed."""
 STRAINED = 10.0
-"""Deviation of an unknown from what is declared, in its prior's sigmas, from which they are tried as well."""
+"""Deviation of an unknown from its declared value, in prior sigmas, from which other ways to read a table are tried too."""
 USUAL = 1e-3
-"""Usual error of a nominal robot, m and rad: what an error and a deviation of one prior sigma are alike."""
+"""Usual error of a nominal robot, m and rad: it counts as much as a deviation of one prior sigma."""
 VARIATION = 0.3
 """Share of a column's variation that errors are at most, for another unit that makes its numbers small to be the right one:
-near zero, anything fits a robot that should stand still. A stated assumption."""
+near zero, anything fits a robot that should stand still. Assumed."""
 ALIKE = 1.5
-"""Ratio of errors up to which two ways to read a table are as good as each other. A stated assumption."""
+"""Ratio of errors up to which two ways to read a table are as good as each other. Assumed."""
 BETTER = 10.0
-"""Ratio of errors from which another way to read a table is the right one. A stated assumption: a wrong unit makes hundreds."""
+"""Ratio of errors from which another way to read a table is the right one. Assumed: a wrong unit makes hundreds."""
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """How far an instrument's readings are off what the nominal robot gives, with the unknowns' values that fit best.
+    """Errors of an instrument's readings relative to the nominal robot, with the unknowns' values that fit best.
 
     Parameters
     ----------
     off
         Largest median error of its components, by unit: m and rad.
     strain
-        Largest deviation of an unknown with a prior, in its sigmas.
+        Largest deviation of an unknown with a prior, in prior sigmas.
     """
 
     off: dict[str, float]
@@ -78,13 +78,13 @@ class Misfit:
         return self.off.get("m", 0.0) > reach or self.off.get("rad", 0.0) > TURN
 
     def suspicious(self, reach: float) -> bool:
-        """Whether they are large enough for another way to read the instrument to be looked for."""
+        """Whether errors are so large that other ways to read the instrument are tried."""
         large = replace(self, off={unit: off / SUSPECT for unit, off in self.off.items()})
         return large.exceeds(reach) or self.strain > STRAINED
 
     @property
     def size(self) -> float:
-        """Errors in units of usual ones, and the strain, together."""
+        """The largest of the errors, in units of ``USUAL``, and of ``strain``."""
         return max(*(off / USUAL for off in self.off.values()), self.strain)
 
     def __str__(self) -> str:
@@ -93,21 +93,21 @@ class Misfit:
 
 
 def check_readable(readings: Readings, poses: Poses, reach: float) -> None:
-    """Refuse readings that are farther off the nominal robot than its tolerances reach, and say what they look like.
+    """Refuse readings whose errors relative to the nominal robot are larger than its tolerances allow.
 
     Parameters
     ----------
     readings
-        With the unknowns' values that fit best.
+        The readings, with the unknowns' values that fit best.
     poses
         (N) nominal poses, base frame.
     reach
-        How far the geometry within its tolerances may move the TCP, m.
+        Largest motion of the TCP by deviations of the geometry within its tolerances, m.
 
     Raises
     ------
     DatasetError
-        With the unit or the sign that fits.
+        If there are such readings; it names the unit or the sign that fits, where there is one.
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)
@@ -134,7 +134,7 @@ def check_readable(readings: Readings, poses: Poses, reach: float) -> None:
 
 @contextlib.contextmanager
 def explained(readings: Readings, poses: Poses, reach: float) -> Iterator[None]:
-    """Say of a fit that fails which instrument's readings were far off from the start, where they were.
+    """Context of a fit: if it fails, the error names the instrument whose readings had large errors before the fit, if any.
 
     Parameters are those of :func:`check_readable`.
     """
@@ -160,19 +160,19 @@ def explained(readings: Readings, poses: Poses, reach: float) -> Iterator[None]:
 
 
 def check_fitted(readings: Readings, poses: Poses, reach: float) -> None:
-    """Refuse readings that are far off what the fitted robot gives: no minimum of theirs was found.
+    """Refuse readings with large errors relative to the fitted robot: the fit has not found their minimum.
 
     Parameters
     ----------
     readings, poses
-        Those that the fit used, with its unknowns and poses.
+        The readings that the fit used, with the fitted unknowns, and the fitted poses (N), base frame.
     reach
         As in :func:`check_readable`.
 
     Raises
     ------
     DatasetError
-        With the instrument.
+                If there are such readings; it names the instrument.
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)

@@ -1,4 +1,4 @@
-"""Sockets that can't be as they stand: visited once, or apart by other distances than those that are known."""
+"""Sockets that can't be right: each visited once, or with other distances between them than those that are declared."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def check_distances(readings: Readings, poses: Poses, reach: float) -> None:
     Parameters
     ----------
     readings
-        With the sockets where the nominal robot has them.
+        The readings, with the sockets where the nominal robot has them.
     poses, reach
         As in :func:`check_readable`.
 
     Raises
     ------
     DatasetError
-        With the unit that fits.
+        If there are such distances; it names the unit that fits, where there is one.
     """
     for i, one in enumerate(readings.instruments):
         if not isinstance(one, Socket):

@@ -21,16 +21,16 @@ from gtpin.model.model import Frame, Model
 Floats = npt.NDArray[np.float64]
 
 ROWS = 100
-"""Rows that are enough to tell: medians of more are no surer."""
+"""Number of rows that is enough: medians of more rows are hardly more certain."""
 FEWEST = 6
 """Rows below which a frame fits almost anything."""
 FITS = 0.1
-"""Share of the workspace's size up to which data fit as they stand. A mistake of those below moves poses by about the whole;
-machines within the shipped robots' tolerances stay below 0.08, but for stewart_jugglebot's."""
+"""Share of the workspace's size up to which data fit without a correction. The mistakes below move poses by about the whole
+size; machines within the shipped robots' tolerances stay below 0.08, but for stewart_jugglebot's."""
 ALLOWED = 5e-3
-"""Error of a machine, m, that is let pass however small its workspace: a stated assumption."""
+"""Error of a machine, m, that is always accepted, even in a small workspace. Assumed."""
 BETTER = 4.0
-"""How many times nearer to the nominal model another reading must bring the data: a stated assumption."""
+"""How many times nearer to the nominal model another reading must bring the data; assumed."""
 AS_GOOD, CLOSE = 1.5, 0.02
 """Up to how many times the least misfit, and share of the workspace's size more, a reading of fewer mistakes is preferred."""
 STRAYED = 3.0
@@ -57,7 +57,7 @@ class Reading:
     columns
         The columns that have the mistake.
     looks, hint
-        What they look like, and what to do; empty where nothing is corrected.
+        Message texts: what they look like, and what the user should do; empty where nothing is corrected.
     mistakes
         Number of mistakes that are corrected.
     measured, poses
@@ -73,16 +73,16 @@ class Reading:
 
 
 def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) -> Reading | None:
-    """The usual mistake that makes data fit the nominal model; None where they fit as they stand, or no mistake explains them.
+    """The usual mistake that makes data fit the nominal model; None where they fit without a correction, or no mistake fits.
 
-    Tried are, alone and together: units of lengths, of some axes or all; axes that are swapped or reversed; quaternions that
-    are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or shifted;
-    an instrument that stood elsewhere; a target that sits elsewhere.
+    These are tried, alone and together: units of lengths, of some axes or all; axes that are swapped or reversed; quaternions
+    that are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or
+    shifted; an instrument that stood elsewhere; a target that sits elsewhere.
 
     Parameters
     ----------
     poses
-        By the nominal model at the measured commands, base frame; NaN where it can't reach.
+        (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach.
     free
         Whether the instrument's pose is declared unknown.
     """
@@ -107,14 +107,14 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
 
 
 def either(words: Iterable[str]) -> str:
-    """Several possibilities, and that there are more where only the first are named."""
+    """A list of possibilities as text; it says so where only the first ones are named."""
     different = list(dict.fromkeys(words))
     more = ["something alike"] * (len(different) > MOST_NAMED)
     return "; or ".join(different[:MOST_NAMED] + more)
 
 
 class Search:
-    """Data and a nominal model: how far apart they are, m, where a turn counts by the workspace's size."""
+    """Compares data with a nominal model. A misfit is a distance, m; angles are multiplied by the workspace's size."""
 
     def __init__(self, nominal: Model, measured: Measured, poses: Poses, free: bool) -> None:
         self.nominal, self.all, self.free = nominal, measured, free

@@ -1,4 +1,4 @@
-"""Which readings a fit has set aside: in words that say which instrument, and which station, plane, socket or target."""
+"""Messages on readings that a fit has set aside: of which instrument, station, plane, socket or target they are."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from gtpin.instruments.readings import Readings
 Mask = npt.NDArray[np.bool_]
 
 MOST = 0.5
-"""Share of an instrument's rows that gross errors make at most; beyond it nobody can say which the errors are."""
+"""Largest share of gross errors among an instrument's rows; above it, it is not clear which rows are the errors."""
 SEVERAL = 3
-"""Readings of one id from which most of them can be off together."""
+"""Fewest readings of one id for a message that most of them were set aside."""
 SHOWN = 10
 """Poses that a warning names."""
 
 
 def check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
-    """Refuse an instrument of which most rows were set aside, and warn of those of others.
+    """Refuse an instrument with most of its rows set aside; warn of rows of other instruments that were set aside.
 
     Parameters
     ----------
     kept, readings
         The rows that were fitted.
     used
-        (N,) those that are no gross errors.
+                (N,) the rows that are no gross errors.
 
     Raises
     ------
     DatasetError
-        With the instrument.
+        If there is such an instrument; it names it.
 
     Warns
     -----
     GtpinWarning
-        Of poses by name; of a station, a plane, a socket or a target of which most readings were set aside.
+        Names the poses with such rows, and a station, plane, socket or target with most of its readings set aside.
     """
     for i, one in enumerate(readings.instruments):
         mine = readings.rows.of == i

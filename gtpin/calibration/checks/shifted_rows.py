@@ -17,14 +17,14 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 FEWEST = 8
-"""Rows below which a stretch is no stretch. A stated assumption: eight rows in a row are no accident among scattered errors."""
+"""Fewest rows of a stretch, a sequence of rows. Assumed: eight consecutive rows with large errors are not due to chance."""
 SHARE = 0.1
-"""Share of the rows, far off, from which on they are looked at as a stretch: the most that scattered gross errors make."""
+"""Share of rows with large errors from which a stretch is searched for: the largest share that scattered gross errors have."""
 WITHIN = 0.6
-"""Share of a stretch's rows that must be far off, and of all far rows that must lie in it."""
+"""Smallest share of a stretch's rows that have large errors, and of all rows with large errors that are in it."""
 MENDED = 0.1
-"""Share of its error that a stretch keeps, at most, once what is wrong with it is put right. A stated assumption: a neighbour's
-command or a moved frame explains an error whole or not at all."""
+"""Largest share of a stretch's error that remains after the correction. Assumed: a neighbour's command or a moved frame
+explains the whole error or nothing."""
 OWN = 0.8
 """Share of a session's rows that must lie in a stretch for the session to be the stretch's own."""
 NEIGHBOURS = (1, -1)
@@ -45,14 +45,14 @@ class Stretch:
 
 
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask) -> None:
-    """Refuse data in which a stretch of rows is out of step with its commands, or was measured from elsewhere.
+    """Refuse data in which a stretch of rows is shifted relative to its commands, or was measured from another place.
 
     Parameters
     ----------
     measured, predicted
-        (N) poses as the instrument read them, and as a model predicts them at the commands of the same rows.
+        (N) measured poses, and poses that a model predicts at the commands of the same rows, both in the instrument's frame.
     far
-        (N,) rows that are far off.
+        (N,) rows with large errors.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
 
 
 def stretch(far: Mask) -> Stretch | None:
-    """The stretch of rows that holds most of those that are far off; None where they are few or scattered."""
+    """The stretch of rows that contains most of the rows with large errors (``far``); None where these are few or scattered."""
     count = int(far.sum())
     if count < max(FEWEST, SHARE * len(far)):
         return None

@@ -1,8 +1,8 @@
-"""Whether a fitted geometry strains against its tolerances, and what would relieve it: the frame, a zero, one part, all.
+"""Whether a fitted geometry contradicts its tolerances, and which wrong assumption explains it: frame, zero, part, tolerances.
 
 To first order the whitened residual at nominal is y ~ N(0, I + B T B' + E S E'), with B the derivative by the geometry in
-tolerances, T = I as declared, and E the derivative by what might be wrong besides. The marginal likelihood of y with larger
-entries in T or S, over that with T = I and S = 0, says what was assumed wrongly.
+tolerances, T = I as declared, and E the derivative by other quantities that may be wrong. The marginal likelihood of y with
+larger entries in T or S, over that with T = I and S = 0, says what was assumed wrongly.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ NO_PRIOR = 1e6
 
 @dataclass(frozen=True)
 class Strain:
-    """The assumption that best explains why a fitted geometry strains against its tolerances.
+    """The wrong assumption that best explains why a fitted geometry contradicts its tolerances.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ class Strain:
     gain
         Gain in log marginal likelihood, nats, without this assumption.
     size
-        How wrong it is. ``frame``: its shift, m. ``zero``: m, or rad for an arm. ``part``: deviation in tolerances.
-        ``tolerances``: the factor by which they are too small.
+        How wrong it is. ``frame``: its shift, m. ``zero``: m, or rad for an arm. ``part``: deviation in units of the
+        tolerances. ``tolerances``: the factor by which they are too small.
     turn
         Rotation of a ``frame``, rad.
     """
@@ -61,7 +61,7 @@ class Strain:
 
 
 def strain(settled: Settled) -> Strain | None:
-    """The assumption that a fitted geometry strains against; None where the geometry agrees with its tolerances."""
+    """The assumption that a fitted geometry contradicts; None where the geometry agrees with its tolerances."""
     linear = _Linear.of(settled)
     found = max(linear.suspects(), key=lambda s: s.gain)
     return found if found.gain > STRAINED else None

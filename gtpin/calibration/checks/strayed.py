@@ -1,4 +1,4 @@
-"""What a fit to readings has moved farther than its priors allow: parameters, the whole geometry, the instruments' unknowns."""
+"""Warnings after a fit to readings of values farther from nominal than priors allow: parameters, geometry, unknowns."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from gtpin.robot.geometry import Geometry
 Floats = npt.NDArray[np.float64]
 
 STRAYED = 6.0
-"""Deviation of a parameter from nominal, in tolerances, and of an unknown from what is declared, in prior sigmas, that is
-worth a warning. A stated assumption."""
+"""Deviation of a parameter from nominal, in units of the tolerances, and of an unknown from what is declared, in prior
+sigmas, that is worth a warning. Assumed."""
 CHANCE = 1e-6
-"""Chance of a geometry so far from nominal as a whole, by its tolerances, below which something is declared wrongly. A stated
-assumption."""
+"""Chance of a geometry so far from nominal as a whole, by its tolerances, below which something is declared wrongly.
+Assumed."""
 SHOWN = 5
 """Names that a warning has."""
 
@@ -29,13 +29,13 @@ def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings
     Parameters
     ----------
     x
-        (p,) deviations of the geometry's parameters, in tolerances.
+        (p,) deviations of the geometry's parameters, in units of the tolerances.
     geometry
-        The nominal one.
+                The nominal geometry.
     seen
-        What the readings determine of it.
+        Observability of the geometry with these readings.
     readings
-        With the fitted values of the unknowns.
+        The readings, with the fitted values of the unknowns.
     """
     if names := _far(x, geometry.names):
         warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
@@ -50,9 +50,9 @@ def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings
 
 
 def whole_chance(x: Floats, seen: Observability) -> float:
-    """Probability, by chi-square, of deviations from nominal at least as large as x (p,), in tolerances.
+    """Probability, by chi-square, of deviations from nominal at least as large as x (p,), in units of the tolerances.
 
-    Along a direction with the variance reduction l, the estimate has the variance l, in tolerances squared.
+    Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.
     """
     told = seen.learned > UNSEEN
     along = seen.directions[:, told].T @ x

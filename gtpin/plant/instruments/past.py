@@ -43,7 +43,7 @@ class PastReadings:
         Parameters
         ----------
         by_tolerance
-            (N, 6 + k, p) their derivative by the geometry in tolerances.
+            (N, 6 + k, p) their derivative by the geometry in units of the tolerances.
         jitter
             (N, 6 + k, n) how each actuator's repeatability moves them, 1 sigma: it adds to the noise, which matters where an
             instrument is finer than the machine.
