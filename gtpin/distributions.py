@@ -1,4 +1,4 @@
-"""Tails and quantiles of distributions by `scipy.special`; `scipy.stats` gives the same, and takes a second to import."""
+"""Tails and quantiles of distributions from `scipy.special`, because the import of `scipy.stats` takes a second."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one family of errors, each with what was wrong, where, and what to do."""
+"""The errors of gtpin: each says what is wrong, where, and what to do."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from types import FrameType
 
 LONGEST = 1000
-"""Letters of a message, above which its middle is left out."""
+"""Largest length of a message, in characters; the middle of a longer one is left out."""
 
 
 class GtpinError(Exception):

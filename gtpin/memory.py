@@ -1,4 +1,4 @@
-"""How much memory is free, and one line of error before any work that needs more."""
+"""The free memory, and an error before work that needs more."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gtpin.errors import GtpinError
 PROC = Path("/proc")
 GROUPS = Path("/sys/fs/cgroup")
 UNLIMITED = 1 << 60
-"""Bytes from which a limit is none: version 1 of control groups writes a very large number."""
+"""Bytes from which a limit counts as no limit: version 1 of control groups writes a very large number."""
 
 
 def require(what: str, needed: float) -> None:
@@ -39,15 +39,15 @@ def amount(size: float) -> str:
 
 
 def available() -> float:
-    """Bytes that this process can still take: the least that its limits, its control group and the machine leave it.
+    """Bytes that this process can still allocate: the smallest by its limits, its control group and the machine.
 
-    Infinite where the system does not say (``/proc`` is Linux's).
+    Infinite where the system does not tell (``/proc`` exists on Linux only).
     """
     return min([*_of_limits(), *_of_groups(), *_of_machine()], default=float("inf"))
 
 
 def _of_limits() -> Iterator[float]:
-    """What ``ulimit -v`` and ``ulimit -d`` leave."""
+    """Bytes that remain by ``ulimit -v`` and ``ulimit -d``."""
     with contextlib.suppress(ImportError, OSError, ValueError, IndexError):
         import resource  # Unix only
 
@@ -60,7 +60,7 @@ def _of_limits() -> Iterator[float]:
 
 
 def _of_groups() -> Iterator[float]:
-    """What the control group leaves: of version 2, then of version 1. Files that it holds in memory can be dropped."""
+    """Bytes that remain in the control group: of version 2, then of version 1. Its cached files count as free."""
     names = ("memory.max", "memory.current", "inactive_file")
     yield from _of_group(GROUPS, *names)
     with contextlib.suppress(OSError):

@@ -1,1 +1,1 @@
-"""Where the gap between simulation and reality lies, which effect causes it, and how far it shrinks."""
+"""Diagnosis: where the gap between simulation and reality lies, which effects cause it, and how much they explain."""

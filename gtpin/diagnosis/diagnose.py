@@ -1,4 +1,4 @@
-"""Diagnose the gap between a model and measurements: where it lies, what causes it, how far it shrinks."""
+"""Diagnose the gap between a model and measurements: where it lies, what causes it, how much the causes explain."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ from gtpin.threads import in_one_thread
 Mask = npt.NDArray[np.bool_]
 
 FALSE_ALARM = 0.01
-"""Chance of naming a cause where there is none."""
+"""Probability of naming a cause where there is none."""
 REGIONS = 12
-"""Boxes that the workspace is cut into."""
+"""Number of regions into which the workspace is divided."""
 SEARCHED, SEARCHED_A_COVARIATE = 130e3, 45e3
 """Bytes of memory for each pose that a search is made on, and for each of its covariates in addition: displacements by every
 hypothesis. Measured: docs/speed.md.
@@ -76,7 +76,7 @@ def diagnose(
         The effects to try; by default the whole catalogue. To add your own effects: ``[*gtpin.catalogue(), MyEffect()]``.
         The dataset's drivers (``[[driver]]`` in dataset.toml) are tried in addition.
     exclude
-        What is not tried, each as ``effect`` (at all its sites) or ``effect@site``.
+        Effects that are not tried, each as ``effect`` (at all its sites) or ``effect@site``.
     false_alarm
         Probability of naming a cause where there is none.
     priors
@@ -144,7 +144,7 @@ def diagnose(
 def _diagnosis(
     prepared: Prepared, settled: Settled, fitted: Fitted, experiments: tuple[Experiment, ...], scope: Scope
 ) -> Diagnosis:
-    """What is reported."""
+    """The result with all that is reported."""
     found, hypotheses = fitted.conclusion, settled.hypotheses
     design = hypotheses.design
     left = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
@@ -170,7 +170,7 @@ def _diagnosis(
 
 
 def _instrument(prepared: Prepared) -> Instrument:
-    """Where the instrument's origin is, and its axes, in the base frame."""
+    """The instrument's origin and axes in the base frame."""
     frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
     origin = np.zeros(3) if station is None else np.array(station)
     return Instrument(frame.R.T @ (origin - frame.T), frame.R.T)

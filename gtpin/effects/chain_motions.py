@@ -69,7 +69,8 @@ def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Ba
 
 
 def tip_to_joint(at: Situation, link: MovingLink) -> Floats:
-    """(N, 6, 6) of a twist of the frame that ``Bodies`` has at a link's tip: the same in the link's own placement frame."""
+    """(N, 6, 6) matrices that transform a twist of the frame that ``Bodies`` has at a link's tip to the link's placement
+    frame."""
     R, T = _tip_from_joint(at, link)
     moved = np.zeros((len(R), 6, 6))
     moved[:, :3, :3] = moved[:, 3:, 3:] = R
@@ -93,9 +94,9 @@ def _tip_on_link(at: Situation, link: MovingLink) -> pin.SE3:
 
 
 def _target(at: Situation, link: MovingLink) -> pin.SE3:
-    """Where the frame that ``Bodies`` has at a link's tip sits in the tip's axes.
+    """Placement, in the tip's frame, of the frame that ``Bodies`` has at a link's tip.
 
-    It is the tip's own, but for the last link: that ends at the URDF's TCP, and a target may sit elsewhere.
+    It is the identity except for the last link: this ends at the URDF's TCP, and the target can be at another point.
     """
     assert isinstance(at.kinematics, ChainKinematics)
     robot = at.kinematics.robot

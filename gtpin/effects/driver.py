@@ -1,4 +1,4 @@
-"""A recorded column that moves a site: the effect that a line ``[[driver]]`` of a dataset describes."""
+"""A recorded column that moves a site: the effect that a ``[[driver]]`` table of a dataset describes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gtpin.errors import DatasetError
 from gtpin.robot.robot import Robot
 
 PREFIX = "driver:"
-"""What ids of such effects begin with; the column follows."""
+"""Beginning of the ids of such effects; the name of the column follows."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Motions of a site in its own frame, by unit of what drives them: what a line ``[[driver]]`` of a dataset names."""
+"""Motions of a site in its own frame, as a ``[[driver]]`` table of a dataset names them."""
 
 from __future__ import annotations
 

@@ -30,18 +30,19 @@ def drive_sizes(at: Situation, site: str, relative: Sequence[float] | Floats, si
 
 
 SLOWEST_LINE = 3.0
-"""Periods a turn of a turning joint from which a smooth deviation has ever smaller parts; stronger ones are lines of
-``rack_periodic``. Assumed: an encoder's eccentricity and the harmonics of a housing are one to three a turn, gears more."""
+"""Periods per turn of a turning joint above which the parts of a smooth deviation become smaller; stronger parts are lines of
+``rack_periodic``. Assumed: an encoder's eccentricity and the harmonics of a housing have one to three per turn, gears
+more."""
 FALL = 2.0
-"""The power p: beyond ``SLOWEST_LINE``, parts of f periods a turn are smaller by (``SLOWEST_LINE`` / f)^p. Assumed: a function
-that looks smooth has some of its power there."""
+"""The power p: above ``SLOWEST_LINE``, parts with f periods per turn are smaller by (``SLOWEST_LINE`` / f)^p. Assumed: a
+function that looks smooth has some of its power there."""
 LEAST_ORDERS = 3
-"""Half waves that a smooth deviation has at least."""
+"""Smallest number of half waves of a smooth deviation."""
 
 
 def smooth_orders(at: Situation, j: int, most: int) -> int:
     """Number of cosines over the travel of drive j that count as smooth: ``most``, but for a turning joint of a robot without
-    rods only those with at most ``SLOWEST_LINE`` periods a turn, and ``LEAST_ORDERS`` at least.
+    rods only those with at most ``SLOWEST_LINE`` periods per turn, and ``LEAST_ORDERS`` at least.
     """
     if at.robot.rods or not at.robot.actuators[j].revolute:
         return most
@@ -51,7 +52,7 @@ def smooth_orders(at: Situation, j: int, most: int) -> int:
 def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floats, Floats]:
     """(N, most) cosines over the travel of drive j, and (most,) their sizes: see :func:`~gtpin.effects.smooth.cosines`.
 
-    For a turning joint of a robot without rods, cosines with many periods a turn are smaller: see ``FALL``.
+    For a turning joint of a robot without rods, cosines with many periods per turn are smaller: see ``FALL``.
     """
     columns, size = cosines(at.travel[:, j], 1, most, decay)
     if at.robot.rods or not at.robot.actuators[j].revolute:
@@ -62,7 +63,7 @@ def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floa
 
 
 def _turns(at: Situation, j: int) -> float:
-    """Periods a turn of a half wave over the range of a joint's commands: k half waves have k times as many."""
+    """Periods per turn of a half wave over the range of a joint's commands: k half waves have k times as many."""
     lower, upper = (float(ends[j]) for ends in at.references.commands)
     return float(np.pi / (upper - lower))
 

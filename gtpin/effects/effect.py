@@ -106,7 +106,7 @@ class Effect(ABC):
     id: str
     """Its name in files, on the command line and in reports: ``rack_periodic``."""
     title: str
-    """What it is, in a few words."""
+    """A short description."""
     coefficient: tuple[str, str]
     """Name and unit of the first coefficient as a parameter: the only one, unless :meth:`parameters` gives others."""
     clause: str = ""
@@ -186,9 +186,9 @@ class Effect(ABC):
         return ()
 
     def resolved(self, at: Situation, site: str, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
-        """(S,) which values of the nonlinear parameter these poses can tell from a smooth function and from other values.
+        """(S,) whether these poses distinguish a value of the nonlinear parameter from a smooth function and from other values.
 
-        ``others`` are values of the same cause that are in a model already. By default all values can be told from them.
+        ``others`` are values of the same cause that are in a model already. By default all values are distinguished.
         """
         return np.ones(len(values), dtype=bool)
 

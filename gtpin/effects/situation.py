@@ -163,7 +163,7 @@ class Situation:
         return np.asarray(np.linalg.inv(pose_jacobian(*self.vectors)) * self.length[:, None, :])
 
     def with_joints(self, moved: Floats, carrier_joints: Floats | None = None) -> Floats:
-        """(N, 6 + j, m) the motion ``moved`` (N, 6, m) of a platform on rods, then that of the robot's j measured joints.
+        """(N, 6 + j, m) the motion ``moved`` (N, 6, m) of a platform on rods, and the motion of the robot's j measured joints.
 
         ``carrier_joints``: (N, k, 3, m) displacements of the carrier joints, base frame, m; None: they do not move.
         """

@@ -1,4 +1,4 @@
-"""Carts that give way on springs, and carts whose guideway leads them astray."""
+"""Carts with compliance, as springs, and carts with deviations across the track, as coupled joints."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ STRAIGHT = 1e-9
 def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Carts with the compliance of a model's ``cart_compliance``, linear in the loads of its range.
 
-    The joints of such a cart sit together on a massless body ``CART_seat`` on three springs along and three about the track
-    and the two axes across it. The springs rest where the weight of the rods on the cart, which the effect does not count,
-    leaves them. Returns as :func:`~gtpin.export.drives.with_drives`.
+    The rods' joints of such a cart are on a massless body ``CART_seat``, which has three springs along, and three about, the
+    track and the two axes across it. The rest positions of the springs compensate the weight of the rods on the cart, which
+    is not in the effect. Returns the same as :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     for active in model.effects:
@@ -58,8 +58,8 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
 def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Carts that shift across and turn along their tracks (``straightness``, ``cart_rotation``).
 
-    The joints of such a cart sit together on a massless body ``CART_led`` whose own joints follow the actuator's by
-    polynomials of fourth degree. What they leave more than ``WORTH`` of is not held. Returns as
+    The rods' joints of such a cart are on a massless body ``CART_led``, whose joints follow the actuator's by polynomials of
+    fourth degree. An effect of which these leave more than the share ``WORTH`` is left out. Returns the same as
     :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
@@ -157,7 +157,7 @@ def _loads(at: Situation, site: str, axes: Floats) -> Floats:
 
 
 def _weight(mechanism: Mechanism, robot: Robot, site: str, axes: Floats) -> Floats:
-    """(6,) force and moment of the rods' own weight on a cart, of each the share that its centre of mass gives the cart."""
+    """(6,) force, N, and moment, N m, on a cart by the part of the rods' weight that it carries."""
     places = mechanism.placements()
     seats, weights = [], []
     for loop, side in _ends(robot, site):

@@ -21,7 +21,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     Raises
     ------
     GtpinError
-        If the robot is not one that such a table serves, temperatures are given and no effect depends on one, or there is
+        If the robot has too many actuators for such a table, temperatures are given and no effect depends on one, or there is
         nothing to correct.
     """
     if wanted.box is not None or wanted.firmware is not None:
@@ -46,7 +46,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
 
 
 def _left(machine: Machine, controller: Model, table: GridTable) -> Left:
-    """At commands of Halton's sequence between nodes that have numbers, at the last step of the temperatures."""
+    """Errors at random commands (Halton) between nodes without NaN, at the last temperature."""
     from scipy.stats import qmc
 
     low, high = (np.array([nodes[k] for nodes in table.nodes]) for k in (0, -1))

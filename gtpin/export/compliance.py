@@ -23,14 +23,14 @@ Floats = npt.NDArray[np.float64]
 def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Links with the compliance of a model's ``link_compliance``, linear in the loads of its range.
 
-    The link's end, with the part of its mass that weighs on the carrier, slides along it on a spring.
+        The link's end, with the part of its mass that the carrier supports, slides along it on a spring.
 
     Returns
     -------
     mechanism
-        With a body ``LINK_end`` more for each such link.
+        The mechanism with an additional body ``LINK_end`` for each such link.
     shown
-        By name of each effect that it holds, the (N, 6) motion of the TCP at :func:`~gtpin.export.loss.conditions`.
+        By name, for each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
     """
     active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
     if not active or not robot.rods:  # links of a chain bend

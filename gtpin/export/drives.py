@@ -23,22 +23,22 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 BEYOND = 0.02
-"""Weight of commands outside those of the model's fit: the polynomial stays near the effect there, at little cost inside."""
+"""Weight of commands outside those of the model's fit: so small that the polynomial changes little inside."""
 STRAIGHT = 1e-9
-"""m or rad by which travel may depart from being proportional to the command, and be a gear's."""
+"""Largest deviation, m or rad, of the travel from a proportional one that is exported as a gear ratio."""
 SPREADS = 3.0
-"""Standard deviations of the load that the friction of a guide holds against."""
+"""Standard deviations above the mean load up to which the friction of a guide must hold."""
 NEWTON = 10
 """Steps that invert a polynomial whose slope is about 1."""
 LEAST_PLAY = 1e-8
-"""m or rad."""
+"""Smallest play that is exported, m or rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Travel of a drive beyond its command, m or rad: ``along`` of the command, and half the width of its play.
+    """Deviation of a drive's travel from its command, m or rad: a polynomial ``along`` of the command, and half its play.
 
-    ``load`` is the largest on the drive in the fit, N or N m.
+    ``load``: bound of the load on the drive in the fit, N or N m.
     """
 
     along: Polynomial
@@ -53,16 +53,16 @@ class Law:
 def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tuple[Mechanism, dict[str, Floats]]:
     """Drives with a model's scales, and its effects along actuators.
 
-    Travel in proportion to the command is a gear. Else the command moves a motor ``SITE_motor``, which the actuator's joint
-    follows by a polynomial of fourth degree. Play is a joint ``SITE_play`` in series with the actuator's, with friction that
-    holds the part beyond it: as the effect has it, the deviation follows the direction of approach.
+        Travel in proportion to the command is a gear. Otherwise the command moves a motor ``SITE_motor``, which the actuator's
+    joint follows by a polynomial of fourth degree. Play is a joint ``SITE_play`` in series with the actuator's. Friction holds
+    the part beyond it, so that the deviation follows the direction of approach, as in the effect.
 
     Returns
     -------
     mechanism
-        With a body more for each motor.
+        The mechanism with an additional body for each motor.
     shown
-        By name of each effect that it holds, the (N, 6) motion of the TCP at :func:`~gtpin.export.loss.conditions`.
+        By name, for each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
     """
     robot = model.robot
     effects = correctable(model, session)
@@ -81,7 +81,7 @@ def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tupl
 
 
 def _law(model: Model, index: int, active: ActiveEffect, session: str | None) -> tuple[Law, Floats | None]:
-    """What a drive can have of an effect, and its motion of the TCP; None where that is too little."""
+    """The part of an effect that a drive can represent, and its motion of the TCP; None where that part is too small."""
     at = conditions(model, active, session)
     far = _over_the_range(model, index, at)
     q = np.concatenate([at.q[:, index], far.q[:, index]])
@@ -170,8 +170,8 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
 def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Polynomial) -> Mechanism:
     """A motor that turns by the command, and the actuator's joint coupled to it.
 
-    It turns, by a radian for a metre, where the actuator slides too: of such a joint that slides, MuJoCo 4.0 leaves the
-    reflected inertia out of the firmness of the coupling (``dof_invweight0``).
+    Where the actuator slides, the motor still turns, by one radian per metre: for a coupled joint that slides, MuJoCo 4.0
+    ignores the reflected inertia in the stiffness of the coupling (``dof_invweight0``).
     """
     home, slope = joint.home, travel.deriv()
     for _ in range(NEWTON):

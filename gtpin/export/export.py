@@ -1,4 +1,4 @@
-"""A model written for other software, by the kind of file that is wanted."""
+"""Writes a model for other software, by the format of the file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from gtpin.robot.robot import Robot
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "klipper", "reprapfirmware"]
 TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
-"""Formats that hold a part of all errors at once; see :class:`~gtpin.export.tables_for.TablesFor`."""
+"""Formats of tables that correct all errors together, in part; see :class:`~gtpin.export.tables_for.TablesFor`."""
 SUFFIXES: dict[str, Format] = {
     ".urdf": "urdf",
     ".yaml": "parallel-robots",
@@ -47,9 +47,10 @@ SUFFIXES: dict[str, Format] = {
 
 @dataclass(frozen=True)
 class Export:
-    """Text by file name, and what the files do not hold of the model; part of it may stand in a URDF's transmissions.
+    """Text by file name, and names of the parts of the model that the files can't represent.
 
-    ``inexact`` are effects that the files hold with an error, and this error, in words; ``notes`` what else is to be said.
+    ``in_transmissions``: parts that are in a URDF's transmissions. ``inexact``: effects that the files represent with an error,
+    with this error as text. ``notes``: other messages.
     """
 
     files: dict[str, str]
@@ -68,33 +69,33 @@ def export(
     tables: TablesFor | None = None,
     force: bool = False,
 ) -> tuple[Path, ...]:
-    """Write a model for other software. A warning names what the format can't hold of it, each part with its loss, um.
+    """Write a model for other software. A warning names the parts that the format can't represent, each with its loss, um.
 
     Parameters
     ----------
     file
-        To write; its suffix determines the format: ``.urdf``; ``.yaml`` (and a URDF of the same name in the same folder, for
-        example-parallel-robots); ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections); ``.comp`` (LinuxCNC's
-        compensation files, ``FILE_SITE.comp`` for each actuator); ``.cfg`` (Klipper); ``.g`` (RepRapFirmware's macro, and a
-        height map beside it).
+        The file to write; its suffix determines the format: ``.urdf``; ``.yaml`` (and a URDF of the same name in the same
+        folder, for example-parallel-robots); ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections); ``.comp``
+        (LinuxCNC's compensation files, ``FILE_SITE.comp`` for each actuator); ``.cfg`` (Klipper); ``.g`` (RepRapFirmware's
+        macro, and a height map beside it).
     form
         The format, where the suffix is another; ``grid`` (a table over commands and temperatures) has none.
     session
-        Whose zero shifts tables of corrections, and MJCF, shall hold.
+                Session whose zero shifts are in tables of corrections and MJCF; None: no zero shifts.
     tables
-        What Klipper's and RepRapFirmware's tables and those over commands are made for.
+        Controller and conditions for tables of Klipper, RepRapFirmware and over commands.
     force
         Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
 
     Returns
     -------
     files
-        What was written.
+                Paths of the written files.
 
     Raises
     ------
     GtpinError
-        If the suffix is not known, the format has no words for the robot, or the file can't be written; or, without
+        If the suffix is not known, the format can't represent the robot, or the file can't be written; or, without
         ``force``, there is a file that gtpin has not written.
     """
     file = Path(file)
@@ -118,7 +119,7 @@ def export(
 def texts(
     model: Model, file: Path, form: Format, *, session: str | None = None, tables: TablesFor | None = None
 ) -> Export:
-    """What :func:`export` writes, as texts."""
+    """The files that :func:`export` writes, as texts."""
     wanted = tables or TablesFor()
     if form in TABLES:
         made = (

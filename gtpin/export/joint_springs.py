@@ -27,15 +27,15 @@ Floats = npt.NDArray[np.float64]
 def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, dict[str, Floats]]:
     """The mechanism of an open chain with the springs of its compliances, linear in the loads of its range.
 
-    A drive that gives way is a joint ``JOINT_gives`` in series with the driven one; a bearing that tilts is two hinges
-    ``JOINT_tilts_a`` and ``_b`` before it. A link that bends and twists has its tip on a body ``LINK_tip``, on springs at the
-    middle of the link, where an Euler-Bernoulli beam's compliance at the tip is diagonal: f l in turning, f l^3 / 12 in
-    shifting across.
+        A compliant drive is a joint ``JOINT_gives`` in series with the driven one; a compliant bearing is two hinges
+    ``JOINT_tilts_a`` and ``_b`` before it. A link that bends and twists has its tip on a body ``LINK_tip`` with springs at the
+    middle of the link, where the compliance of an Euler-Bernoulli beam's tip is diagonal: f l for turns, f l^3 / 12 for shifts
+    across.
 
     Returns
     -------
     mechanism, shown
-        As :func:`~gtpin.export.drives.with_drives` returns them.
+        The same as for :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     if model.robot.rods or model.robot.constraints:
@@ -180,7 +180,7 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
 
 
 def _target(model: Model, link: MovingLink) -> pin.SE3:
-    """Where the frame that ``Bodies`` has at a link's tip sits in the tip's axes."""
+    """Placement, in the tip's frame, of the frame that ``Bodies`` has at a link's tip."""
     robot = model.kinematics.robot  # type: ignore[attr-defined]
     last = link.tip == robot.model.njoints - 1
     return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()

@@ -1,4 +1,4 @@
-"""What a file does not hold of a model."""
+"""The parts of a model that a file can't represent."""
 
 from __future__ import annotations
 

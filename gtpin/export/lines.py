@@ -1,4 +1,4 @@
-"""Laws that simulators have, fitted to effects: straight lines of a load, polynomials of a coordinate."""
+"""Functions that simulators have, fitted to effects: straight lines of a load, polynomials of a coordinate."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ Floats = npt.NDArray[np.float64]
 __all__ = ["DEGREE", "STIFFEST", "WORTH", "Polynomial", "line", "quartic"]
 
 STIFFEST = 1e-11
-"""m/N or rad/(N m) below which a fitted compliance, which may come out negative, counts as none."""
+"""Smallest compliance, m/N or rad/(N m); a smaller or negative fitted one counts as zero."""
 NO_LOAD = 1e-6
-"""N or N m: a load that varies by less shows no compliance."""
+"""Smallest variation of a load, N or N m, from which a compliance is fitted."""
 DEGREE = 4
-"""Of MuJoCo's polynomials."""
+"""Degree of MuJoCo's polynomials."""
 WORTH = 0.5
-"""Largest share of an effect's motion of the TCP that a polynomial may leave; what leaves more is not held."""
+"""Largest share of an effect's motion of the TCP that a polynomial may leave; otherwise the effect is left out."""
 
 
 def line(load: Floats, moved: Floats, tangent: float) -> tuple[float, float]:

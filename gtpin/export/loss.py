@@ -1,4 +1,4 @@
-"""How far the TCP is off without a part of a model that a file can't represent."""
+"""The error of the TCP without a part of a model that a file can't represent."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 POSES = 128
-"""Commands that a loss is computed at."""
+"""Number of commands at which a loss is computed."""
 WARMER = 1.0
-"""K above the reference at which a loss by temperature is stated."""
+"""Temperature above the reference, K, for which a loss by temperature is stated."""
 SPEED = 0.1
-"""m/s or rad/s at which a loss by speed is stated."""
+"""Speed, m/s or rad/s, for which a loss by speed is stated."""
 
 
 FORCES = ("fx", "fy", "fz")
 LEAST = 1e-7
-"""m below which what a file lacks of an effect that it holds is not told."""
+"""Smallest error, m, of an effect in a file that is reported."""
 
 
 def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of parts of a model, each with the root mean square displacement of the TCP that it accounts for, micrometres.
 
-    It is over commands that fill the ranges of the fit (else of the robot), to first order, with loads on the tool as in the
-    fit, over the time and the sessions of the fit, and both directions of approach. What depends on a temperature or a
-    speed is stated for one kelvin, or 0.1 m/s or rad/s. Parts whose conditions nobody knows are named without a number.
+    The mean is over commands that fill the ranges of the fit (without a fit: of the robot), over the time and the sessions of
+    the fit, and over both directions of approach, with loads on the tool as in the fit; to first order. Effects of a
+    temperature or a speed are stated for one kelvin, or 0.1 m/s or rad/s. Parts with unknown conditions have no number.
     """
     if not names:
         return names
@@ -56,12 +56,12 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def with_remainders(model: Model, shown: Mapping[str, Floats], session: str | None = None) -> tuple[str, ...]:
-    """Names of effects that a file holds with an error, each with the root mean square of this error at the TCP.
+    """Names of effects that a file represents with an error, each with the root mean square of this error at the TCP.
 
     Parameters
     ----------
     shown
-        By name, the (N, 6) motion of the TCP that the file holds at the poses of :func:`conditions`.
+        By name, the (N, 6) motion of the TCP, m and rad, by the file at the poses of :func:`conditions`.
     """
     found = []
     for active in model.effects:
@@ -78,7 +78,7 @@ def rms(moved: Floats) -> float:
 
 
 def ranges(model: Model) -> tuple[Floats, Floats]:
-    """(n,) least and largest commands of the fit, else of the robot; a turn where there is no limit."""
+    """(n,) smallest and largest commands of the fit, or of the robot without a fit; one turn where there is no limit."""
     robot = model.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
@@ -164,7 +164,7 @@ def _tool_forces(model: Model, active: ActiveEffect, at: Situation) -> dict[str,
 
 
 def _conditions(model: Model, active: ActiveEffect) -> str | None:
-    """What a loss is stated for, in words; None where the effect depends on a column that can hold anything."""
+    """The conditions of a loss as text; None where the effect depends on a column of unknown meaning."""
     words = ""
     for name in active.effect.covariates(model.robot, active.site):
         if name.startswith("temp_"):

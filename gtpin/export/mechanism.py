@@ -1,4 +1,4 @@
-"""A robot as physics engines want it: bodies with their own joints, the loops between them, all at home."""
+"""A robot in the form of physics engines: bodies with their joints, and the loops between them, at home."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WORLD = ""
 
 @dataclass(frozen=True)
 class Spring:
-    """What gives way along or about a joint: force = stiffness (rest - coordinate), N/m or N m/rad, m or rad."""
+    """A spring along or about a joint: force = stiffness (rest - coordinate); stiffness in N/m or N m/rad, rest in m or rad."""
 
     stiffness: float
     rest: float = 0.0
@@ -44,7 +44,7 @@ class Joint:
     lower, upper
         Its range, infinite where there is none.
     spring
-        What pulls it back, or None where it moves freely or is driven.
+        Its spring; None where it moves freely or is driven.
     play
         Whether its range is the play of a drive.
     """
@@ -74,9 +74,9 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Guide:
-    """Friction between an actuator's last joint and its guide: it holds the sum of the joints' coordinates where it is.
+    """Friction between an actuator's last joint and its guide: it keeps the sum of the coordinates of ``joints`` constant.
 
-    ``load``, N or N m, is the largest that it holds against.
+    ``load``: the largest load, N or N m, at which it does so.
     """
 
     site: str
@@ -95,11 +95,11 @@ class Body:
     placement
         ``pinocchio.SE3`` of the body in its parent's frame at home.
     joints
-        Against its parent; empty for a body that floats, which ``free`` names.
+        Its joints relative to its parent; empty for a body that floats.
     inertia
         ``pinocchio.Inertia`` in the body's frame.
     free
-        Name of the joint by which it floats, or None.
+        Name of its floating joint; None where it does not float.
     frames
         Links that are fixed to it, by name: their ``pinocchio.SE3`` in its frame.
     """
@@ -124,7 +124,8 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """An actuator: the site that it moves, its joint, the range of its commands, its travel at home and per unit of command."""
+    """An actuator: the site that it moves, its joint, the range of its commands, m or rad, its travel at home and per
+    command."""
 
     site: str
     joint: str
@@ -136,9 +137,9 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """Bodies, parents before children; loops by name, each two points that coincide; what drives it; gravity, m/s^2.
+    """Bodies, parents before children; loops by name, each two coincident points; drives; gravity, m/s^2; size ``reach``, m.
 
-    ``couplings`` and ``guides`` are joints that follow others, and friction.
+    ``couplings``: joints that follow others. ``guides``: friction.
     """
 
     name: str
@@ -151,7 +152,7 @@ class Mechanism:
     guides: tuple[Guide, ...] = ()
 
     def body(self, name: str) -> Body:
-        """The body of a name."""
+        """The body with a name."""
         return next(body for body in self.bodies if body.name == name)
 
     def placements(self) -> dict[str, Any]:
@@ -175,9 +176,9 @@ class Mechanism:
         return next(body for body in self.bodies if joint in {own.name for own in body.joints})
 
     def on_springs(self, name: str, ends: Sequence[tuple[str, int]], joints: Sequence[Joint]) -> Mechanism:
-        """The mechanism with ends of its loops (loop, 0 or 1), all of one body, moved to a massless body on joints.
+        """The mechanism with ends (loop, 0 or 1) of its loops, all on one body, moved to a new massless body with joints.
 
-        The new body has the ends' mean for its origin, and the axes of the old.
+        The new body ``name`` has its origin at the mean of these ends, and the axes of the old body.
         """
         old = {self.loops[loop][side].body for loop, side in ends}.pop()
         middle = np.mean([self.loops[loop][side].point for loop, side in ends], axis=0)
@@ -255,7 +256,7 @@ def mechanism(robot: Robot) -> Mechanism:
 
 
 def _massless(robot: Robot) -> set[int]:
-    """Joints whose bodies have no mass, carry one other joint, and bear no loop, no TCP and no second link."""
+    """Joints whose bodies have no mass, carry one other joint, and have no loop, no TCP and no second link."""
     model = robot.model
     children = [sum(parent == i for parent in model.parents) for i in range(model.njoints)]
     needed = {c.joint1_id for c in robot.constraints} | {c.joint2_id for c in robot.constraints} | {robot.tcp_joint}

@@ -17,21 +17,22 @@ from gtpin.kinematics.rotations import to_quaternions
 Floats = npt.NDArray[np.float64]
 
 TIMESTEP = 5e-4
-"""s."""
+"""Time step, s."""
 SPRING = 1000.0
-"""Natural frequency of springs, rad/s, which the time step allows; reflected inertia brings it down to this."""
+"""Largest natural frequency of springs, rad/s, for the time step; reflected inertia reduces it to this value."""
 DAMPING = 5.0
-"""Of springs, in stiffness over frequency (2 is critical): more would bring the platform to rest sooner, 20 is not stable."""
+"""Damping of springs, as a multiple of stiffness / frequency (2 is critical damping). Motions decay faster with more; 20 is
+unstable."""
 SMALLEST = {"boundmass": 1e-6, "boundinertia": 1e-9}
-"""kg and kg m^2 for bodies without any: massless ends of springs."""
+"""Mass, kg, and inertia, kg m^2, of bodies without mass, such as ends of springs."""
 
 
 def to_mjcf(mechanism: Mechanism) -> str:
-    """MJCF of a mechanism: at rest with ``ctrl`` = q, its platform is where the mechanism puts it.
+    """MJCF of a mechanism: at rest with ``ctrl`` = q, its platform has the pose of the mechanism at q.
 
-    Initial configuration and keyframe ``home`` are the robot's home. Coordinates, ranges and commands are the URDF's; shapes
-    don't collide. Drives give way by less than a micrometre under the machine's weight; drives and springs are damped, and
-    have the reflected inertia that keeps them stable at the time step: rest is right, vibrations are not the machine's.
+    Initial configuration and keyframe ``home`` are the robot's home. Coordinates, ranges and commands are those of the URDF;
+    shapes don't collide. Drives deflect by less than a micrometre under the machine's weight. Drives and springs have damping
+    and reflected inertia that keep them stable at the time step: static poses are right, vibrations are not the machine's.
     """
     root = Element("mujoco", model=mechanism.name)
     bounds = {key: numbers(value) for key, value in SMALLEST.items()}

@@ -1,4 +1,4 @@
-"""Drives in MJCF: position actuators, what follows their motors, and the friction beyond a play."""
+"""Drives in MJCF: position actuators, joints that follow their motors, and the friction beyond a play."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from gtpin.export.mechanism import Guide, Joint, Mechanism, Spring
 from gtpin.export.text import numbers
 
 DRIVE = 2000.0
-"""Natural frequency of drives, rad/s, which the time step allows; reflected inertia brings it down to this."""
+"""Largest natural frequency of drives, rad/s, for the time step; reflected inertia reduces it to this value."""
 SAG = 3e-7
-"""m by which a drive gives way under the weight of everything that moves."""
+"""Deflection of a drive, m, under the weight of all moving bodies."""
 GRIP = 2.0
-"""Friction of a guide beyond a play, over the machine's weight (times its reach, where the actuator turns), and over the
+"""Friction of a guide beyond a play: multiple of the machine's weight (times its reach, where the actuator turns), and of the
 largest load of the fit."""
 STIFF = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
-"""As stiff as the time step allows."""
+"""Constraints as stiff as the time step allows."""
 
 
 def add_guides(root: Element, mechanism: Mechanism) -> None:
@@ -35,12 +35,12 @@ def add_guides(root: Element, mechanism: Mechanism) -> None:
 
 
 def _friction(mechanism: Mechanism, guide: Guide, joint: Joint) -> float:
-    """N, or N m."""
+    """Friction force of a guide, N, or moment, N m."""
     return max(GRIP * _weight(mechanism) * _reach(mechanism, joint), GRIP * guide.load)
 
 
 def _weight(mechanism: Mechanism) -> float:
-    """N, of everything that moves."""
+    """Weight of all moving bodies, N."""
     mass = sum(body.inertia.mass for body in mechanism.bodies)
     return max(float(mass * np.linalg.norm(mechanism.gravity)), 1.0)
 

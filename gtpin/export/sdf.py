@@ -18,21 +18,21 @@ Floats = npt.NDArray[np.float64]
 
 VERSION = "1.9"
 SQUARE = 1e-9
-"""m or rad by which axes may miss each other where two joints become a universal one."""
+"""Largest distance, m, and deviation from a right angle, rad, of the axes of two joints that become a universal joint."""
 SMALLEST = pin.Inertia(1e-3, np.zeros(3), 1e-6 * np.eye(3))
-"""For links without mass, which physics engines would give a kilogram."""
+"""Inertia of links without mass, for which physics engines would assume a kilogram."""
 
 
 def to_sdf(mechanism: Mechanism) -> str:
     """SDF of a mechanism at home: every loop a ``ball`` joint, two crossing joints of a rod a ``universal`` one.
 
-    The platform floats: no joint holds it but the rods'. SDF counts a joint's position from the pose in the file, which is
-    home; where home is not at zero, ranges are shifted by it, and ``gtpin:home`` tells the URDF's coordinate there.
+    The platform floats: only the rods' joints hold it. In SDF a joint's position is zero at the pose in the file, which is
+    home. Where home is not at zero, ranges are shifted by it, and ``gtpin:home`` gives the URDF's coordinate at home.
 
     Raises
     ------
     RobotError
-        If a link that was merged for having no mass had joints that don't cross at a right angle.
+        If a link without mass, which is merged, had joints whose axes do not intersect at a right angle.
     """
     root = Element("sdf", {"version": VERSION, "xmlns:gtpin": "urn:gtpin"})
     base = mechanism.bodies[0]

@@ -1,4 +1,4 @@
-"""How links look, in the simple shapes that every format knows."""
+"""Shapes of links, for drawings: boxes, cylinders and spheres, which every format has."""
 
 from __future__ import annotations
 

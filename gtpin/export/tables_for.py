@@ -1,4 +1,4 @@
-"""What tables of all errors are made for: the controller, its coordinates, and temperatures."""
+"""The conditions of tables that correct all errors: controller, its coordinates, and temperatures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gtpin.model.model import Model
 
 @dataclass(frozen=True)
 class TablesFor:
-    """What tables are made for.
+    """The controller and the conditions of tables.
 
     Parameters
     ----------
@@ -22,9 +22,9 @@ class TablesFor:
     temperatures
         degC; by default the reference temperature of the fit.
     box
-        The part of the workspace; printers need it.
+        The part of the workspace; needed for printers.
     firmware
-        The present printer.cfg or config.g of a delta, whose dimensions shall be corrected too.
+        The present printer.cfg or config.g of a delta, to correct its dimensions too.
     """
 
     controller: Model | None = None
@@ -42,7 +42,8 @@ class TablesFor:
         return Model(self.controller.geometry)
 
     def machine(self, model: Model, session: str | None) -> tuple[Machine, tuple[str, ...]]:
-        """The machine, and names of the effects that no table can hold; raises `ModelError` if no effect is thermal."""
+        """The machine, and names of the effects that no table can represent; raises `ModelError` if temperatures are given
+        and no effect is thermal."""
         machine, unknown = machine_at(model, session)
         if self.temperatures and not machine.temperature_columns:
             raise ModelError("no effect of the model depends on a temperature", hint="leave out --temperature")
@@ -51,7 +52,7 @@ class TablesFor:
 
 @dataclass(frozen=True)
 class Written:
-    """Text by file name, names of what the files hold nothing of, and what they leave of the rest, in words."""
+    """Text by file name, names of effects that the files do not contain, and messages on the errors that remain."""
 
     files: dict[str, str]
     left_out: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""What tables of a controller leave of the errors, computed where no table was fitted, with both directions of approach."""
+"""The errors that remain with a controller's tables, at points where no table was fitted, with both directions of approach."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from gtpin.errors import ModelError
 Floats = npt.NDArray[np.float64]
 
 POINTS = 512
-"""Places at which it is computed."""
+"""Number of points at which errors are computed."""
 LEAST = 1e-8
-"""m: an effect that moves the TCP by less is not there under the conditions of the tables."""
+"""Motion of the TCP, m, below which an effect counts as absent under the conditions of the tables."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Left:
         return _rms(self.before) < LEAST
 
     def words(self, where: str, temperatures: Mapping[str, float]) -> str:
-        """Both, root mean square, in micrometres."""
+        """Text with both errors, root mean square, in micrometres."""
         warm = "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
         return (
             f"leaves {_um(self.after)} of {_um(self.before)} um of the TCP's error in {where}{warm}"
@@ -48,14 +48,14 @@ def check_any(left: Sequence[Left]) -> None:
 
 
 def both_approaches(count: int) -> Floats:
-    """(count,) directions in turn."""
+    """(count,) alternating directions of approach, +1 and -1."""
     return np.where(np.arange(count) % 2, 1.0, -1.0)
 
 
 def by_parts(
     machines: Mapping[str, Machine], left: Callable[[Machine], Left]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What tables made for one part of the errors alone leave of it, in words, and the names of effects that are not there."""
+    """Texts with the error that remains of each part when tables are made for it alone, and the names of absent effects."""
     words, absent = [], []
     for name, machine in machines.items():
         found = left(machine)

@@ -1,4 +1,4 @@
-"""XML as it is written: numbers that read back bit by bit, indented elements."""
+"""XML text: numbers that read back bit by bit, indented elements."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ SIMPLE = "transmission_interface/SimpleTransmission"
 def with_transmissions(urdf: str, robot: Robot, scales: Mapping[str, float]) -> str:
     """The URDF with a transmission for each drive whose travel per command is not 1: its reduction is divided by it.
 
-    A ``<mimic>`` would need a joint more, which readers would take for another one to drive.
+    A ``<mimic>`` would need an additional joint, which readers would take for another driven one.
     """
     odd = [
         (actuator, scales[site])

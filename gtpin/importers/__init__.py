@@ -1,4 +1,4 @@
-"""Readers of files that other programs write, each for one format; they give what a dataset folder is written from.
+"""Readers of files from other programs, one module for each format; their results can be written as a dataset folder.
 
 `docs/importers.md` describes each format, with its source.
 """

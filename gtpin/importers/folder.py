@@ -47,27 +47,27 @@ def write_touches(
     Parameters
     ----------
     touches
-        What a reader of this package gives.
+                The touches, as a reader of this package returns them.
     folder
-        To be written. What gtpin wrote there is replaced.
+        The folder to write. A dataset that gtpin wrote there is replaced.
     robot, tcp
         The robot's name, or the path of its URDF or MJCF file; the link of its TCP, where it is not the robot's own.
     name
-        Of the instrument, and of its table.
+                Name of the instrument and of its table.
     origin
         (3,) the controller's zero in the robot's base frame, m.
     normal
-        (3,) of the surface, base frame, pointing to the side that was touched; any length. The plane goes through the mean
-        of the touched points.
+        (3,) normal of the surface, base frame, pointing to the touched side; any length. The plane goes through the mean of
+        the touched points.
     sigma
-        1 sigma of a touch along the normal, m; None to have it estimated.
+        Standard deviation of a touch along the normal, m; None: it is estimated from the data.
     force
-        Move aside (``NAME.old-1``) what gtpin has not written.
+        Rename files that gtpin has not written (``NAME.old-1``).
 
     Raises
     ------
     GtpinError
-        If the robot can't be read, is another machine or can't be at a touch, or the folder can't be written.
+        If the robot can't be read, is another machine or can't reach a touch, or the folder can't be written.
     """
     folder = Path(folder)
     nominal = kinematics(Geometry.nominal(load_robot(robot, tcp)))
@@ -113,11 +113,11 @@ def write_instrument(
     folder, force
         As for :func:`write_touches`.
     robot, tcp, actuators
-        As the dataset names them.
+                As in dataset.toml.
     instrument
         The keys of ``[[instrument]]``.
     columns
-        Of its table, (N,) each.
+        (N,) columns of its table, by name.
     """
     content = {"schema": SECOND, "robot": robot, "tcp": tcp, "actuators": actuators, "instrument": [instrument]}
     described = describe_second(content, None, {})

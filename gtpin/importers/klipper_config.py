@@ -1,8 +1,8 @@
 """Klipper's configuration: sections and their options, each with the file and line that it was read from.
 
 The form is that of Klipper's klippy/configfile.py: an INI file, comments after ``#`` and ``;``, options as ``name: value`` or
-``name = value``, indented lines that go on with a value, ``[include FILES]``, and at its end what SAVE_CONFIG wrote, each line
-after ``#*#``. An option that stands above as well counts as it stands above (``_strip_duplicates`` there).
+``name = value``, indented lines that continue a value, ``[include FILES]``, and at its end the lines that SAVE_CONFIG wrote,
+each after ``#*#``. An option that is also in the first part has the value of the first part (``_strip_duplicates`` there).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gtpin.importers.lines import decimal, text_lines
 
 SAVED = "#*#"
 DEEPEST = 8
-"""Includes in includes beyond which a file is taken to include itself."""
+"""Largest depth of includes; with more, a file is assumed to include itself."""
 
 _SECTION = re.compile(r"\[([^\]]+)\]\s*([#;].*)?")
 _OPTION = re.compile(r"([^:=\s\[#;][^:=]*?)\s*[:=](.*)")
@@ -60,7 +60,7 @@ class Option:
         return decimal(self.text, self.file, self.row, self.name)
 
     def numbers(self, count: int) -> list[float]:
-        """Its value as so many finite numbers between commas; raises `DatasetError`."""
+        """Its value as ``count`` finite numbers separated by commas; raises `DatasetError`."""
         texts = self.text.split(",")
         if len(texts) != count:
             what = f"{len(texts)} numbers where {count} belong"
@@ -73,14 +73,14 @@ Sections = Mapping[str, Mapping[str, Option]]
 
 
 def read_config(file: Path) -> Sections:
-    """Read a configuration with what it includes; raises `DatasetError` where a line is none of a configuration."""
+    """Read a configuration with the files that it includes; raises `DatasetError` for a line that is not a configuration's."""
     found: dict[str, dict[str, Option]] = {}
     _read(file, found, 0)
     return found
 
 
 def needed(sections: Sections, section: str, name: str, file: Path) -> Option:
-    """An option that has to be there; raises `DatasetError`."""
+    """An option; raises `DatasetError` where it is missing."""
     option = sections.get(section, {}).get(name)
     if option is None:
         what = f"the option {name} of [{section}] is missing"

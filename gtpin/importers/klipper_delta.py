@@ -1,9 +1,8 @@
 """Klipper's ``[delta_calibrate]``: the steps of the drives at each touch, as SAVE_CONFIG writes them into printer.cfg.
 
 Format and meaning: klippy/extras/delta_calibrate.py and klippy/kinematics/delta.py of github.com/Klipper3d/klipper.
-``heightN`` is the nozzle's height over the bed at the touch (the probe's ``z_offset``), mm. ``heightN_pos`` are the steps
-that the drives of towers a, b and c have made down from their end stops; they do not depend on the geometry that the
-firmware believed in.
+``heightN`` is the nozzle's height over the bed at the touch (the probe's ``z_offset``), mm. ``heightN_pos`` are the steps of
+the drives of towers a, b and c down from their end stops; they do not depend on the geometry in the firmware.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ TOWERS = ("stepper_a", "stepper_b", "stepper_c")
 ANGLES = (210.0, 330.0, 90.0)
 """Klipper's angles of the towers where the file has none, degrees."""
 FULL_STEPS = 200.0
-"""Klipper's full steps a turn where the file has none."""
+"""Klipper's full steps per turn where the file has none."""
 
 _HEIGHT = re.compile(r"height(\d+)")
 _OTHER = re.compile(r"(?:manual_height|distance)\d+")
@@ -37,12 +36,12 @@ def read_klipper_delta(file: Path | str) -> Touches:
     Raises
     ------
     DatasetError
-        If the file is no configuration of a delta printer, has no such touches, or a damaged one.
+                If the file is no configuration of a delta printer, has no such touches, or a touch is damaged.
 
     Warns
     -----
     GtpinWarning
-        Of heights measured by hand, and of distances on a printed object, which are left out.
+        If there are heights measured by hand, or distances on a printed object: they are left out.
     """
     file = Path(file)
     sections = read_config(file)
@@ -69,7 +68,7 @@ def read_klipper_delta(file: Path | str) -> Touches:
 
 
 def _step(sections: Sections, tower: str, file: Path) -> float:
-    """Travel of a step, mm: klippy/stepper.py, parse_step_distance."""
+    """Travel per step, mm: see parse_step_distance in klippy/stepper.py."""
     options = sections.get(tower, {})
     if "step_distance" in options:  # Klipper's configurations until 2021
         return _positive(options["step_distance"])
@@ -105,7 +104,7 @@ def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Flo
     Raises
     ------
     DatasetError
-        If an option is missing, or a dimension can't be.
+        If an option is missing, or a dimension is impossible.
     """
     radius = _positive(needed(sections, "printer", "delta_radius", file))
     arms, ends, angles = np.empty(3), np.empty(3), np.empty(3)

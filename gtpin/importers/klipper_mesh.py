@@ -1,9 +1,9 @@
 """Klipper's bed mesh, as SAVE_CONFIG writes it into printer.cfg: ``[bed_mesh default]`` with ``points`` on a grid.
 
 Source: klippy/extras/bed_mesh.py of github.com/Klipper3d/klipper. The first line of ``points`` is at ``min_y``, its first
-number at ``min_x``. Each is the nozzle's command, mm, at which the nozzle itself would touch the bed: the probe's offset is
-taken in. On a round bed Klipper fills up the corners of the grid with the outermost number that was probed in their line;
-those are left out.
+number at ``min_x``. Each is the nozzle's command, mm, at which the nozzle itself would touch the bed: it includes the probe's
+offset. On a round bed Klipper fills the corners of the grid with the outermost probed number of their line; these points are
+left out.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gtpin.importers.lines import decimal
 from gtpin.importers.touches import Touches, touched
 
 ROUNDING = 1e-3
-"""How far a point of the edge may be outside the radius by the rounding of the file, mm."""
+"""Largest distance, mm, of a point of the edge outside the radius, by rounding of the file."""
 
 
 def read_klipper_mesh(
@@ -38,7 +38,8 @@ def read_klipper_mesh(
     Raises
     ------
     DatasetError
-        If there is no such mesh, it is damaged, or ``[bed_mesh]`` is missing, which says whether the bed is round.
+        If there is no such mesh, it is damaged, or the section ``[bed_mesh]``, from which it is known whether the bed is
+        round, is missing.
     """
     file = Path(file)
     sections = read_config(file)

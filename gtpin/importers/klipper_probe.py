@@ -2,7 +2,7 @@
 
 Source: klippy/extras/probe.py of github.com/Klipper3d/klipper. Older versions write ``probe at X,Y is z=Z``: the nozzle's
 commands at the touch, mm. Newer ones write ``probe: at X,Y bed will contact at z=Z``: the point of the bed under the probe,
-and the nozzle's command at which the nozzle itself would touch it; the probe's offset is taken in.
+and the nozzle's command at which the nozzle itself would touch it; it includes the probe's offset.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ def read_klipper_probe(file: Path | str, offset: tuple[float, float, float] = (0
     Parameters
     ----------
     file
-        klippy.log, or the console's text, whatever stands before the reports in their lines.
+        klippy.log, or the console's text; other text before a report in its line is ignored.
     offset
         ``x_offset y_offset z_offset`` of the printer's ``[probe]``, mm.
 
     Raises
     ------
     DatasetError
-        If there is no report, or a damaged one.
+        If there is no report, or a report is damaged.
     """
     file = Path(file)
     x, y, z = offset

@@ -11,7 +11,7 @@ from gtpin.data.files import read_bytes
 from gtpin.errors import DatasetError
 
 SHOWN = 40
-"""Letters of a wrong text that an error shows."""
+"""Number of characters of a wrong text in an error message."""
 
 
 def text_lines(file: Path) -> list[str]:

@@ -1,4 +1,4 @@
-"""LinuxCNC's log of probe touches, as ``(PROBEOPEN file)`` makes it: nine numbers a line, X Y Z A B C U V W.
+"""LinuxCNC's log of probe touches, as ``(PROBEOPEN file)`` makes it: nine numbers per line, X Y Z A B C U V W.
 
 Source: src/emc/task/emccanon.cc (GET_EXTERNAL_PROBE_POSITION) and docs/src/gcode/g-code.adoc of
 github.com/LinuxCNC/linuxcnc. The numbers are the position at the touch in the program's coordinates (offsets of G54 ...,
@@ -37,10 +37,10 @@ def read_linuxcnc_probe(
     file
         The log.
     unit
-        Of its lengths: that of the program.
+                Unit of lengths in the program that made the log.
     axes
-        The letters that are the commands of the robot's actuators, in the order of q: ``XYZ`` or ``XYZAC`` of a machine
-        whose drives are its axes (trivkins). Left out, X Y Z is the TCP, and the commands follow from the robot's geometry.
+        The letters that are the commands of the robot's actuators, in the order of q: ``XYZ`` or ``XYZAC`` for a machine whose
+        drives are its axes (trivkins). Empty: X Y Z is the TCP, and the commands are computed with the robot's geometry.
     zero
         With ``axes``: the machine coordinates of the program's zero, m.
     target

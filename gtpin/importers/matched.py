@@ -1,4 +1,4 @@
-"""Which command belongs to which reading, where a file of readings and a table of commands were written apart."""
+"""Assigns commands to readings, where readings and commands are in separate files."""
 
 from __future__ import annotations
 
@@ -33,18 +33,20 @@ def matched(
     commands
         The table.
     by
-        ``pose``: of the same id; ``row``: as many, in the same order; ``time``: the nearest in time.
+                ``pose``: the command with the same id; ``row``: the command with the same number, both tables being of equal
+                length;
+        ``time``: the nearest in time.
     file, row
-        Where the (N,) readings were read.
+        File of the readings, and the (N,) line of each.
     pose, time
-        (N,) of the readings; time in s.
+        (N,) ids and times, s, of the readings.
     within
         The longest time between a reading and its command, s.
 
     Raises
     ------
     DatasetError
-        If what is matched by is missing on one side, or a reading has no command, or several.
+        If one of the tables lacks the column that is needed, or a reading has no command, or several.
     """
     if by == "row":
         if len(commands.pose) != len(row):

@@ -28,21 +28,21 @@ ANGLES: Mapping[Angle, float] = {"rad": 1.0, "deg": np.pi / 180.0}
 
 IGNORED = "-"
 COMMENTS = ("//", "#", "%")
-"""What a line that is a comment begins with: // in SpatialAnalyzer's exports, the others elsewhere."""
+"""Beginnings of comment lines: // in SpatialAnalyzer's exports, the others in files of other programs."""
 
 
 @dataclass(frozen=True, eq=False)
 class NamedColumns:
-    """What was read.
+    """The content of a table.
 
     Parameters
     ----------
     file, row
         The file, and the (N,) line of each row.
     pose
-        (N,) ids; None where no column is called so.
+                (N,) ids; None where there is no such column.
     values
-        (N,) numbers of the other columns by name, as they stand in the file.
+        (N,) numbers of the other columns by name, in the units of the file.
     """
 
     file: Path
@@ -59,21 +59,21 @@ def read_named_columns(
     Parameters
     ----------
     file
-        Text; blank lines and lines that begin with ``//``, ``#`` or ``%`` are passed over.
+        A text file; blank lines and lines that begin with ``//``, ``#`` or ``%`` are ignored.
     names
-        Of the columns in their order: ``pose``, ``x y z``, ``qw qx qy qz``, ``q1 .. qn``, names of covariates, and ``-`` for
-        one that is passed over.
+        Names of the columns in their order: ``pose``, ``x y z``, ``qw qx qy qz``, ``q1 .. qn``, names of covariates, and ``-``
+        for a column that is ignored.
     separator
-        Between columns: ``comma``, ``semicolon``, ``tab`` or ``space`` (any number of them).
+        Separator of columns: ``comma``, ``semicolon``, ``tab`` or ``space`` (any number of them).
     header
-        Lines at the beginning that are no rows.
+        Number of lines at the beginning that are not rows.
     decimal_comma
-        Whether numbers have a comma for the point.
+        Whether the decimal separator is a comma.
 
     Raises
     ------
     DatasetError
-        If names are doubled or missing, or a row has another number of columns or no number where one belongs.
+        If a name is missing or there twice, or a row has another number of columns, or text where a number must be.
     """
     wanted = _wanted(names, separator, decimal_comma)
     rows: list[int] = []

@@ -1,8 +1,8 @@
 """Lists of points or poses, as metrology programs export them: SpatialAnalyzer's ASCII points, and any like it.
 
-SpatialAnalyzer's user manual, "Exporting ASCII Formatted Points": a line for each point, ``Collection Group Target x y z``
-or fewer names, between spaces or commas, in the working frame and the working unit; comments after ``//``. Neither unit nor
-order can be told from the file, so that both are asked for.
+SpatialAnalyzer's user manual, "Exporting ASCII Formatted Points": a line for each point, ``Collection Group Target x y z`` or
+fewer names, between spaces or commas, in the working frame and the working unit; comments after ``//``. Neither unit nor
+order are in the file, so the user gives both.
 """
 
 from __future__ import annotations
@@ -50,23 +50,23 @@ def read_points(
     file
         The list.
     robot, tcp
-        As a dataset names them.
+                As in dataset.toml.
     columns, separator, header, decimal_comma
         See :func:`~gtpin.importers.named_columns.read_named_columns`.
     unit
-        Of x, y and z, and of the commands of actuators that slide, where the list has them.
+        Unit of x, y and z, and of the commands of actuators that slide, where the list has them.
     angle
         Unit of the commands of actuators that turn, where the list has them.
     commands, match, within
         The commands, where the list has none, and how they are matched with its rows: see
         :func:`~gtpin.importers.matched.matched`.
     instrument
-        What measured; by default of unknown noise, in a frame of its own, with the target at an unknown place.
+                The instrument; by default with unknown noise, a free frame and a free target.
 
     Raises
     ------
     GtpinError
-        If a row is damaged, or it is not said what the numbers are.
+        If a row is damaged, or columns or units are not given completely.
     """
     file = Path(file)
     if unit not in LENGTHS:
@@ -110,7 +110,7 @@ def read_points(
 
 
 def _scale(robot: str, tcp: str | None, count: int, unit: Length, angle: Angle | None) -> np.ndarray:
-    """(n,) metres or radians in a unit of each command."""
+    """(n,) factor from the unit of each command to m or rad."""
     revolute = load_robot(robot, tcp).revolute
     if len(revolute) != count:
         what = f"{count} columns of commands for the {len(revolute)} actuators of {robot}"

@@ -20,7 +20,7 @@ from gtpin.importers.matched import Match, matched
 Floats = npt.NDArray[np.float64]
 
 TIMES = ("field.header.stamp", "%time")
-"""Where the time stands, the first that is there: the message's own stamp, then that at which it was received."""
+"""Columns of the time, of which the first that is present is used: the message's own stamp, then the time of reception."""
 NANOSECOND = 1e-9
 PARTS = {
     **{axis: f"position.{axis}" for axis in "xyz"},
@@ -46,19 +46,19 @@ def read_ros_poses(
     file
         CSV with the header of ``rostopic echo -p``.
     robot, tcp
-        As a dataset names them.
+                As in dataset.toml.
     commands, match, within
         The commands, and how they are matched: by ``time`` (s, of the same clock) or ``row``; see
         :func:`~gtpin.importers.matched.matched`.
     prefix
-        Of the pose, where the message has several: ``field.detections0.pose.pose.pose``.
+                Prefix of the pose's columns, where the message has several poses: ``field.detections0.pose.pose.pose``.
     instrument
-        What measured; by default of unknown noise, in a frame of its own, with the target at an unknown place.
+        The instrument; by default with unknown noise, a free frame and a free target.
 
     Raises
     ------
     DatasetError
-        If columns are missing or doubled, a row is damaged, or has no command.
+        If a column is missing or there twice, or a row is damaged or has no command.
     """
     file = Path(file)
     cells = [(row, line.split(",")) for row, line in enumerate(text_lines(file), 1) if line.strip()]

@@ -1,7 +1,7 @@
 """The dimensions of a delta in RepRapFirmware's config.g, or config-override.g: M665, M666 and M92.
 
 Source: src/Movement/Kinematics/LinearDeltaKinematics.cpp (Configure, Recalc) of github.com/Duet3D/RepRapFirmware. A later
-command changes what it names, and leaves the rest.
+command changes only the parameters that it names.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gtpin.importers.lines import decimal, text_lines
 Floats = npt.NDArray[np.float64]
 
 ANGLES = (210.0, 330.0, 90.0)
-"""Of the towers X, Y and Z, to which M665's X, Y and Z are corrections, degrees."""
+"""Angles of the towers X, Y and Z, degrees, to which X, Y and Z of M665 are corrections."""
 AXES = "XYZ"
 
 _COMMAND = re.compile(r"\s*M(665|666|92)(?![\d.])(.*)", re.IGNORECASE)
@@ -35,7 +35,7 @@ class RrfDelta:
     radius
         R of M665.
     arms, angles, ends
-        (3,) of the towers: L; the directions; H with M666's adjustment.
+        (3,) for each tower: L of M665; direction; H of M665 with the adjustment by M666.
     steps
         (3,) steps per mm of M92.
     """
@@ -53,7 +53,7 @@ def read_rrf_delta(file: Path | str) -> RrfDelta:
     Raises
     ------
     DatasetError
-        If a dimension is missing, can't be, or M666 tilts the bed.
+        If a dimension is missing or impossible, or M666 tilts the bed.
     """
     file = Path(file)
     found: dict[str, tuple[list[float], int]] = {}

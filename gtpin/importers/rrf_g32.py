@@ -1,8 +1,8 @@
 """RepRapFirmware's report of heights, ``G32 bed probe heights: 0.012 -0.031 ...``, and the bed.g that names the points.
 
 Source: src/Movement/BedProbing/RandomProbePointSet.cpp of github.com/Duet3D/RepRapFirmware (ReportProbeHeights), printed
-where the last ``G30`` of bed.g has ``S-1``. Heights are in the order of the points P0, P1, ..., mm, and mean what those of
-a height map do. The report has no X and Y; these stand in bed.g: ``G30 P0 X0 Y115 Z-99999``.
+where the last ``G30`` of bed.g has ``S-1``. Heights are in the order of the points P0, P1, ..., mm, and have the same meaning
+as those of a height map. The report has no X and Y; these are in bed.g: ``G30 P0 X0 Y115 Z-99999``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gtpin.importers.touches import Touches, touched
 BEGIN = "G32 bed probe heights:"
 FAILED = "probing failed"
 LETTERS = "PXYZHKS"
-"""Of G30's parameters."""
+"""Letters of G30's parameters."""
 
 _POINT = re.compile(r"\s*G30\s+P(\d+)\b(.*)", re.IGNORECASE)
 _WORD = re.compile(r"([A-Z])\s*([^\sA-Z;]+)", re.IGNORECASE)
@@ -30,7 +30,7 @@ def read_rrf_g32(file: Path | str, points: Path | str, offset: tuple[float, floa
     Parameters
     ----------
     file
-        The console's text, whatever stands before the reports in their lines.
+        The console's text; other text before a report in its line is ignored.
     points
         bed.g, or any file with its ``G30 P...`` commands.
     offset
@@ -39,7 +39,7 @@ def read_rrf_g32(file: Path | str, points: Path | str, offset: tuple[float, floa
     Raises
     ------
     DatasetError
-        If there is no report, a damaged one, or one of another number of points.
+        If there is no report, or a report is damaged or has another number of points.
     """
     file, points = Path(file), Path(points)
     places = _places(points)

@@ -21,9 +21,9 @@ LABELS = {
     "axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1": "axis0 axis1 xmin xmax ymin ymax radius "
     "xspacing yspacing xnum ynum",
 }
-"""The line with names, of three versions of the firmware, and gtpin's names of what stands under it."""
+"""The line with names, of three versions of the firmware, and gtpin's names of these numbers."""
 MOST = 10_000
-"""Points beyond which the line with the grid is taken to be damaged."""
+"""Largest number of points; with more, the line with the grid is assumed to be damaged."""
 
 
 def read_rrf_heightmap(file: Path | str, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Touches:
@@ -34,7 +34,7 @@ def read_rrf_heightmap(file: Path | str, offset: tuple[float, float, float] = (0
     file
         ``heightmap.csv``.
     offset
-        ``X Y Z`` of G31 in the printer's config.g, mm: the probe's place beside the nozzle, and its trigger height.
+        ``X Y Z`` of G31 in the printer's config.g, mm: the probe's position relative to the nozzle, and its trigger height.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Touches: positions at which a machine's controller believed its TCP to be when a probe touched a surface."""
+"""Touches: positions of the TCP, by a controller's own geometry, at which a probe touched a surface."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Floats = npt.NDArray[np.float64]
 
 MILLIMETRE = 1e-3
 FARTHEST = 1e3
-"""Length, m, or angle, rad, beyond which a number of a file is taken to be damaged."""
+"""Length, m, or angle, rad, above which a number of a file is assumed to be damaged."""
 ASIDE = (0.1, 500.0)
-"""Distance, mm, of a probe beside the nozzle from its axis, between which it lies: less looks like metres. Assumed."""
+"""Smallest and largest distance, mm, of a probe from the axis of the nozzle: smaller ones look like metres. Assumed."""
 TIP = 2.0
 """Distance of a target from the TCP, m, that no probe has: it looks like millimetres. Assumed."""
 FREE, WHOLE = 3, 6
@@ -31,12 +31,12 @@ FREE, WHOLE = 3, 6
 
 @dataclass(frozen=True, eq=False)
 class Touches:
-    """N touches of one surface, as a file tells them.
+    """N touches of one surface, as they are in a file.
 
     Parameters
     ----------
     file, row
-        Where they were read: (N,) lines.
+        The file, and the (N,) line of each touch.
     pose
         (N,) ids.
     position
@@ -44,17 +44,17 @@ class Touches:
     q
         (N, n) commands, m or rad; None where they follow from the positions.
     travel
-        (N, n) travel of the drives, m, in any order and of any sign and zero; None where it was not recorded. The commands
-        are then taken from it: the geometry that the controller had is not in them.
+        (N, n) travel of the drives, m, in any order and with any sign and zero; None where it was not recorded. Commands that
+        are taken from it do not depend on the controller's geometry.
     height
         (N,) height of the target over the surface, m, positive on the side that the normal points to; None for zero.
     target
-        (3,) what touches, in the TCP frame, m.
+                (3,) the touching point, TCP frame, m.
 
     Raises
     ------
     DatasetError
-        If a number is so large that it can only be damaged, or the target is that far away.
+        If a number is so large that it must be damaged, or the target is too far from the TCP.
     """
 
     file: Path
@@ -87,14 +87,14 @@ def check_size(values: Floats, file: Path, row: npt.NDArray[np.int64]) -> None:
 
 
 def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[float, float, float]) -> Touches:
-    """Touches of a probe that sits beside the nozzle, from millimetres.
+    """Touches of a probe that is mounted beside the nozzle, from millimetres.
 
     Parameters
     ----------
     file, rows
-        Where each was read.
+        The file, and the line of each touch.
     xyz
-        The nozzle's commands, mm.
+        Commands of the nozzle, (N, 3), mm.
     offset
         The probe's offset, mm: x and y of the probe from the nozzle, and the height of the nozzle over the bed at the touch.
 
@@ -118,17 +118,17 @@ def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[f
 
 
 def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[Floats, Poses]:
-    """Commands of the robot's actuators at the touches, and the poses that the kinematics has there.
+    """Commands of the robot's actuators at the touches, and the poses at these commands.
 
-    Commands that the file does not have are those by which the robot, with its nominal geometry, is at the position. A robot
-    of three actuators moves with its orientation free, one of six or more keeps that of its home.
+    Commands that are not in the file are computed from the positions by inverse kinematics. The orientation of a robot with
+    three actuators is free; a robot with six or more keeps that of its home.
 
     Parameters
     ----------
     touches
-        What was read.
+        The touches.
     kinematics
-        Of the robot with the geometry that the controller had.
+        Kinematics of the robot with the controller's geometry.
     origin
         (3,) the controller's zero in the base frame, m; the axes are parallel.
 
@@ -140,7 +140,7 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
     Raises
     ------
     DatasetError
-        If the robot can't be there, or its commands are not those of the drives that were recorded.
+        If the robot can't reach a position, or its commands do not agree with the recorded travel of the drives.
     """
     robot = kinematics.geometry.robot
     if touches.q is not None:

@@ -1,4 +1,4 @@
-"""Commands from the recorded travel of the drives, whatever their order, sign and zero."""
+"""Commands from the recorded travel of the drives, which have any order, sign and zero."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from gtpin.errors import DatasetError
 Floats = npt.NDArray[np.float64]
 
 ALIKE = 0.05
-"""Share of the travel by which commands of the nominal geometry may differ from it. A machine whose dimensions are known to a
-few per cent stays below, and drives that are mistaken for others differ by about their whole travel."""
+"""Largest difference of commands of the nominal geometry from the travel, as a share of the travel. It is smaller where the
+dimensions are known to a few per cent; for wrongly assigned drives it is about 1."""
 FEWEST = 3
-"""Touches from which order and sign of the drives can be told."""
+"""Fewest touches from which order and sign of the drives are determined."""
 
 
 def by_travel(q: Floats, travel: Floats, file: Path, robot: str) -> Floats:
-    """Commands (N, n) from the drives' travel (N, n): order, signs and zeros are those that the commands ``q`` show.
+    """Commands (N, n) from the drives' travel (N, n): order, signs and zeros are found by comparison with the commands ``q``.
 
     Parameters
     ----------
@@ -29,12 +29,12 @@ def by_travel(q: Floats, travel: Floats, file: Path, robot: str) -> Floats:
     travel
         (N, n) recorded travel, m.
     file, robot
-        What errors name.
+        File and robot for error messages.
 
     Raises
     ------
     DatasetError
-        If the travel of some drive is like that of no actuator: the robot is another machine.
+        If the travel of a drive agrees with no actuator: the robot is another machine.
     """
     if len(q) < FEWEST or q.shape != travel.shape:
         what = f"{len(q)} touches with {travel.shape[1]} drives, for a robot of {q.shape[1]} actuators"

@@ -30,7 +30,7 @@ VAGUE = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What all instruments read at N commands: N rows with c numbers each.
+    """The readings of all instruments: N rows with c numbers each.
 
     Parameters
     ----------
@@ -108,9 +108,9 @@ class Readings:
 
     @property
     def alike(self) -> list[Indices]:
-        """Indices of rows whose residuals are compared with each other: of one instrument; where c = 1, of one sigma.
+        """Indices of the rows in each group whose residuals are compared: rows of one instrument; where c = 1, of one sigma.
 
-        Before a fit, residuals of positions may be many more sigmas than those of orientations.
+        Groups are separate because, before a fit, residuals in sigmas can be much larger for positions than for orientations.
         """
         first = self.group[:, 0]
         return [np.flatnonzero(first == group) for group in np.unique(first)]
@@ -202,7 +202,7 @@ class Readings:
         return self.by_unknown(poses) * np.where(np.isfinite(self.sigma), self.sigma, VAGUE), 0
 
     def at_trials(self, rows: npt.NDArray[np.intp], q: Floats, _: Poses) -> Readings:
-        """Readings at commands q, of which each is read as one of the present rows: ``rows`` are their indices.
+        """Readings at other commands q (M, n), read in the same way as the present rows with the indices ``rows`` (M,).
 
         Their measured numbers have no meaning: only derivatives are used.
         """
@@ -218,7 +218,7 @@ class Readings:
         return np.asarray(np.where(np.isfinite(self.sigma), self.u / self.sigma, 0.0))
 
     def taken(self, _: bool) -> int:
-        """Number of unknowns without a prior: so many degrees of freedom they take."""
+        """Number of unknowns without a prior, which is the number of degrees of freedom that they take."""
         return int((~np.isfinite(self.sigma)).sum())
 
     def start(self, nominal: Poses) -> Floats:
@@ -227,9 +227,9 @@ class Readings:
         return np.concatenate([np.zeros(0), *parts])
 
     def rms(self, index: int, values: Floats) -> float:
-        """Root mean square of one instrument's errors, m or rad; for positions that of the vector's length.
+        """Root mean square error of one instrument's readings, m or rad; for positions, of the length of the error vector.
 
-        ``index``: the instrument's. ``values``: (N, c) errors of all rows.
+        ``index``: of the instrument. ``values``: (N, c) errors of all rows of all instruments.
         """
         mine = self.rows.of == index
         some = values[mine][self.shown[mine]]
@@ -256,7 +256,7 @@ class Readings:
 
     @cached_property
     def _own(self) -> tuple[slice, ...]:
-        """The place of each instrument's unknowns in ``u``."""
+        """Slice of each instrument's unknowns in ``u``."""
         ends = np.cumsum([0, *(len(one.unknowns) for one in self.instruments)])
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
@@ -265,7 +265,8 @@ class Readings:
         return tuple(int(n) for n in np.cumsum([0, *(len(one.declared) for one in self.instruments)]))
 
     def _each(self, values: Callable[[int, Instrument], npt.NDArray[np.generic]]) -> Floats:
-        """(N, c, ...) what each instrument gives for its rows, of these the component that each row stands for."""
+        """(N, c, ...) values that a function gives for each instrument's rows; only the component that a row has, where c =
+        1."""
         found: Floats | None = None
         for i, one in enumerate(self.instruments):
             mine = np.asarray(values(i, one), dtype=np.float64)

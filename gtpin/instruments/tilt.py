@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 
 MOST = 1.05
-"""Length of two components of a unit vector beyond which noise of a sensor is no reason. Assumed."""
+"""Largest length of the two components of a unit vector that noise of a sensor can cause. Assumed."""
 
 
 class Tilt(Instrument):

@@ -1,1 +1,1 @@
-"""Where the platform is: closed postures on Pinocchio, and the same closures for many poses at once."""
+"""Kinematics: closed postures by Pinocchio, and the same closures for many poses at once."""

@@ -1,4 +1,4 @@
-"""The pose of a frame that fits poses to measured ones best, whatever gross errors are among them."""
+"""The pose of a frame that fits poses to measured ones best, robust against gross errors."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ ALIGNMENTS = 20
 def alignment(poses: Poses, T: Floats, R: Floats | None) -> tuple[Floats, Floats]:
     """Position (3,), m, and rotation (3, 3) of the frame of poses in the frame of measured positions and rotations.
 
-    By the best fit of the positions T (N, 3) (Kabsch), or of the rotations R (N, 3, 3) where the positions lie on a line. Gross
-    errors hardly pull: what is far off has little weight.
+    By the best fit of the positions T (N, 3) (Kabsch), or of the rotations R (N, 3, 3) where the positions lie on a line.
+    Gross errors have little weight.
     """
     far = np.linalg.norm(T - np.median(T, axis=0), axis=1)
     weight = (far <= 10.0 * np.median(far)).astype(float)

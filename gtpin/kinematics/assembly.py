@@ -1,4 +1,4 @@
-"""Putting a robot together at home: passive coordinates that nearly close the loops, from nothing."""
+"""Assembly of a robot at home: passive coordinates that nearly close the loops, without a first guess."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from gtpin.robot.chain import Chain
 Floats = npt.NDArray[np.float64]
 
 NEAR = 0.02
-"""Gap of the loops, m, and distance from the home that the URDF names, m and rad, below which Newton's method is left to
-finish."""
+"""Gap of the loops, m, and distance from the home that the URDF names, m and rad, from which Newton's method converges."""
 ATTEMPTS = 20
 
 
 def assemble(robot: Chain) -> Floats:
     """(nq,) configuration at the home commands whose loops are closed to within some millimetres.
 
-    The pose that the URDF's ``<home>`` names selects the assembly mode. Where the platform floats, it is put there and the
-    remaining passive joints are turned until the rods meet their anchors. Otherwise all passive joints are turned until the
-    loops close with the platform there, or as near as they come. Without a ``<home>`` the first closure found is taken.
+    The pose in the URDF's ``<home>`` selects the assembly mode. A floating platform is placed at this pose, and the other
+    passive joints are moved until the rods meet their anchors. Otherwise all passive joints are moved until the loops close
+    with the platform as near to this pose as possible. Without a ``<home>`` the first closure that is found is used.
     """
     start = robot.with_commands(robot.neutral, robot.home_q)
     free = np.arange(robot.model.nv)[robot.passive]

@@ -1,4 +1,4 @@
-"""How the TCP answers to displaced joints and tool, pose by pose, from Pinocchio's regressors and constraint Jacobians."""
+"""Motion of the TCP by displaced joints and tool, pose by pose, from Pinocchio's regressors and constraint Jacobians."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ Floats = npt.NDArray[np.float64]
 class Bodies:
     """N postures of a robot, J Pinocchio joints (the universe not counted), to first order.
 
-    A joint's *placement frame* is where it sits in its parent, before its own motion. Joint j stands at index j - 1; the TCP,
-    on the body that carries it, at index J.
+    A joint's *placement frame* is its frame on its parent, before its own motion. Joint j has the index j - 1; the TCP, on
+    the body that carries it, the index J.
 
     Parameters
     ----------
     response
         (N, 6 + k, J + 1, 6) motion of the TCP (position, m, rotation vector, rad; base frame), then of the coordinates of the
         robot's k measured joints (rad or m), by a twist (m, rad) of each placement frame, and of the TCP on its body, in that
-        frame's own axes, the actuators held.
+        frame's own axes, at constant commands.
     R, T
         (N, J + 1, 3, 3) and (N, J + 1, 3), m: placement frames, and the TCP, in the base frame.
     """
@@ -82,7 +82,8 @@ def configurations(robot: Robot, q: Floats) -> Floats:
 
 
 def driven_twists(robot: Robot) -> Floats:
-    """(J + 1, 6, n) twist of each placement frame that is as good as a unit of each command, followers with their masters."""
+    """(J + 1, 6, n) twist of each placement frame that is equivalent to a unit of each command; joints that follow are
+    included."""
     twists = np.zeros((robot.model.njoints, 6, robot.n_actuators))
     for i, actuator in enumerate(robot.actuators):
         twists[index_of(actuator.joint_id), :, i] = joint_axis(robot.model, actuator.joint_id)
@@ -131,7 +132,7 @@ def _moved(start: ClosedPosture, q: Floats) -> ClosedPosture | None:
 
 
 def _placed(robot: Robot) -> list[tuple[int, pin.SE3]]:
-    """Of each placement frame, and of the TCP, the joint that carries it and where it is there."""
+    """For each placement frame, and the TCP: the joint that carries it, and its placement on this joint."""
     model = robot.model
     joints = [(int(model.parents[j]), pin.SE3(model.jointPlacements[j])) for j in range(1, model.njoints)]
     return [*joints, (robot.tcp_joint, robot.tcp_placement)]

@@ -71,7 +71,7 @@ class ChainKinematics:
         return poses
 
     def bodies(self, q: Floats) -> Bodies:
-        """How the TCP answers to displaced joints and tool at commands q (N, n)."""
+        """Motion of the TCP by displaced joints and tool at commands q (N, n), to first order."""
         return bodies(self.robot, q)
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
@@ -79,7 +79,7 @@ class ChainKinematics:
         return _contracted(responses(self.robot, q), driven_twists(self.robot))
 
     def by_commands(self, at: Bodies) -> Floats:
-        """(N, 6 + k, n) the same, of postures that are known."""
+        """(N, 6 + k, n) derivative by the commands, from postures that are already computed."""
         return _contracted(at.response, driven_twists(self.robot))
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:

@@ -1,9 +1,9 @@
-"""Rows in chunks: what is computed of each pose by itself needs memory for a few thousand of them at once."""
+"""Rows in chunks: computations that are independent for each pose are made for a few thousand poses at a time."""
 
 from __future__ import annotations
 
 CHUNK = 4096
-"""Poses that are worked on together: enough that the loop costs nothing, and few enough for a processor's cache."""
+"""Number of poses in a chunk: so many that the loop takes little time, and so few that they fit in a processor's cache."""
 
 
 def chunks(count: int) -> list[slice]:

@@ -22,7 +22,7 @@ SMALLEST_STRIDE = 1.0 / 256.0
 
 @dataclass(frozen=True)
 class RodEnds:
-    """Where the rods of many poses end, and how long they are.
+    """Ends and lengths of the rods at many poses.
 
     Parameters
     ----------
@@ -81,12 +81,12 @@ def newton(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, npt.NDArray
     ends
         The rods, as many as a pose has freedoms: six.
     size
-        Magnitude of the coordinates, m: what rounding is relative to.
+                Magnitude of the coordinates, m, for the size of rounding errors.
 
     Returns
     -------
     poses, closed
-        The last iterates, and (N,) which of them close to rounding after steps that contracted all along.
+        The last iterates, and (N,) whether they close to rounding errors and all steps contracted.
     """
     T, R = start.T.copy(), start.R.copy()
     closed = np.zeros(len(T), dtype=bool)
@@ -133,10 +133,10 @@ def solve_each(matrices: Floats, right: Floats) -> Floats:
 
 
 def follow(path: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Poses:
-    """Close the rods at the end of a path, keeping the assembly mode of its beginning.
+    """Solve the closures at the end of a path, in the assembly mode of its beginning.
 
-    Every pose takes the strides from which Newton's method contracts, all the way at once where it can. Where it can't, the
-    determinant of the closures must keep its sign as well: it changes where assembly modes meet.
+    Each pose follows the path in steps so short that Newton's method contracts; one step where possible. With several steps,
+    the determinant of the closures' Jacobian must also keep its sign: it changes where assembly modes meet.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def follow(path: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -
     Returns
     -------
     poses
-        (N) closed poses at s = 1; NaN where the rods can't be closed on the way.
+        (N) closed poses at s = 1; NaN where the closures have no solution on the path.
     """
     T, R = start.T.copy(), start.R.copy()
     done, stride = np.zeros(len(T)), np.ones(len(T))

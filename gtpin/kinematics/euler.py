@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 Floats = npt.NDArray[np.float64]
 
 LEAST_TILT = 0.02
-"""Sine of beta below which alpha and gamma turn about nearly one axis and jump from pose to pose."""
+"""Sine of beta below which alpha and gamma are angles about nearly the same axis, and not well defined."""
 
 
 def well_defined(R: Floats) -> bool:
@@ -31,7 +31,7 @@ def zyz_change(R: Floats, before: Floats) -> Floats:
 def zyz_rates(R: Floats) -> Floats:
     """(N, 3, 3) derivative of the angles by the rotation vector in the fixed frame.
 
-    It grows without bound where beta is near 0 or pi, where the angles themselves jump.
+    It is unbounded near beta = 0 and pi, where the angles are singular.
     """
     alpha, beta, _ = zyz(R).T
     axes = np.zeros((len(R), 3, 3))  # columns: what alpha, beta and gamma turn about

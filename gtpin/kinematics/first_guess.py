@@ -16,10 +16,10 @@ from gtpin.kinematics.rotations import exp, log
 Floats = npt.NDArray[np.float64]
 
 MOST_TERMS = 120
-"""Terms of a polynomial: more cost more than the Newton step that they save."""
+"""Most terms of a polynomial: more take more time than the Newton step that they save."""
 NODES_PER_TERM = 3
 USABLE = 0.02
-"""Largest error, m or rad, at the nodes with which a guess is worth taking."""
+"""Largest error, m or rad, at the nodes of a guess that is used."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,13 @@ class FirstGuess:
     Parameters
     ----------
     lower, upper
-        (n,) the ranges.
+                (n,) ends of the commands' ranges, m or rad.
     exponents
-        (terms, n) of each term in commands scaled to [-1, 1], by ascending degree.
+        (terms, n) exponents of each term in commands scaled to [-1, 1], by ascending degree.
     coefficients
-        (terms, 6).
+        (terms, 6) coefficients of position, m, and rotation vector, rad.
     R
-        (3, 3) rotation that the rotation vectors start from.
+        (3, 3) rotation relative to which the rotation vectors are.
     error
         Largest error at the nodes of the fit, m or rad.
     """
@@ -49,7 +49,7 @@ class FirstGuess:
 
     @staticmethod
     def fit(lower: Floats, upper: Floats, solve: Callable[[Floats], Poses], R: Floats) -> FirstGuess | None:
-        """Fit to poses that ``solve`` finds at nodes; None where the ranges are open or the poses too curved for it."""
+        """Fit to poses that ``solve`` finds at nodes; None where a range has no limits or the fit is too inaccurate."""
         if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
             return None
         from scipy.stats import qmc

@@ -21,7 +21,7 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
     """(6, p) derivative of the TCP's pose by geometric parameters: position (m) and rotation vector (rad), base frame.
 
     A parameter displaces joints or loop anchors. Pinocchio's ``computeJointKinematicRegressor`` gives the motion of the TCP
-    with all joint coordinates held. To it is added the motion by the passive coordinates, which close the loops again.
+    at constant joint coordinates. The motion by the passive coordinates, which close the loops again, is added.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def _gap(posture: ClosedPosture, loop: int) -> Floats:
 
 
 def to_gap(posture: ClosedPosture, loop: int, motion: Floats) -> Floats:
-    """Motion (3, ...) of a loop's second anchor in the base frame, as its gap in the first anchor's frame sees it."""
+    """The change of a loop's gap, in the first anchor's frame, by a motion (3, ...) of its second anchor in the base frame."""
     constraint = posture.robot.constraints[loop]
     rotation = posture.robot.data.oMi[constraint.joint1_id].rotation @ constraint.joint1_placement.rotation
     return np.asarray(rotation.T @ motion)

@@ -1,4 +1,4 @@
-"""Inverse kinematics: the commands that bring the TCP where it is wanted."""
+"""Inverse kinematics: the commands that bring the TCP to wanted poses."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Floats = npt.NDArray[np.float64]
 
 MAX_STEPS = 40
 LARGEST = 1.0
-"""Largest step of a turning actuator, rad: near a singularity a step by the Jacobian may be many turns."""
+"""Largest step of a turning actuator, rad: near a singularity a Newton step can be many turns."""
 TOLERANCE = 1e-12
-"""Error, m and rad, at which the TCP counts as being there."""
+"""Error of the TCP, m and rad, below which the method has converged."""
 
 
 def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = None) -> ClosedPosture:

@@ -1,4 +1,4 @@
-"""What every joint of a chain carries: gravity of links and payload, and the force on the tool."""
+"""Loads on every joint of a chain: gravity of links and payload, and the force on the tool."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: F
     Returns
     -------
     loads
-        (N, J + 1, 6) force, N, and moment, N m, about the origin of each placement frame, in its own axes; then what the TCP
-        carries, in its axes. See :class:`~gtpin.kinematics.bodies.Bodies`. NaN where the loops can't be closed.
+        (N, J + 1, 6) force, N, and moment, N m, about the origin of each placement frame, in its own axes; then those on the
+        TCP, in its axes. See :class:`~gtpin.kinematics.bodies.Bodies`. NaN where the loops can't be closed.
     """
     model, data = robot.model, robot.data
     loads = np.full((len(q), model.njoints, 6), np.nan)

@@ -23,18 +23,18 @@ Methods for Nonlinear Problems, 2011, ch. 5: the monotonicity test of path conti
 
 @dataclass(frozen=True)
 class Closing:
-    """Outcome of one Newton solve.
+    """Result of Newton's method.
 
     Parameters
     ----------
     configuration
         Pinocchio configuration at the last iterate.
     jacobian
-        (m, nv) constraint Jacobian at the iterate before, within the last step of being that of the configuration.
+                (m, nv) constraint Jacobian at the last but one iterate, one step from ``configuration``.
     steps
-        Newton steps taken.
+        Number of Newton steps.
     closed
-        Whether the loops are closed to rounding, with contracting steps all along.
+        Whether the loops are closed to rounding errors, and all steps contracted.
     """
 
     configuration: Floats
@@ -46,7 +46,7 @@ class Closing:
 def constraint_error(robot: Chain) -> Floats:
     """(m,) gap between the anchors of each loop, m, in the first anchor's frame, for the data as last computed.
 
-    Of planar loops only in their plane: see :meth:`~gtpin.robot.chain.Chain.closing`.
+    For planar loops only the components in their plane: see :meth:`~gtpin.robot.chain.Chain.closing`.
     """
     if not robot.constraints:
         return np.zeros(0)
@@ -58,7 +58,8 @@ def constraint_error(robot: Chain) -> Floats:
 
 
 def constraint_jacobian(robot: Chain) -> Floats:
-    """(m, nv) derivative of :func:`constraint_error`, for the data as last computed; followers move with their masters."""
+    """(m, nv) derivative of :func:`constraint_error`, for the data as last computed; joints that follow others (``<mimic>``)
+    move with them."""
     if not robot.constraints:
         return np.zeros((0, robot.model.nv))
     for constraint, data in robot.constraint_elements:
@@ -76,7 +77,7 @@ def solve(matrix: Floats, right: Floats) -> Floats:
 
 
 def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION) -> Closing:
-    """Close the loops by Newton's method on the passive coordinates, the actuators held.
+    """Close the loops by Newton's method on the passive coordinates, at constant commands.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ class Passive:
     inverse : (p, m) array
         The pseudo-inverse where there are more equations than coordinates; NaN where there is none.
     amplification : float
-        Its Frobenius norm: motion of the passive coordinates by unit gaps; infinite where there is no inverse.
+        Frobenius norm of the inverse: motion of the passive coordinates by unit gaps; infinite where there is no inverse.
     orientation : float
         Sign of the determinant, which is constant on an assembly mode; 1 where the matrix is not square.
     """

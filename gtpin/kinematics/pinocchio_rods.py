@@ -1,4 +1,4 @@
-"""Robots with rods by Pinocchio, one closed posture after the other: what :class:`RodKinematics` does in arrays."""
+"""Robots with rods by Pinocchio, posture by posture, with the same results as :class:`RodKinematics`."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ Floats = npt.NDArray[np.float64]
 class PinocchioRods:
     """The kinematics of a robot with rods, from the URDF that carries its geometry.
 
-    Poses, and their derivatives by commands and by parameters, are Pinocchio's. Arrays only give the numbers that go into the
-    URDF. Drive scales multiply the commands.
+    Poses, and their derivatives by commands and by parameters, are computed by Pinocchio from a URDF with the values of the
+    geometry. Drive scales multiply the commands.
 
     Parameters
     ----------
     geometry
-        Values of its parameters.
+                The geometry.
 
     Raises
     ------
     ModelError
-        If the geometry has something that no URDF carries: directions or scales of single rods, measured tracks, a reduced arm.
-        If joints of the robot are measured.
+        If the geometry has parts that a URDF can't represent: directions or scales of single rods, measured tracks, a reduced
+        arm. If joints of the robot are measured.
     """
 
     geometry: Geometry

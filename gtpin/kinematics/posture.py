@@ -17,9 +17,9 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 HOME_OFF = 0.1
-"""Distance, m, from the home that a URDF tells, beyond which the loops count as closed in another assembly mode."""
+"""Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode."""
 HOME_TURNED = 0.2
-"""Angle, rad, of the same: an assumption, far above what an angle is rounded to and below what parts assembly modes."""
+"""The same as an angle, rad. Assumed: far larger than rounding, and smaller than the difference of assembly modes."""
 SMALLEST_STEP = 1.0 / 256.0
 SINGULAR = 1e3
 """A posture counts as near a singularity where closing the loops amplifies an error this many times more than at home."""
@@ -204,7 +204,7 @@ class ClosedPosture:
 
     @property
     def _on_homes_mode(self) -> bool:
-        """Whether the way here crossed no singularity, and ends near none."""
+        """Whether the path to this posture crossed no singularity, and does not end near one."""
         return (
             self._passive.orientation == self._home._passive.orientation
             and self.amplification <= SINGULAR * self._home.amplification

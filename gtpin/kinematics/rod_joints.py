@@ -1,4 +1,4 @@
-"""Coordinates of the universal joints by which rods hang on the platform, from where the rods point."""
+"""Coordinates of the universal joints of rods on the platform, from the directions of the rods."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class RodJoint:
     a1, a2, t
         (3,) unit vectors: the axes, and the rod in the second joint's frame.
     side
-        +1 or -1: which of the two values of x2 the assembly has.
+        +1 or -1: which of the two possible values x2 has in the assembly mode of home.
     """
 
     joint: MeasuredJoint
@@ -57,7 +57,7 @@ class RodJoint:
         Raises
         ------
         ModelError
-            If it is none of a rod's universal joint.
+            If it does not belong to a rod's universal joint.
         """
         for i, rod in enumerate(robot.rods):
             chain = _passive_chain(robot, rod)
@@ -89,7 +89,7 @@ class RodJoint:
         return np.asarray(slopes / np.linalg.norm(u, axis=1)[:, None])
 
     def _second(self) -> tuple[float, float, float]:
-        """Of a1 . (B exp(a2 x) t) = size cos(x - first) + level: first, size and level."""
+        """``first``, ``size`` and ``level`` of a1 . (B exp(a2 x) t) = size cos(x - first) + level."""
         b = self.B.T @ self.a1
         level = float((b @ self.a2) * (self.a2 @ self.t))
         cosine, sine = float(b @ self.t) - level, float(b @ np.cross(self.a2, self.t))

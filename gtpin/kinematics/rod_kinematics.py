@@ -23,7 +23,7 @@ from gtpin.robot.rods import Rod
 Floats = npt.NDArray[np.float64]
 
 MANY = 2000
-"""Poses from which on fitting a first guess pays."""
+"""Number of poses from which a fitted first guess saves time."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class RodKinematics:
     Parameters
     ----------
     geometry
-        Of a robot with six rods.
+        The geometry of a robot with six rods.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class RodKinematics:
 
     @cached_property
     def seats(self) -> tuple[CarrierJoint, ...]:
-        """How each rod's joint on its carrier moves."""
+        """The motion of each rod's joint on its carrier."""
         return tuple(self._seat(i, rod) for i, rod in enumerate(self._rods))
 
     @cached_property
@@ -100,7 +100,8 @@ class RodKinematics:
         q
             (N, n) commands, m or rad.
         start
-            (N) poses of a neighbouring geometry at the same commands, which save the way from home.
+                        (N) poses of a similar geometry at the same commands, from which the solver starts; None: it starts at
+                        home.
 
         Returns
         -------
@@ -110,7 +111,7 @@ class RodKinematics:
         Raises
         ------
         ModelError
-            If ``q`` is not of that shape.
+            If ``q`` does not have this shape.
         """
         self.geometry.robot.check_commands(q)
         near = start if start is not None and start.reached.all() else None
@@ -177,7 +178,7 @@ class RodKinematics:
 
     @cached_property
     def home(self) -> Poses:
-        """(1) pose at the home commands, followed from the nominal robot's home."""
+        """(1) pose at the home commands, on a path from the nominal robot's home."""
         robot = self.geometry.robot
         posture = home(robot)
         nominal = RodKinematics(Geometry(robot, (), np.zeros(0)))
@@ -346,7 +347,7 @@ class RodKinematics:
 
     @cached_property
     def size(self) -> float:
-        """Magnitude of the coordinates, m: what rounding is relative to."""
+        """Magnitude of the coordinates, m, for the size of rounding errors."""
         return max(self.geometry.robot.size, float(np.abs(self.C0).max()), float(self.L0.max()))
 
     def _travel(self, q: Floats) -> Floats:

@@ -53,7 +53,7 @@ def static_forces(
     Parameters
     ----------
     posture
-        Where the robot is at rest.
+        The posture at which the robot is at rest.
     force, moment
         (3,) force, N, and moment, N m, on the tool at the TCP, base frame; zero by default.
     payload
@@ -117,14 +117,15 @@ def _axial(posture: ClosedPosture, loops: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class _RodMass:
-    """A rod's mass, kg, its first moment about the joint on the platform, kg m, and what slides when it stretches, kg."""
+    """A rod's mass, kg, its first moment about the joint on the platform, kg m, and the mass that slides in a variable leg,
+    kg."""
 
     mass: float
     moment: float
     sliding: float
 
     def on_carrier(self, stretch: Floats, length: Floats) -> Floats:
-        """The part of its mass, kg, that weighs on the carrier when it is stretched to a length, m."""
+        """The part of its mass, kg, that the carrier supports when the leg is extended by ``stretch`` to a length, m."""
         return np.asarray((self.moment + self.sliding * stretch) / length)
 
 

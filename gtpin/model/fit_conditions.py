@@ -40,7 +40,8 @@ class FitConditions:
 
     @staticmethod
     def of(noise: Noise, chi2: float, dof: float, covariates: Mapping[str, Column]) -> FitConditions:
-        """Those of a fit with a noise, chi-square of the residuals with its degrees of freedom, and covariates (N,) by name."""
+        """The conditions of a fit, from its noise, its chi-square with ``dof`` degrees of freedom, and covariates (N,) by
+        name."""
         power = chi2 / dof * (1.0 + np.sqrt(2.0 / dof))
         mean = {n: float(np.mean(np.asarray(covariates[n], dtype=float))) for n in TEMPERATURES if n in covariates}
         return FitConditions(

@@ -1,4 +1,4 @@
-"""An instrument as a calibration has it: what was declared, and the values of its unknowns."""
+"""An instrument after a calibration: its declaration, and the values of its unknowns."""
 
 from __future__ import annotations
 

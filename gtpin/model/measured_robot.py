@@ -1,4 +1,4 @@
-"""The robot that a dataset names: with its actuators and its TCP, and checked against what the dataset says of its parts."""
+"""The robot that a dataset names, with the dataset's actuators and TCP; the parts that the dataset names are checked."""
 
 from __future__ import annotations
 

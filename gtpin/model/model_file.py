@@ -77,7 +77,7 @@ class ModelFile(Record):
 
     @model_serializer(mode="wrap")
     def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Keys that older versions do not know are written where there is something to say."""
+        """Leave out keys without a value that older versions do not know."""
         return {key: value for key, value in write(self).items() if key not in LATER_KEYS or value is not None}
 
 

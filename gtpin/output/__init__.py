@@ -1,1 +1,1 @@
-"""Writing results: whole or not at all, never over what gtpin has not written itself, and finite numbers alone."""
+"""Writing results: completely or not at all, never over files that gtpin has not written itself, with finite numbers only."""

@@ -1,4 +1,4 @@
-"""What gtpin has written itself, by a marker in each folder: only that may be replaced by new results."""
+"""Records, by a marker in each folder, which files gtpin has written itself: only these may be replaced by new results."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ SCHEMA = "gtpin-output/1"
 FORCE = "name another place, or let --force (in Python: force=True) move it aside"
 
 Record = dict[str, str | None]
-"""What gtpin wrote into a folder: by name, the SHA-256 of a file; None for a folder, which has a marker of its own."""
+"""Entries that gtpin wrote into a folder: by name, the SHA-256 of a file; None for a folder, which has its own marker."""
 
 
 def recorded(folder: Path) -> Record:
-    """What a folder's marker lists; nothing where there is no marker, or it can't be read."""
+    """The entries of a folder's marker; empty where there is no marker, or it can't be read."""
     entries = _marker_content(folder).get("entries")
     return entries if isinstance(entries, dict) else {}
 
 
 def alone_in(folder: Path) -> set[str]:
-    """Names of the files that a folder's marker lists as written each by itself, as ``gtpin predict`` writes its table."""
+    """Names of the files that a folder's marker lists as single results, such as the table of ``gtpin predict``."""
     names = _marker_content(folder).get("alone")
     return {str(name) for name in names} if isinstance(names, list) else set()
 
 
 def part_of_others(path: Path) -> bool:
-    """Whether gtpin wrote a file or folder together with others, as ``poses.csv`` of a dataset: it belongs to them."""
+    """Whether gtpin wrote a file or folder as a part of a result, such as ``poses.csv`` of a dataset."""
     return os.path.lexists(path) and path.name in recorded(path.parent) and path.name not in alone_in(path.parent)
 
 
@@ -51,8 +51,7 @@ def _marker_content(folder: Path) -> dict[str, Any]:
 def mark(folder: Path, others: Record | None = None, alone: Collection[str] = ()) -> None:
     """Write the markers of a folder that gtpin has filled, and of all folders in it.
 
-    ``others`` are entries that are not in it now but will be added to its content; ``alone`` are the names of files that
-    were written each by itself.
+    ``others``: entries that will be added to the folder later. ``alone``: names of files that are single results.
     """
     entries: Record = {}
     for entry in sorted(folder.iterdir()):
@@ -103,10 +102,10 @@ def _digest(file: Path) -> str:
 def refuse_foreign(
     folder: Path, names: Iterable[str], force: bool, kind: type[GtpinError] = GtpinError, *, alone: bool = False
 ) -> None:
-    """Raise an error where results would take the place of what gtpin has not written.
+    """Raise an error where results would replace files that gtpin has not written.
 
-    Where files are written ``alone``, each by itself, also where one would take the place of a part of other results. With
-    ``force``, only where it is neither a file, a folder nor a link: a device can't be moved aside.
+    With ``alone`` (each file is a single result), also where one would replace a part of another result. With ``force``, only
+    for what is neither a file, a folder nor a link: a device can't be renamed.
     """
     for name in names:
         found = foreign(folder / name)

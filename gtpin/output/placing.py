@@ -1,7 +1,7 @@
 """Moving finished results into place, so that a crash at any moment loses neither the old nor the new ones.
 
-A work folder holds ``new/`` while results are made. It becomes ``ready/`` in one step when they are whole; from then on
-a run that finds it can bring the move to its end. What is replaced waits in ``old/`` until then.
+A work folder contains ``new/`` while results are made. When they are complete, ``new/`` is renamed to ``ready/``; from then
+on another run can finish an interrupted move. Replaced files are in ``old/`` until the end.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ Move = tuple[Path, Path]
 
 
 def place(work: Path, folder: Path, names: Collection[str], force: bool, alone: bool = False) -> None:
-    """Move what is in ``new/`` into a folder: all of it, or nothing where that fails.
+    """Move the content of ``new/`` into a folder: all of it, or nothing where that fails.
 
-    What gtpin wrote itself is replaced, or taken away where it has one of ``names`` and is not there anew. Anything else
-    of these names is moved aside with ``force``; so is, where files are written ``alone``, what is a part of other results.
+    Files with ``names`` that gtpin wrote itself are replaced, or deleted where ``new/`` does not have them. Other files with
+    these names are renamed with ``force``; with ``alone``, so are parts of other results.
 
     Raises
     ------
     GtpinError
-        If without ``force`` something foreign is in the way.
+        If, without ``force``, a file with one of ``names`` was not written by gtpin.
     OSError
         If the folder can't be written.
     """
@@ -48,14 +48,14 @@ def place(work: Path, folder: Path, names: Collection[str], force: bool, alone: 
 
 
 def resume(work: Path, folder: Path) -> None:
-    """Bring a move to its end that a crash has cut short. What has appeared since in the way of a result stays."""
+    """Finish a move that a crash has interrupted. Files that have appeared since then are not replaced."""
     if (work / READY).is_dir():
         _move(work, folder, (), False, [])
         _emptied(work)
 
 
 def _emptied(work: Path) -> None:
-    """Take ``ready/`` away, with what could not take its place."""
+    """Delete ``ready/``, with results that could not be moved."""
     for entry in sorted((work / READY).iterdir()):
         os.replace(entry, work / OLD / f"{entry.name}.new")
     (work / READY).rmdir()

@@ -12,7 +12,7 @@ REASONS = (errno.EACCES, errno.EPERM, errno.EROFS)
 def read_only_folder(error: OSError) -> Path | None:
     """The folder that may not be written and so caused an error; None for another reason, or if it is not known.
 
-    A folder that is moved must be writable itself; of all else the folder that it lies in.
+    To move a folder, the folder itself must be writable; for all else, the folder that contains it.
     """
     if error.errno not in REASONS:
         return None

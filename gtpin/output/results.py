@@ -1,4 +1,4 @@
-"""Where results are written: whole or not at all, and never over anything that gtpin has not written itself."""
+"""Writing results into a folder: completely or not at all, and never over files that gtpin has not written itself."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ def results_folder(
     shown: Path | None = None,
     alone: bool = False,
 ) -> Iterator[Path]:
-    """Give a folder to write to, and move what is in it into ``target`` once the block has ended well.
+    """Give a folder to write to, and move its content into ``target`` when the block has ended without an error.
 
-    Where the block fails, nothing is left, not even the folders above. The folder to write to lies inside ``target``, so
-    that nothing but ``target`` need be writable, and it may be a mount of its own.
+    If the block fails, no files or new folders are left. The folder to write to is inside ``target``, so that only ``target``
+    must be writable; ``target`` can be a mount point.
 
     Parameters
     ----------
     target
-        Where the results belong; made where it is missing. What else is in it stays.
+                Folder of the results; made where it is missing. Other files in it are not changed.
     names
-        Files and folders that the results may consist of. Of those that gtpin wrote itself the new ones take the place.
+        Names of all files and folders that the results can have. Those that gtpin wrote itself are replaced.
     force
-        Move aside (``NAME.old-1``) what has one of these names and was not written by gtpin, or was changed since.
+        Rename files with these names that gtpin did not write, or that were changed since (``NAME.old-1``).
     kind
-        The error to raise.
+        Class of the error.
     key
-        What of the folder is written: runs with other keys may write into it at the same time.
+        Name of the part of the folder that is written: runs with other keys can write into it at the same time.
     shown
-        What errors name as what can't be written, where it is not the folder.
+        Path that errors name, where it is not the folder.
     alone
-        Whether each file is a result by itself, and takes no place of a file that belongs to others, as those of a dataset.
+        Whether each file is a single result; it then does not replace a part of another result, such as a dataset.
 
     Raises
     ------
     GtpinError
-        If, before the block begins, something foreign has one of the names; another run is writing there; or the folder
-        can't be written.
+        If, before the block begins, a file that gtpin did not write has one of the names; another run is writing there; or the
+        folder can't be written.
     """
     # A relative path may begin with ~, which is a letter like others, but not to all that write.
     given, target = target, target.absolute()
@@ -79,7 +79,8 @@ def results_folder(
 
 @contextlib.contextmanager
 def result_file(target: Path, *, force: bool = False, kind: type[GtpinError] = GtpinError) -> Iterator[Path]:
-    """Give a file to write to, and move it into place once the block has ended well; see :func:`results_folder`."""
+    """Give a file to write to, and move it to ``target`` when the block has ended without an error; see
+    :func:`results_folder`."""
     check_file(target, force=force, kind=kind)
     name = target.name
     with results_folder(target.parent, [name], force=force, kind=kind, key=name, shown=target, alone=True) as folder:
@@ -87,8 +88,8 @@ def result_file(target: Path, *, force: bool = False, kind: type[GtpinError] = G
 
 
 def check_file(target: Path, *, force: bool = False, kind: type[GtpinError] = GtpinError) -> None:
-    """Refuse a file to write that is a folder or, without ``force``, is there and was not written by gtpin, or is a part
-    of other results."""
+    """Refuse a target that is a folder, or, without ``force``, a file that gtpin did not write or that is a part of another
+    result."""
     if not target.name or os.path.isdir(target):
         raise kind("can't be written (this is a folder)", file=target, hint="name a file")
     if os.path.realpath(target.parent) == "/dev":

@@ -1,4 +1,4 @@
-"""Results that show themselves: in a session, in a notebook, as text and as a table."""
+"""Display of results: in a Python session, in a notebook, as text and as a table."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROWS = 12
 
 
 class Presentation(ABC):
-    """How a result is shown; there is one for each kind of result, in ``gtpin/report/show``."""
+    """The display of a result; ``gtpin/report/show`` has one for each kind of result."""
 
     @abstractmethod
     def short(self) -> str:
@@ -29,7 +29,7 @@ class Presentation(ABC):
         """The result as a table."""
 
     def html(self) -> str:
-        """The few lines, and the table as far as it fits a notebook."""
+        """The few lines and the first rows of the table, as HTML."""
         first, *others = (escape(line) for line in self.short().splitlines())
         lines = "<br>".join([f"<b>{first}</b>", *others])
         table = self.table()
@@ -37,14 +37,14 @@ class Presentation(ABC):
 
 
 class Shown(ABC):
-    """A result that shows itself.
+    """A result with a display as text, table and HTML.
 
-    The presentation is imported when it is first asked for: results do not depend on the report.
+    The display is imported when it is first used, so that results do not depend on the report.
     """
 
     @abstractmethod
     def _presentation(self) -> Presentation:
-        """How this result is shown."""
+        """The display of this result."""
 
     def __repr__(self) -> str:
         return self._presentation().short()

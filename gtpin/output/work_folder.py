@@ -1,7 +1,7 @@
-"""The hidden folder in which results are made, inside the folder that they are for. Who holds its lock, writes there.
+"""The hidden folder in which results are made, inside the folder of the results. Only the process that holds its lock writes.
 
-The system takes a lock back when its process ends, however it ends. So a work folder whose lock is free was left by a
-run that was killed, and can be cleared.
+The system releases a lock when its process ends in any way. So a work folder whose lock is free was left by a killed run, and
+can be cleared.
 """
 
 from __future__ import annotations
@@ -26,15 +26,14 @@ LOCK = "lock"
 MOVING = 30.0
 """Seconds to wait while another run moves its results into the same folder, which takes it milliseconds."""
 PATIENCE = 0.5
-"""Seconds for which a lock is tried again: another run may hold it for a moment, to see whether it is stale."""
+"""Seconds for which a lock is tried again: another run may hold it briefly, to check whether the folder is in use."""
 
 
 @contextlib.contextmanager
 def work_folder(folder: Path, key: str = "") -> Iterator[Path]:
-    """Give the work folder of a folder, or of what ``key`` names in it, and take it away at the end.
+    """Give the work folder of a folder, or of the part ``key`` of it, and delete it at the end.
 
-    What runs that were killed have left in the folder is cleared first. Where one was moving results into place, that is
-    brought to its end.
+    Work folders that killed runs have left are cleared first; an interrupted move of results is finished.
 
     Raises
     ------
@@ -83,7 +82,7 @@ def _clear(folder: Path) -> None:
 
 
 def _hold(work: Path, until: float) -> int | None:
-    """Lock a work folder, which is made where it is missing; None where another process holds it until then."""
+    """Lock a work folder, which is made where it is missing; None where another process holds it until the time ``until``."""
     while True:
         made = _made(work)
         try:
@@ -104,7 +103,7 @@ def _hold(work: Path, until: float) -> int | None:
 
 
 def _is_own(work: Path) -> bool:
-    """Whether what has the name of a work folder is one: it holds nothing else than such a folder does."""
+    """Whether a folder with the name of a work folder is one: it has no other content than such a folder."""
     try:
         return not work.is_symlink() and {*os.listdir(work)} <= {LOCK, NEW, READY, OLD}
     except NotADirectoryError:
@@ -142,7 +141,7 @@ def _made(work: Path) -> bool:
 
 
 def _release(work: Path, held: int) -> None:
-    """Take a work folder away, but for results that were being moved into place and could not be moved back."""
+    """Delete a work folder, except for results that were being moved and could not be moved back."""
     try:
         if not (work / READY).exists():
             for entry in work.iterdir():
