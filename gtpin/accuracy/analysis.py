@@ -47,7 +47,7 @@ class Accuracy(Shown):
     expected
         The expected errors of the TCP.
     seed
-                Seed of the random machines of ``expected``.
+        Seed of the random machines of ``expected``.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def analyse(
         By link, the cost after a calibration: the sum over ``cost_poses`` poses of the squared closure residual, m^4 (Dressler
         et al. 2010, Table II); None where it is not known.
     uncertainty
-                The uncertainty of the machine. By default: where ``costs`` are given, closure residuals of their size; else the
+        The uncertainty of the machine. By default: where ``costs`` are given, closure residuals of their size; else the
         geometry, with its covariance, or with its tolerances where it is nominal.
     seed
         Seed of the random machines.

@@ -53,7 +53,7 @@ class ChainSensitivity:
     expected
         The errors to expect.
     uncertainty, uncertain
-                The uncertainty that causes the expected errors, and its source as text.
+        The uncertainty that causes the expected errors, and its source as text.
     seed
         Seed of the random postures and machines.
     """

@@ -69,7 +69,7 @@ class Error:
     Parameters
     ----------
     at
-                (N,) expected length at each pose.
+        (N,) expected length at each pose.
     mean
         Mean of ``at`` over the poses.
     p95

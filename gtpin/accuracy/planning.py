@@ -110,13 +110,13 @@ def plan_poses(
     Parameters
     ----------
     candidates
-                (N, n) commands to choose from, m or rad.
+        (N, n) commands to choose from, m or rad.
     count
         Number of poses to choose.
     noise, orientation, free_frame
         See :func:`~gtpin.accuracy.signal.signal`.
     at
-                (M, n) commands, m or rad, at which the errors of the calibrated model are computed.
+        (M, n) commands, m or rad, at which the errors of the calibrated model are computed.
     draws, seed
         Number of random choices to compare with, and their seed.
 

@@ -54,7 +54,7 @@ class Sensitivity:
     poses
         Number of commands that were summed over.
     step
-                The step, m, or m/m for directions.
+        The step, m, or m/m for directions.
     exact
         Changes by solving the forward kinematics again after the step.
     linear

@@ -29,7 +29,7 @@ class RodStep:
     rod
         Index of the rod.
     P
-                (3,) motion of its joint on the platform, TCP frame, per unit of the parameter.
+        (3,) motion of its joint on the platform, TCP frame, per unit of the parameter.
     C
         (N, 3) motion of its joint on the carrier at each pose, base frame, per unit of the parameter.
     L

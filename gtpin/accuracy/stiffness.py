@@ -47,7 +47,7 @@ def stiffness(
     Parameters
     ----------
     rod
-                Stiffness along a rod with its joints, N/m: one number, or (k,).
+        Stiffness along a rod with its joints, N/m: one number, or (k,).
     drive
         Stiffness of an actuator along its command, N/m, or N m/rad where it turns: one number, or (n,); infinite for a rigid
         drive.

@@ -57,7 +57,7 @@ class Candidate:
     Parameters
     ----------
     remedy
-                Its description.
+        Its description.
     by_pose
         (M, c, 6) whitened derivative by the platform's motion.
     by_unknown

@@ -34,7 +34,7 @@ class GridTable:
     Parameters
     ----------
     nodes
-                For each actuator, (NODES,) commands, m or rad.
+        For each actuator, (NODES,) commands, m or rad.
     temperatures
         For each step of temperature: degC, by covariate.
     change

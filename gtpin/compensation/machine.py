@@ -28,7 +28,7 @@ class Machine:
     Parameters
     ----------
     model
-                The model in the base frame, without effects of the instrument.
+        The model in the base frame, without effects of the instrument.
     session
         Session whose zero shifts apply; None if no effect depends on a session.
     temperatures

@@ -25,7 +25,7 @@ class CartMeasurements:
     cart
         (M,) number of the cart, 1 .. n.
     q
-                (M,) command of this cart, m.
+        (M,) command of this cart, m.
     position
         (M, 3) measured position, m.
     orientation
@@ -33,7 +33,7 @@ class CartMeasurements:
     covariates
         By name, (M,) each: `session` as ids, everything else as float64 in SI units.
     n_actuators
-                Number of actuators, n.
+        Number of actuators, n.
     row
         (M,) line of each row in its file; by default 2, 3, ...
     file

@@ -23,7 +23,7 @@ class InstrumentRows:
     Parameters
     ----------
     tables
-                Section of dataset.toml of each instrument.
+        Section of dataset.toml of each instrument.
     files
         File of each instrument's rows; None where they were not read from a file.
     of
@@ -31,7 +31,7 @@ class InstrumentRows:
     line
         (N,) line of each row in its instrument's file.
     columns
-                (N,) each, by name: readings, and ids of stations, planes, sockets and targets. NaN, or "" for an id, in rows of
+        (N,) each, by name: readings, and ids of stations, planes, sockets and targets. NaN, or "" for an id, in rows of
         instruments without the column.
     component
         (N,) index of the one component of the reading that a row has, from 0; -1 where the row has all components.

@@ -32,7 +32,7 @@ def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, F
     quaternion
         (N, 4) unit quaternions as measured.
     predicted
-                (N, 3, 3) rotations of the nominal model, base frame.
+        (N, 3, 3) rotations of the nominal model, base frame.
     free
         For a free frame: (N, 3) measured and predicted positions, m, from which its rotation is found; else None.
     """

@@ -32,7 +32,7 @@ class Kind:
     lowest, highest
         Limits of the values of any machine. Assumed.
     marks
-                Values that loggers write where they have no reading. They count as marks where no other value is near them.
+        Values that loggers write where they have no reading. They count as marks where no other value is near them.
     apart
         Smallest distance of a mark from all other values, which must also be at least ``spans`` times the others' range.
     """

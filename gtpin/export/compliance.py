@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Links with the compliance of a model's ``link_compliance``, linear in the loads of its range.
 
-        The link's end, with the part of its mass that the carrier supports, slides along it on a spring.
+    The link's end, with the part of its mass that the carrier supports, slides along it on a spring.
 
     Returns
     -------

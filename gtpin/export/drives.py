@@ -53,7 +53,7 @@ class Law:
 def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tuple[Mechanism, dict[str, Floats]]:
     """Drives with a model's scales, and its effects along actuators.
 
-        Travel in proportion to the command is a gear. Otherwise the command moves a motor ``SITE_motor``, which the actuator's
+    Travel in proportion to the command is a gear. Otherwise the command moves a motor ``SITE_motor``, which the actuator's
     joint follows by a polynomial of fourth degree. Play is a joint ``SITE_play`` in series with the actuator's. Friction holds
     the part beyond it, so that the deviation follows the direction of approach, as in the effect.
 

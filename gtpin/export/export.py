@@ -81,7 +81,7 @@ def export(
     form
         The format, where the suffix is another; ``grid`` (a table over commands and temperatures) has none.
     session
-                Session whose zero shifts are in tables of corrections and MJCF; None: no zero shifts.
+        Session whose zero shifts are in tables of corrections and MJCF; None: no zero shifts.
     tables
         Controller and conditions for tables of Klipper, RepRapFirmware and over commands.
     force
@@ -90,7 +90,7 @@ def export(
     Returns
     -------
     files
-                Paths of the written files.
+        Paths of the written files.
 
     Raises
     ------

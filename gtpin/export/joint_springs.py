@@ -27,7 +27,7 @@ Floats = npt.NDArray[np.float64]
 def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, dict[str, Floats]]:
     """The mechanism of an open chain with the springs of its compliances, linear in the loads of its range.
 
-        A compliant drive is a joint ``JOINT_gives`` in series with the driven one; a compliant bearing is two hinges
+    A compliant drive is a joint ``JOINT_gives`` in series with the driven one; a compliant bearing is two hinges
     ``JOINT_tilts_a`` and ``_b`` before it. A link that bends and twists has its tip on a body ``LINK_tip`` with springs at the
     middle of the link, where the compliance of an Euler-Bernoulli beam's tip is diagonal: f l for turns, f l^3 / 12 for shifts
     across.

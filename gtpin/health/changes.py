@@ -87,7 +87,7 @@ class Since:
         reference
             Reference temperature of the dataset, degC.
         count
-                        N, the number of poses.
+            N, the number of poses.
         warmer
             Assumed rise, K, of temperatures whose change is not known.
         """

@@ -47,13 +47,13 @@ def write_touches(
     Parameters
     ----------
     touches
-                The touches, as a reader of this package returns them.
+        The touches, as a reader of this package returns them.
     folder
         The folder to write. A dataset that gtpin wrote there is replaced.
     robot, tcp
         The robot's name, or the path of its URDF or MJCF file; the link of its TCP, where it is not the robot's own.
     name
-                Name of the instrument and of its table.
+        Name of the instrument and of its table.
     origin
         (3,) the controller's zero in the robot's base frame, m.
     normal
@@ -113,7 +113,7 @@ def write_instrument(
     folder, force
         As for :func:`write_touches`.
     robot, tcp, actuators
-                As in dataset.toml.
+        As in dataset.toml.
     instrument
         The keys of ``[[instrument]]``.
     columns

@@ -36,7 +36,7 @@ def read_klipper_delta(file: Path | str) -> Touches:
     Raises
     ------
     DatasetError
-                If the file is no configuration of a delta printer, has no such touches, or a touch is damaged.
+        If the file is no configuration of a delta printer, has no such touches, or a touch is damaged.
 
     Warns
     -----

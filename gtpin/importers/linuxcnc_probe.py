@@ -37,7 +37,7 @@ def read_linuxcnc_probe(
     file
         The log.
     unit
-                Unit of lengths in the program that made the log.
+        Unit of lengths in the program that made the log.
     axes
         The letters that are the commands of the robot's actuators, in the order of q: ``XYZ`` or ``XYZAC`` for a machine whose
         drives are its axes (trivkins). Empty: X Y Z is the TCP, and the commands are computed with the robot's geometry.

@@ -33,9 +33,8 @@ def matched(
     commands
         The table.
     by
-                ``pose``: the command with the same id; ``row``: the command with the same number, both tables being of equal
-                length;
-        ``time``: the nearest in time.
+        ``pose``: the command with the same id; ``row``: the command with the same number, both tables being of equal
+        length; ``time``: the nearest in time.
     file, row
         File of the readings, and the (N,) line of each.
     pose, time

@@ -40,7 +40,7 @@ class NamedColumns:
     file, row
         The file, and the (N,) line of each row.
     pose
-                (N,) ids; None where there is no such column.
+        (N,) ids; None where there is no such column.
     values
         (N,) numbers of the other columns by name, in the units of the file.
     """

@@ -50,7 +50,7 @@ def read_points(
     file
         The list.
     robot, tcp
-                As in dataset.toml.
+        As in dataset.toml.
     columns, separator, header, decimal_comma
         See :func:`~gtpin.importers.named_columns.read_named_columns`.
     unit
@@ -61,7 +61,7 @@ def read_points(
         The commands, where the list has none, and how they are matched with its rows: see
         :func:`~gtpin.importers.matched.matched`.
     instrument
-                The instrument; by default with unknown noise, a free frame and a free target.
+        The instrument; by default with unknown noise, a free frame and a free target.
 
     Raises
     ------

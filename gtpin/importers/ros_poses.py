@@ -46,12 +46,12 @@ def read_ros_poses(
     file
         CSV with the header of ``rostopic echo -p``.
     robot, tcp
-                As in dataset.toml.
+        As in dataset.toml.
     commands, match, within
         The commands, and how they are matched: by ``time`` (s, of the same clock) or ``row``; see
         :func:`~gtpin.importers.matched.matched`.
     prefix
-                Prefix of the pose's columns, where the message has several poses: ``field.detections0.pose.pose.pose``.
+        Prefix of the pose's columns, where the message has several poses: ``field.detections0.pose.pose.pose``.
     instrument
         The instrument; by default with unknown noise, a free frame and a free target.
 

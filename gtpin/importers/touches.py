@@ -49,7 +49,7 @@ class Touches:
     height
         (N,) height of the target over the surface, m, positive on the side that the normal points to; None for zero.
     target
-                (3,) the touching point, TCP frame, m.
+        (3,) the touching point, TCP frame, m.
 
     Raises
     ------

@@ -81,7 +81,7 @@ def newton(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, npt.NDArray
     ends
         The rods, as many as a pose has freedoms: six.
     size
-                Magnitude of the coordinates, m, for the size of rounding errors.
+        Magnitude of the coordinates, m, for the size of rounding errors.
 
     Returns
     -------

@@ -29,7 +29,7 @@ class FirstGuess:
     Parameters
     ----------
     lower, upper
-                (n,) ends of the commands' ranges, m or rad.
+        (n,) ends of the commands' ranges, m or rad.
     exponents
         (terms, n) exponents of each term in commands scaled to [-1, 1], by ascending degree.
     coefficients

@@ -30,7 +30,7 @@ class Closing:
     configuration
         Pinocchio configuration at the last iterate.
     jacobian
-                (m, nv) constraint Jacobian at the last but one iterate, one step from ``configuration``.
+        (m, nv) constraint Jacobian at the last but one iterate, one step from ``configuration``.
     steps
         Number of Newton steps.
     closed
@@ -115,7 +115,7 @@ class Passive:
     inverse : (p, m) array
         The pseudo-inverse where there are more equations than coordinates; NaN where there is none.
     amplification : float
-        Frobenius norm of the inverse: motion of the passive coordinates by unit gaps; infinite where there is no inverse.
+    Frobenius norm of the inverse: motion of the passive coordinates by unit gaps; infinite where there is no inverse.
     orientation : float
         Sign of the determinant, which is constant on an assembly mode; 1 where the matrix is not square.
     """

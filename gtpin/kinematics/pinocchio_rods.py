@@ -33,7 +33,7 @@ class PinocchioRods:
     Parameters
     ----------
     geometry
-                The geometry.
+        The geometry.
 
     Raises
     ------

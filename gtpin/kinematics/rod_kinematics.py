@@ -100,8 +100,8 @@ class RodKinematics:
         q
             (N, n) commands, m or rad.
         start
-                        (N) poses of a similar geometry at the same commands, from which the solver starts; None: it starts at
-                        home.
+            (N) poses of a similar geometry at the same commands, from which the solver starts; None: it starts at
+            home.
 
         Returns
         -------

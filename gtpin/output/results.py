@@ -33,7 +33,7 @@ def results_folder(
     Parameters
     ----------
     target
-                Folder of the results; made where it is missing. Other files in it are not changed.
+        Folder of the results; made where it is missing. Other files in it are not changed.
     names
         Names of all files and folders that the results can have. Those that gtpin wrote itself are replaced.
     force

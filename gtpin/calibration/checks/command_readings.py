@@ -25,7 +25,7 @@ class CommandReading:
     columns
         The columns that are read in another way.
     looks, hint
-                Message texts: what these columns look like, and what the user should do.
+        Message texts: what these columns look like, and what the user should do.
     q
         (N, n) commands, read in this way, m or rad.
     """

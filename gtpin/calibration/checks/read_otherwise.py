@@ -47,7 +47,7 @@ class Otherwise:
     Parameters
     ----------
     looks, hint
-                Message texts: what the table looks like, and what the user should do.
+        Message texts: what the table looks like, and what the user should do.
     change
         Function that gives the description and the columns, read in this way.
     column, key

@@ -172,7 +172,7 @@ def check_fitted(readings: Readings, poses: Poses, reach: float) -> None:
     Raises
     ------
     DatasetError
-                If there are such readings; it names the instrument.
+        If there are such readings; it names the instrument.
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)

@@ -30,7 +30,7 @@ def check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
     kept, readings
         The rows that were fitted.
     used
-                (N,) the rows that are no gross errors.
+        (N,) the rows that are no gross errors.
 
     Raises
     ------

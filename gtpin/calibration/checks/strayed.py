@@ -31,7 +31,7 @@ def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings
     x
         (p,) deviations of the geometry's parameters, in units of the tolerances.
     geometry
-                The nominal geometry.
+        The nominal geometry.
     seen
         Observability of the geometry with these readings.
     readings

@@ -118,7 +118,7 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
     Parameters
     ----------
     causes
-                (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
+        (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
     blocks
         (N,) masks of the poses left out together, a partition.
     unseen
@@ -167,7 +167,7 @@ def gap(
     design
         The linear problem, without the causes.
     causes
-                (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
+        (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
     floor
         (N,) expected squared length of each pose's position noise, m^2; not used for readings, whose noise is 1 per number.
     blocks

@@ -74,7 +74,7 @@ class Groups(Generic[K]):
         Raises
         ------
         ValueError
-                        If there already is a group with this key.
+            If there already is a group with this key.
         """
         self._new(term, core)
         self._columns[term] = columns

@@ -66,7 +66,7 @@ class Trials:
     design
         The linear problem of all N + M rows, the measured rows first.
     measured
-                Number of measured rows, N.
+        Number of measured rows, N.
     q
         (M, n) commands of the further rows, m or rad.
     conditions
