@@ -12,8 +12,10 @@ import gtpin
 from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.propose import propose
+from gtpin.diagnosis.inference import predictive
 from gtpin.diagnosis.inference.named_causes import decide
 from gtpin.diagnosis.inference.predictive import without_idle
+from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
@@ -112,3 +114,26 @@ def test_a_cause_that_predicts_stays():
     case = machine(2, "backlash")
     truth = case.effects[0]
     assert [(c.effect, c.site) for c in said(2, "backlash").causes] == [(truth.effect, truth.site)]
+
+
+@pytest.mark.parametrize(
+    ("nearer", "straighter", "kept"), [(True, False, True), (False, True, True), (False, False, False)]
+)
+def test_causes_must_bring_left_out_positions_or_orientations_nearer(monkeypatch, nearer, straighter, kept):
+    dataset = machine(2, "backlash").dataset
+    baseline = gtpin.calibrate(dataset)
+    hypotheses = propose(Observed.of(dataset, baseline).design(baseline.model), every_effect()).hypotheses
+    found = decide(hypotheses)
+    assert found.classes
+    alone = leave_out(hypotheses.design, np.zeros((len(hypotheses.design.y), 0)), [np.ones(len(dataset), dtype=bool)])
+
+    def left(_, causes, __):
+        if not causes.shape[1]:
+            return alone
+        factors = (0.9 if better else 1.1 for better in (nearer, straighter))
+        return replace(alone, errors=next(factors) * alone.errors, turned=next(factors) * alone.turned)
+
+    monkeypatch.setattr(predictive, "leave_out", left)
+    after = predictive.with_smaller_errors(hypotheses, found, [])
+    assert bool(after.classes) == kept
+    assert [doubt.reason for doubt in after.doubts] == ([] if kept else ["held_out"])

@@ -42,7 +42,9 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
 
 
 def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
-    """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
+    """The conclusion; where all causes together make no errors of left-out poses smaller: without causes, with a doubt.
+
+    Errors of positions, and of orientations where they were measured.
 
     Parameters
     ----------
@@ -53,19 +55,14 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
         return found
     columns = np.hstack([hypotheses.groups.columns(cause) * found.scale[cause] for cause in found.classes])
     alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (columns[:, :0], columns))
-    nearer = [float((b**2).sum()) < float((a**2).sum()) for a, b in _compared(hypotheses, alone, whole)]
-    if any(nearer):
+    if any(float((b**2).sum()) < float((a**2).sum()) for a, b in _compared(alone, whole)):
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
 
 
-def _compared(hypotheses: HypothesisSet, alone: LeftOut, whole: LeftOut) -> list[tuple[Floats, Floats]]:
-    """Errors of positions without and with causes; for a robot without rods, whose wrist turns the tool, also of
-    orientations."""
-    found = [(alone.errors, whole.errors)]
-    if not hypotheses.design.situation.robot.rods and alone.turned.size:
-        found.append((alone.turned, whole.turned))
-    return found
+def _compared(alone: LeftOut, whole: LeftOut) -> list[tuple[Floats, Floats]]:
+    """Errors of positions without and with causes, and of orientations where measured: a cause may only turn the TCP."""
+    return [(a, b) for a, b in ((alone.errors, whole.errors), (alone.turned, whole.turned)) if a.size]
 
 
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:
