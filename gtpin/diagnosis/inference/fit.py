@@ -81,7 +81,7 @@ def fit(
         found = with_full_digits(found, hypotheses, searched)
         found = with_one_measurement(found, hypotheses, searched)
         found = with_two_valued(hypotheses, found, noise)
-    found = with_smaller_errors(hypotheses, found, neighbours)
+    found = with_smaller_errors(hypotheses, found, neighbours, _floor(settled))
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
     if asked.impossible and (other := with_possible(hypotheses, found, asked.impossible)):
@@ -134,16 +134,21 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
     return model, [cause(model, own, found.classes[c]) for c, own in zip(named, ordered, strict=True)]
 
 
+def _floor(settled: Settled) -> Floats:
+    """(N,) expected squared length of each searched pose's position noise, m^2; zeros for readings."""
+    design = settled.hypotheses.design
+    if not design.tracked:
+        return np.zeros(len(design.whitening))
+    covariance = settled.observed.noise.covariance(design.command_jacobian, design.components)
+    return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
+
+
 def _gaps(
     settled: Settled, found: Conclusion, hold_out: HoldOut, rng: np.random.Generator
 ) -> tuple[Gap, dict[Place, Gap]]:
     """The gap with all causes; and, by cause, with all causes but this one."""
-    hypotheses, noise, searched = settled.hypotheses, settled.observed.noise, settled.searched
+    hypotheses, searched, floor = settled.hypotheses, settled.searched, _floor(settled)
     design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
-    floor = np.zeros(len(design.whitening))
-    if design.tracked:
-        covariance = noise.covariance(design.command_jacobian, design.components)
-        floor = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
     columns = {c.place: hypotheses.groups.columns(c) * found.scale[c] for c in found.classes}
     unseen = {
         c.place: as_unseen(design, c, hypotheses.groups.columns(c), blocks) * found.scale[c] for c in found.classes

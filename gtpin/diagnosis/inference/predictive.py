@@ -41,28 +41,35 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
     return found if len(kept) == len(found.classes) else found.only(hypotheses, kept)
 
 
-def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
-    """The conclusion; where all causes together make no errors of left-out poses smaller: without causes, with a doubt.
+def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask], floor: Floats) -> Conclusion:
+    """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
 
-    Errors of positions, and of orientations where they were measured.
+    The errors are those of positions. Those of measured orientations are enough where positions leave nothing to explain, and
+    for robots without rods, whose wrist turns the tool alone.
 
     Parameters
     ----------
     blocks
         (N,) masks of the poses left out together, a partition.
+    floor
+        (N,) expected squared length of each pose's position noise, m^2.
     """
     if not found.classes:
         return found
     columns = np.hstack([hypotheses.groups.columns(cause) * found.scale[cause] for cause in found.classes])
     alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (columns[:, :0], columns))
-    if any(float((b**2).sum()) < float((a**2).sum()) for a, b in _compared(alone, whole)):
+    if any(float((b**2).sum()) < float((a**2).sum()) for a, b in _compared(hypotheses, alone, whole, floor)):
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
 
 
-def _compared(alone: LeftOut, whole: LeftOut) -> list[tuple[Floats, Floats]]:
-    """Errors of positions without and with causes, and of orientations where measured: a cause may only turn the TCP."""
-    return [(a, b) for a, b in ((alone.errors, whole.errors), (alone.turned, whole.turned)) if a.size]
+def _compared(hypotheses: HypothesisSet, alone: LeftOut, whole: LeftOut, floor: Floats) -> list[tuple[Floats, Floats]]:
+    """Errors without and with causes, of positions and of orientations, of which one must be smaller with causes."""
+    at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
+    found = [(alone.errors, whole.errors)]
+    if alone.turned.size and (at_noise or not hypotheses.design.situation.robot.rods):
+        found.append((alone.turned, whole.turned))
+    return found
 
 
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:
