@@ -11,10 +11,10 @@ The rival compares the model without effects, all single hypotheses, all pairs, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -44,10 +44,24 @@ Odds = Literal["diagnosis", "flat"]
 
 CLASS_NATS = 3.0
 """Change of the log evidence below which a hypothesis in the place of a cause belongs to its class. Assumed: odds of 20."""
-TUNED = 200
+TUNED = 50
 """Pairs whose scales are estimated together, those of largest worth by scales that were estimated one after the other."""
 WIDENED = 20
 """Pairs, those of largest worth, to which one more hypothesis is added."""
+
+
+class Larger(NamedTuple, Generic[K]):
+    """A model with one more group: its log evidence to first order, the model, the group, and its scale."""
+
+    log_evidence: float
+    model: Posterior[K]
+    term: K
+    scale: float
+
+    @property
+    def terms(self) -> tuple[K, ...]:
+        """All its groups."""
+        return (*self.model.terms, self.term)
 
 
 @dataclass(frozen=True)
@@ -62,58 +76,59 @@ class Enumeration(Generic[K]):
         The hypotheses.
     place
         Effect and site of each: a set has each of them once.
-    cost
-        What the members of a set must be worth in log evidence, together.
     """
 
     groups: Groups[K]
     terms: Sequence[K]
     place: Callable[[K], Hashable]
-    cost: Callable[[Sequence[K]], float]
-
-    def worth(self, model: Posterior[K]) -> float:
-        """Log evidence less cost."""
-        return model.log_evidence - self.cost(model.terms)
 
     @cached_property
     def singles(self) -> dict[K, Posterior[K]]:
         """The models of one hypothesis."""
         return {term: tuned(self.groups, (term,), (1.0,)) for term in self.terms}
 
-    def best(self) -> Posterior[K]:
-        """The set of largest worth; no group where none is worth its cost."""
-        pairs = self._best(self._added(list(self.singles.values())), TUNED)
-        threes = self._best(self._added(pairs[:WIDENED]), TUNED)
-        return max([NOTHING, *self.singles.values(), *pairs, *threes], key=self.worth)
+    @cached_property
+    def pairs(self) -> list[Larger[K]]:
+        """All models of two hypotheses."""
+        return self._larger(self.singles.values())
 
-    def _added(self, models: Sequence[Posterior[K]]) -> dict[frozenset[K], tuple[float, Posterior[K], K, float]]:
-        """By set, one more hypothesis in each model: worth to first order, the model, the hypothesis and its scale."""
-        found: dict[frozenset[K], tuple[float, Posterior[K], K, float]] = {}
+    def best(self, cost: Callable[[Sequence[K]], float]) -> Posterior[K]:
+        """The set of largest log evidence less cost, which is of a set's members; no group where none is worth its cost."""
+
+        def worth(model: Posterior[K] | Larger[K]) -> float:
+            return model.log_evidence - cost(model.terms)
+
+        def best_of(some: Sequence[Larger[K]]) -> list[Posterior[K]]:
+            first = sorted(some, key=worth, reverse=True)[:TUNED]
+            models = [tuned(self.groups, one.terms, (*one.model.scale, one.scale)) for one in first]
+            return sorted(models, key=worth, reverse=True)
+
+        pairs = best_of(self.pairs)
+        threes = best_of(self._larger(pairs[:WIDENED]))
+        return max([NOTHING, *self.singles.values(), *pairs, *threes], key=worth)
+
+    def _larger(self, models: Iterable[Posterior[K]]) -> list[Larger[K]]:
+        """Some models with each other hypothesis added; of the ways to one set the best."""
+        found: dict[frozenset[K], Larger[K]] = {}
         for model in models:
-            taken = {self.place(term) for term in model.terms}
-            others = [term for term in self.terms if self.place(term) not in taken]
-            for term, (gain, scale) in all_gains(self.groups, model, others).items():
-                worth = model.log_evidence + gain - self.cost((*model.terms, term))
-                key = frozenset((*model.terms, term))
-                if key not in found or found[key][0] < worth:
-                    found[key] = worth, model, term, scale
-        return found
+            for term, (gain, scale) in all_gains(self.groups, model, self._others(model.terms)).items():
+                one = Larger(model.log_evidence + gain, model, term, scale)
+                known = found.setdefault(frozenset(one.terms), one)
+                if known.log_evidence < one.log_evidence:
+                    found[frozenset(one.terms)] = one
+        return list(found.values())
 
-    def _best(
-        self, added: Mapping[frozenset[K], tuple[float, Posterior[K], K, float]], most: int
-    ) -> list[Posterior[K]]:
-        """The models of largest worth, with their scales tuned, the best first."""
-        first = sorted(added.values(), key=lambda one: -one[0])[:most]
-        models = [tuned(self.groups, (*m.terms, term), (*m.scale, scale)) for _, m, term, scale in first]
-        return sorted(models, key=self.worth, reverse=True)
+    def _others(self, terms: Sequence[K]) -> list[K]:
+        """Hypotheses of other places than some."""
+        taken = {self.place(term) for term in terms}
+        return [term for term in self.terms if self.place(term) not in taken]
 
-    def alternatives(self, model: Posterior[K], cause: K) -> dict[K, float]:
-        """Hypotheses in the place of one of a model's, and by how much they change the log evidence: its class."""
+    def members(self, model: Posterior[K], cause: K) -> dict[K, float]:
+        """The class of one of a model's hypotheses: what could be in its place, and how much that changes the log evidence."""
         kept = [(t, s) for t, s in zip(model.terms, model.scale, strict=True) if t != cause]
         terms, scale = tuple(t for t, _ in kept), tuple(s for _, s in kept)
-        taken = {self.place(term) for term in terms}
-        others = [term for term in self.terms if self.place(term) not in taken]
-        changes = {t: tuned(self.groups, (*terms, t), (*scale, 1.0)).log_evidence - model.log_evidence for t in others}
+        models = {t: tuned(self.groups, (*terms, t), (*scale, 1.0)) for t in self._others(terms)}
+        changes = {term: other.log_evidence - model.log_evidence for term, other in models.items()}
         return {term: change for term, change in changes.items() if term == cause or change > -CLASS_NATS}
 
 
@@ -157,7 +172,12 @@ class Limit:
         return Limit(self.hypotheses, {})
 
     @cached_property
-    def _groups(self) -> tuple[Groups[Hypothesis], dict[Hypothesis, float]]:
+    def every(self) -> Enumeration[Hypothesis]:
+        """The enumeration of all hypotheses."""
+        return Enumeration(self._prepared[0], tuple(self._prepared[1]), lambda term: term.place)
+
+    @cached_property
+    def _prepared(self) -> tuple[Groups[Hypothesis], dict[Hypothesis, float]]:
         """All hypotheses, and what those with a nonlinear parameter pay for the values that were tried, in nats."""
         all_, mine = self.hypotheses, Groups[Hypothesis](self.hypotheses.groups.marginal, self.hypotheses.design.y)
         paid: dict[Hypothesis, float] = {}
@@ -181,19 +201,17 @@ class Limit:
 
     def statement(self, odds: Odds) -> Statement:
         """What the rival says: the most probable set, and the class of each member."""
-        groups, paid = self._groups
-        alone: dict[Hypothesis, float] = {}
+        paid = self._prepared[1]
+        alone = {term: model.log_evidence - paid[term] for term, model in self.every.singles.items()}
 
         def cost(terms: Sequence[Hypothesis]) -> float:
-            values = sum(paid[term] for term in terms)
-            if odds == "flat":
-                return values + self.hypotheses.threshold * len(terms)
-            return values + sum(self._against(term, terms, alone) for term in terms)
+            against = [
+                self.hypotheses.threshold if odds == "flat" else self._against(term, terms, alone) for term in terms
+            ]
+            return sum(against) + sum(paid[term] for term in terms)
 
-        every = Enumeration(groups, tuple(paid), lambda term: term.place, cost)
-        alone |= {term: model.log_evidence - paid[term] for term, model in every.singles.items()}
-        best = every.best()
-        causes = [_named(cause, every.alternatives(best, cause)) for cause in best.terms]
+        best = self.every.best(cost)
+        causes = [_named(cause, self.every.members(best, cause)) for cause in best.terms]
         sure = all(len(cause.members) == 1 for cause in causes)
         verdict: Literal["none", "explained", "ambiguous"] = "explained" if sure else "ambiguous"
         return Statement(verdict=verdict if causes else "none", causes=tuple(causes))
