@@ -1,10 +1,10 @@
 """The limit of naming several causes: a rival that knows the true displacements, and enumerates all pairs.
 
-Its linear model is that of a diagnosis (docs/statistics.md, sections 3 to 7), with the noise that the diagnosis has settled on:
-y ~ N(0, I + B B' + sum over k of s_k^2 X_k X_k'). A hypothesis is an effect at a site. X of a true one is a single column, its
-true displacement divided by its true amplitude: the amplitude, in typical sizes, is what is unknown, and it has the prior of
-any scale. X of any other is the basis of the diagnosis; a nonlinear parameter has the values that explain most alone and given
-each of the true effects, and pays for the values that were tried.
+Its linear model is that of a diagnosis (docs/statistics.md, sections 3 to 7), of all rows, with the noise that the diagnosis
+has settled on: y ~ N(0, I + B B' + sum over k of s_k^2 X_k X_k'). A hypothesis is an effect at a site. X of a true one is a
+single column, its true displacement divided by its true amplitude: the amplitude, in typical sizes, is what is unknown, and it
+has the prior of any scale. X of any other is the basis of the diagnosis; a nonlinear parameter has the values that explain most
+alone and given each of the true effects, and pays for the values that were tried.
 
 The rival compares the model without effects, all single hypotheses, all pairs, and the best pairs with one more.
 """
@@ -12,7 +12,7 @@ The rival compares the model without effects, all single hypotheses, all pairs, 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic, Literal, NamedTuple, TypeVar
 
@@ -25,11 +25,13 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
 from gtpin.diagnosis.inference.settle import settle
 from gtpin.diagnosis.linear.evidence import Groups
 from gtpin.diagnosis.linear.exchange import tuned
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.diagnosis.preparation.prepare import prepare
@@ -150,22 +152,29 @@ class Limit:
 
     @staticmethod
     def of(dataset: Dataset, truth: Truth) -> Limit:
-        """For a tracker's dataset and a truth with displacements; effects that are not in the catalogue are left out."""
+        """For a tracker's dataset and a truth with displacements; effects that are not in the catalogue are left out.
+
+        Rows that a diagnosis sets aside as gross errors are used: an effect may show in them alone. A dataset with gross errors
+        is none for this rival.
+        """
         robot = measuring(robot_of(dataset), dataset)
         scope = Scope.of(catalogue(), (), FALSE_ALARM, robot)
         prepared = prepare(dataset, robot)
         admitted = readmit_outliers(prepared, scope).admitted
-        settled = settle(prepared, admitted, scope, np.random.default_rng(0))
+        noise = settle(prepared, admitted, scope, np.random.default_rng(0)).observed.noise
+        everything = Observed.of(prepared.dataset, prepared.baseline)
+        everything = replace(everything, noise=everything.noise.sized_as(noise))
+        hypotheses = propose(everything.design(prepared.baseline.model), scope).hypotheses
         place = {int(row): i for i, row in enumerate(dataset.row)}
-        rows = [place[int(row)] for row in settled.searched.row]
+        rows = [place[int(row)] for row in prepared.dataset.row]
         known, forms = effects_by_id(), {}
         for true in truth.effects:
             if true.effect in known and true.displacement is not None:
                 column = np.array(true.displacement)[rows, :, None] / (true.amplitude or 1.0)
-                forms[Hypothesis(known[true.effect], true.site)] = settled.hypotheses.design.columns(
+                forms[Hypothesis(known[true.effect], true.site)] = hypotheses.design.columns(
                     Basis(np.ones(1), twist=column)
                 )
-        return Limit(settled.hypotheses, forms)
+        return Limit(hypotheses, forms)
 
     def without_forms(self) -> Limit:
         """The same rival without what it knows."""
