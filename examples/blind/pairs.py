@@ -29,6 +29,7 @@ from gtpin.data import Dataset
 from gtpin.threads import in_one_thread
 
 CASES, SEED = 2000, 1795444570
+THREES = 30
 RECORD = Path(__file__).parents[2] / "docs" / "figures" / "pairs.csv"
 KINDS = ("two", "three")
 METHODS = {
@@ -40,9 +41,9 @@ METHODS = {
 
 
 def jobs(machines: int) -> list[dict[str, object]]:
-    """The first cases with two effects, and with three effects three for every ten of them."""
+    """The first cases with two effects, and with three."""
     every = list(_drafts())
-    kinds = (("two", machines), ("three", 3 * machines // 10))
+    kinds = (("two", machines), ("three", min(machines, THREES)))
     return [{"case": d.name} for kind, count in kinds for d in [d for d in every if d.kind == kind][:count]]
 
 
