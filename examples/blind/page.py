@@ -30,6 +30,8 @@ from gtpin.report.page import Table
 FULL = 1000
 """Cases from which a run is a full one."""
 LOG = "blind_runs.md"
+PROSE = ("introduction.md", "pairs.md")
+"""What the page begins with; ``examples/pages/refresh.py`` fills in the figures."""
 KEPT = ("cases", "check", "failures", "figures")
 """Of ``score.json``, what other pages need; with it goes which single effects were named right, and nothing else."""
 LOG_HEAD = """# All full runs of the blind check
@@ -43,7 +45,7 @@ Every run of at least 1,000 cases, the bad ones too, the latest last. [The page]
 
 def page(folder: Path | None) -> str:
     """The page, with the results of a check where there is one."""
-    text = (Path(__file__).parent / "introduction.md").read_text(encoding="utf-8")
+    text = "".join((Path(__file__).parent / name).read_text(encoding="utf-8") for name in PROSE)
     if folder is None:
         return text + "\n## The latest full run\n\nNone has been made yet.\n"
     result, cases = _read(folder)

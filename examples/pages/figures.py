@@ -79,4 +79,5 @@ FIGURES = (
     Figure("instruments", "instruments/smallest_shown.py", 3),
     Figure("closed_circle", "simulator/closed_circle.py", 2),
     Figure("health", "health/power.py", 8),
+    Figure("pairs", "blind/pairs.py", 114),
 )

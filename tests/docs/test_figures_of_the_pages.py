@@ -37,6 +37,7 @@ AGAIN = {
     "instruments": 6,
     "closed_circle": 2,
     "health": 2,
+    "pairs": 3,
 }
 """Jobs that are measured again, spread over all; a whole measurement takes minutes."""
 NEEDS = {"closed_circle": "mujoco"}
