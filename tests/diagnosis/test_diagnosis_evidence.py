@@ -1,12 +1,14 @@
 """Evidence, posteriors and gains equal those of dense multivariate normal densities."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_problems import Dense
 from numpy.testing import assert_allclose
 
 from gtpin.diagnosis.linear.evidence import SCALES, Groups, Marginal, best_scales
-from gtpin.diagnosis.linear.exchange import exchanged, tuned, without
+from gtpin.diagnosis.linear.exchange import _rescaled, exchanged, tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING, all_gains, fixed, gain, given
 
 WIDTHS = {"a": 1, "b": 3, "c": 4, "d": 6, "e": 7, "f": 12}
@@ -186,3 +188,16 @@ def test_a_group_of_several_has_the_evidence_of_their_columns_together(dense):
     assert_allclose(groups.columns("both"), groups.columns("whole"))
     with pytest.raises(ValueError, match="there already"):
         groups.join("both", ("a",))
+
+
+@pytest.mark.parametrize("removed", ["a", "d"])
+def test_a_covariance_that_rounding_has_made_indefinite_is_computed_again(dense, removed):
+    terms, scale = ("a", "d"), (2.0, 0.3)
+    sound = fixed(dense.groups, terms, scale)
+    spoilt = replace(sound, covariance=sound.covariance - 1.01 * np.diag(np.diag(sound.covariance)))
+    assert np.linalg.eigvalsh(spoilt.covariance).min() < 0.0
+    for sweeps in (0, 2):
+        expected, found = (without(dense.groups, model, removed, sweeps) for model in (sound, spoilt))
+        assert_allclose(found.log_evidence, expected.log_evidence, rtol=1e-9)
+        assert_allclose(found.covariance, expected.covariance, rtol=1e-9)
+    assert_allclose(_rescaled(dense.groups, spoilt, 0).mean, _rescaled(dense.groups, sound, 0).mean, rtol=1e-9)

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from gtpin.diagnosis.linear.evidence import Groups, best_scales
 from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, fixed, scale_prior
@@ -34,7 +34,10 @@ def exchanged(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posteri
     if len(after) < len(before) and after == tuple(part for part in before if part in after):
         return _less(groups, model, old, new)
     if len(after) > len(before) and after[: len(before)] == before:
-        return _more(groups, model, old, new)
+        try:
+            return _more(groups, model, old, new)
+        except LinAlgError:  # rounding errors of many changes: computed again
+            pass
     return fixed(groups, tuple(new if term == old else term for term in model.terms), model.scale)
 
 
@@ -47,7 +50,7 @@ def without(groups: Groups[K], model: Posterior[K], term: K, sweeps: int = 0) ->
     out = np.zeros(len(model.mean), dtype=bool)
     out[place : place + model.widths[at]] = True
     prior = scale_prior(groups, model.scale[at])
-    less = _zero(model, out, model.scale[at])
+    less = _zero(groups, model, out, model.scale[at])
     less = replace(
         less,
         terms=_but(model.terms, at),
@@ -81,9 +84,10 @@ def _rescaled(groups: Groups[K], model: Posterior[K], at: int) -> Posterior[K]:
     """
     place, scale = sum(model.widths[:at]), model.scale[at]
     own = slice(place, place + model.widths[at])
-    C, mean = model.covariance, model.mean
     identity = np.eye(model.widths[at])
-    precision = cho_solve(cho_factor(C[own, own], lower=True), identity)
+    model, factor = _factored(groups, model, own)
+    C, mean = model.covariance, model.mean
+    precision = cho_solve(factor, identity)
     gram, moment = precision - identity / scale**2, precision @ mean[own]
     gram = 0.5 * (gram + gram.T)
     _, best = best_scales(gram[None], moment[None], groups.core[model.terms[at]], groups.priors)
@@ -109,13 +113,28 @@ def _less(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K
         width = groups.width(part)
         out[place : place + width] = part not in left
         place += width
-    return _zero(_named(groups, model, at, new), out, model.scale[at])
+    less = _zero(groups, model, out, model.scale[at])
+    return _named(groups, less, at, new)
 
 
-def _zero(model: Posterior[K], out: npt.NDArray[np.bool_], scale: float) -> Posterior[K]:
+def _factored(
+    groups: Groups[K], model: Posterior[K], own: slice | npt.NDArray[np.bool_]
+) -> tuple[Posterior[K], tuple[Floats, bool]]:
+    """A model, and the Cholesky factor of a block of its covariance.
+
+    Where rounding errors of many changes have made the block indefinite, the model is computed again from its groups.
+    """
+    try:
+        return model, cho_factor(model.covariance[own][:, own], lower=True)
+    except LinAlgError:
+        model = fixed(groups, model.terms, model.scale)
+        return model, cho_factor(model.covariance[own][:, own], lower=True)
+
+
+def _zero(groups: Groups[K], model: Posterior[K], out: npt.NDArray[np.bool_], scale: float) -> Posterior[K]:
     """The model given that the coefficients of the mask ``out`` (n,) are zero; ``scale`` is theirs. Its terms are unchanged."""
+    model, own = _factored(groups, model, out)
     C, mean = model.covariance, model.mean
-    own = cho_factor(C[np.ix_(out, out)], lower=True)
     across = cho_solve(own, C[np.ix_(out, ~out)])
     ratio = -0.5 * float(mean[out] @ cho_solve(own, mean[out])) - float(np.log(np.diag(own[0])).sum())
     return replace(
