@@ -101,3 +101,14 @@ def test_observability_indices_are_those_of_the_whitened_derivative_down_to_what
         "O5": 1.0 / (1.0 / s).sum(),
     }
     assert found.observability.indices == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_commands_in_reverse_order_in_half_of_the_rows_never_give_a_model(seed):
+    rng = np.random.default_rng(seed)
+    dataset = measured(draw(rng), commands(rng, COUNT), rng)
+    q = dataset.q.copy()
+    q[COUNT // 2 :, 1] = q[COUNT // 2 :, 1][::-1]
+    with pytest.raises((DatasetError, ConvergenceError), match=r"poses|rows|fit"):
+        gtpin.calibrate(replace(dataset, q=q))

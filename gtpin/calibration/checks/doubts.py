@@ -14,6 +14,7 @@ from gtpin.calibration.checks.frame_scan import nominal_problem
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
+from gtpin.calibration.checks.usable_rows import reach_of
 from gtpin.calibration.problem import Measured
 from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
@@ -133,13 +134,21 @@ def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
     """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise."""
     problem, point = settled.fit.problem, settled.fit.point
     model, measured = point.model, problem.measured
-    left, before = (
-        float(np.median(np.linalg.norm(measured.T - predicted.T, axis=1)))
+    errors, errors_before = (
+        np.linalg.norm(measured.T - predicted.T, axis=1)
         for predicted in (model.seen(point.poses), nominal[settled.used])
     )
+    left, before = float(np.median(errors)), float(np.median(errors_before))
+    worst = float(np.quantile(errors, 1.0 - MOST))
+    what = None
     if left > FAR and left > 0.25 * before:
+        what = f"calibration leaves {left * 1e3:.3g} mm of {before * 1e3:.3g} mm: these can't be the robot's poses"
+    elif worst > reach_of(model.geometry):
+        share = f"{MOST:.0%} of the poses"
+        what = f"calibration leaves {worst * 1e3:.3g} mm and more at {share}: these can't be the robot's poses"
+    if what:
         raise DatasetError(
-            f"calibration leaves {left * 1e3:.3g} mm of {before * 1e3:.3g} mm: these can't be the robot's poses",
+            what,
             file=dataset.file,
             hint='check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")',
         )
