@@ -39,8 +39,8 @@ SHIFT, BACKLASH = 3e-5, 5e-5
 """Shift of a zero, and reversal error of a backlash, m."""
 UNCHANGED = 60
 """Checks of each unchanged machine, each with new noise."""
-SEEDS = 8_100_000
-"""From here on nothing else draws its machines."""
+SEEDS = 1795447014
+"""The machines' first seed: the clock's seconds when the table was measured last, so that nothing was ever tuned on them."""
 FEWER = 4
 KINDS = ("unchanged", "zero_shift", "backlash")
 PLACES = ("robot", "free")

@@ -11,7 +11,8 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
-from gtpin.export.lines import STIFFEST, WORTH, Polynomial, line, quartic
+from gtpin.export.curves import NOTHING, Curve, fitted
+from gtpin.export.lines import STIFFEST, WORTH, line
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Coupling, Joint, Mechanism, Spring
 from gtpin.kinematics.rotations import skew
@@ -58,14 +59,15 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
 def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Carts that shift across and turn along their tracks (``straightness``, ``cart_rotation``).
 
-    The rods' joints of such a cart are on a massless body ``CART_led``, whose joints follow the actuator's by polynomials of
-    fourth degree. An effect of which these leave more than the share ``WORTH`` is left out. Returns the same as
+    The joints of such a cart sit together on a massless body ``CART_led`` whose own joints follow the actuator's by
+    curves. What they leave more than ``WORTH`` of is not held. Returns as
     :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     for site in sliding_carts(robot):
         index, axes = robot.sites.index(site), _axes(robot, site)
-        total: list[Polynomial] = [Polynomial([0.0])] * 6
+        total = [NOTHING] * 6
+        ends = float(robot.lower[index]), float(robot.upper[index])
         for active in model.effects:
             if active.site != site or set(active.effect.coordinates(robot, site)) != {f"q{number(robot, site)}"}:
                 continue
@@ -73,28 +75,27 @@ def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Me
             if active.basis(at).carrier_joints is None:
                 continue
             q = at.q[:, index]
-            fitted = [quartic(q, moved) for moved in _motion(active, at, axes).T]
-            moved = _at_tcp(at, site, axes, np.column_stack([polynomial(q) for polynomial in fitted]))
+            curves = [fitted(q, moved, ends) for moved in _motion(active, at, axes).T]
+            moved = _at_tcp(at, site, axes, np.column_stack([curve(q) for curve in curves]))
             whole = by_effect(active, at)
             if rms(whole - moved) <= WORTH * rms(whole):
                 shown[active.name] = moved
-                total = [old + new for old, new in zip(total, fitted, strict=True)]
+                total = [old.plus(new) for old, new in zip(total, curves, strict=True)]
         mechanism = _led(mechanism, robot, site, axes, total)
     return mechanism, shown
 
 
-def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Sequence[Polynomial]) -> Mechanism:
+def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Sequence[Curve]) -> Mechanism:
     index = robot.sites.index(site)
     there = np.linspace(robot.lower[index], robot.upper[index], 101)
     joints, couplings = [], []
     driven = next(j for b in mechanism.bodies for j in b.joints if j.name == robot.actuators[index].joint)
-    for k, polynomial in enumerate(total):
-        if np.abs(polynomial(there)).max() > STRAIGHT:
+    for k, curve in enumerate(total):
+        if np.abs(curve(there)).max() > STRAIGHT:
             # At home the file has the loops closed: there the joint starts at nothing, and moves to its place.
             joint = _joint(mechanism, robot, site, f"{NAMES[k]}_led", k, axes, None)
-            about_home = polynomial(Polynomial([driven.home, 1.0])).coef
             joints.append(joint)
-            couplings.append(Coupling(joint.name, driven.name, tuple(float(c) for c in about_home)))
+            couplings.append(Coupling(joint.name, driven.name, curve.about(driven.home)))
     if not joints:
         return mechanism
     led = mechanism.on_springs(f"{site}_led", _ends(robot, site), joints)

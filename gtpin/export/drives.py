@@ -1,4 +1,4 @@
-"""Effects along an actuator as parts of its drive: travel as a polynomial of the command, and play."""
+"""Effects along an actuator as parts of its drive: travel as a curve of the command, and play."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from gtpin.effects.basis import rods_of
 from gtpin.effects.drives import own_load
 from gtpin.effects.situation import Situation
 from gtpin.export.compliance import geometric_scales
-from gtpin.export.lines import DEGREE, WORTH, Polynomial, quartic
+from gtpin.export.curves import SAME, Curve, fitted
+from gtpin.export.lines import WORTH
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism
 from gtpin.model.model import Model
@@ -23,13 +24,13 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 BEYOND = 0.02
-"""Weight of commands outside those of the model's fit: so small that the polynomial changes little inside."""
+"""Weight of commands outside those of the model's fit: the curve stays near the effect there, at little cost inside."""
 STRAIGHT = 1e-9
 """Largest deviation, m or rad, of the travel from a proportional one that is exported as a gear ratio."""
 SPREADS = 3.0
 """Standard deviations above the mean load up to which the friction of a guide must hold."""
 NEWTON = 10
-"""Steps that invert a polynomial whose slope is about 1."""
+"""Steps that invert a curve whose slope is about 1."""
 LEAST_PLAY = 1e-8
 """Smallest play that is exported, m or rad."""
 
@@ -41,7 +42,7 @@ class Law:
     ``load``: bound of the load on the drive in the fit, N or N m.
     """
 
-    along: Polynomial
+    along: Curve
     half_width: float
     load: float
 
@@ -53,9 +54,9 @@ class Law:
 def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tuple[Mechanism, dict[str, Floats]]:
     """Drives with a model's scales, and its effects along actuators.
 
-    Travel in proportion to the command is a gear. Otherwise the command moves a motor ``SITE_motor``, which the actuator's
-    joint follows by a polynomial of fourth degree. Play is a joint ``SITE_play`` in series with the actuator's. Friction holds
-    the part beyond it, so that the deviation follows the direction of approach, as in the effect.
+    Travel in proportion to the command is a gear. Else the command moves a motor ``SITE_motor``, which the actuator's joint
+    follows by a curve. Play is a joint ``SITE_play`` in series with the actuator's, with friction that
+    holds the part beyond it: as the effect has it, the deviation follows the direction of approach.
 
     Returns
     -------
@@ -89,7 +90,7 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
     # A drive that overshoots has no play: this is part of the error.
     half = max(float(np.average((down - up) / 2.0, weights=weight**2)), 0.0)
-    law = Law(quartic(q, (up + down) / 2.0, weight), half, _largest_load(at, active.site))
+    law = Law(fitted(q, (up + down) / 2.0, _ends(at, index), weight), half, _largest_load(at, active.site))
     held = law.at(at.q[:, index], _approach(at, index))
     moved = at.command_jacobian[:, :6, index] * held[:, None]
     whole = by_effect(active, at)
@@ -104,6 +105,12 @@ def _largest_load(at: Situation, site: str) -> float:
     rods = rods_of(at, site)
     middle, spreads = (values[rods] for values in at.references.force)
     return float((np.abs(middle) + SPREADS * spreads).sum())
+
+
+def _ends(at: Situation, index: int) -> tuple[float, float]:
+    """Commands at the ends of an actuator's travel."""
+    slope, middle = np.polyfit(at.q[:, index], at.travel[:, index], 1)
+    return float((-1.0 - middle) / slope), float((1.0 - middle) / slope)
 
 
 def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
@@ -140,8 +147,10 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
     """The mechanism with one drive's scale, laws and play."""
     body = mechanism.carrying(drive.joint)
     joint = next(own for own in body.joints if own.name == drive.joint)
-    command = Polynomial([0.0, 1.0])
-    travel = scale * sum((law.along for law in laws), command)
+    travel = SAME
+    for law in laws:
+        travel = travel.plus(law.along)
+    travel = travel.times(scale)
     half = scale * sum(law.half_width for law in laws)
     ends = np.array([drive.lower, drive.upper])
     ends = np.where(np.isfinite(ends), ends, [-np.pi, np.pi])
@@ -167,22 +176,21 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
     return mechanism.with_joints(body.name, list(joints.values()))
 
 
-def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Polynomial) -> Mechanism:
+def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Curve) -> Mechanism:
     """A motor that turns by the command, and the actuator's joint coupled to it.
 
     Where the actuator slides, the motor still turns, by one radian per metre: for a coupled joint that slides, MuJoCo 4.0
     ignores the reflected inertia in the stiffness of the coupling (``dof_invweight0``).
     """
-    home, slope = joint.home, travel.deriv()
+    home = joint.home
     for _ in range(NEWTON):
-        home -= float(travel(home) - joint.home) / float(slope(home))
+        home -= float(travel(home) - joint.home) / float(travel.slope(home))
     motor = Joint(f"{drive.site}_motor", "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), home)
     base = mechanism.bodies[0].name
     body = Body(motor.name, base, pin.SE3.Identity(), (motor,), pin.Inertia.Zero())
-    about_home = travel(Polynomial([home, 1.0])) - joint.home
-    coefficients = tuple(float(c) for c in np.pad(about_home.coef, (0, DEGREE + 1))[: DEGREE + 1])
+    about_home = travel.about(home).plus(Curve(-joint.home, 0.0))
     mechanism = replace(mechanism, bodies=(*mechanism.bodies, body))
-    mechanism = mechanism.with_couplings([Coupling(joint.name, motor.name, coefficients)])
+    mechanism = mechanism.with_couplings([Coupling(joint.name, motor.name, about_home)])
     return _with_drive(mechanism, drive, replace(drive, joint=motor.name, home=home))
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
+from gtpin.export.curves import SAME, Curve
 from gtpin.export.shapes import Shape, shapes_of
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.chain import joint_jacobian
@@ -62,14 +63,11 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """A joint that follows another: its coordinate less its home is a polynomial of the other's, less its home.
-
-    ``polynomial`` has the coefficients of powers 0 to 4, m or rad.
-    """
+    """A joint that follows another: its coordinate less its home, m or rad, is a curve of the other's, less its home."""
 
     joint: str
     other: str
-    polynomial: tuple[float, ...]
+    curve: Curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +248,7 @@ def mechanism(robot: Robot) -> Mechanism:
         {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)},
     )
     mimics = tuple(
-        Coupling(names[f.index_v], names[f.master_v], (0.0, f.multiplier, 0.0, 0.0, 0.0)) for f in robot.followers
+        Coupling(names[f.index_v], names[f.master_v], SAME.times(f.multiplier)) for f in robot.followers
     )
     return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, mimics)
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism
+from gtpin.export.mjcf_couplings import add_couplings, with_cranks
 from gtpin.export.mjcf_drives import STIFF, add_actuators, add_guides
 from gtpin.export.shapes import Shape
 from gtpin.export.text import numbers, xml_text
@@ -51,19 +52,19 @@ def to_mjcf(mechanism: Mechanism) -> str:
     # Stiff loops: at rest they open by less than a nanometre under the machine's weight.
     SubElement(default, "equality", STIFF)
     elements = {WORLD: SubElement(root, "worldbody")}
-    for body in mechanism.bodies:
+    cranked = with_cranks(mechanism)
+    for body in cranked.bodies:
         elements[body.name] = _body(elements[body.parent], body)
     equality = SubElement(root, "equality")
     for name, (one, other) in mechanism.loops.items():
         # MuJoCo takes the other body's anchor from the initial configuration, which is home, where the loops are closed.
         attributes = {"name": name, "body1": _free(one.body), "body2": _free(other.body), "anchor": numbers(*one.point)}
         SubElement(equality, "connect", attributes)
-    for coupling in mechanism.couplings:
-        attributes = {"joint1": coupling.joint, "joint2": coupling.other, "polycoef": numbers(*coupling.polynomial)}
-        SubElement(equality, "joint", {"name": f"{coupling.joint}_follows"} | attributes)
-    add_guides(root, mechanism)
+    tendons = SubElement(root, "tendon")
+    add_couplings(root, tendons, cranked)
+    add_guides(tendons, mechanism)
     add_actuators(root, mechanism)
-    _keyframe(root, mechanism)
+    _keyframe(root, cranked)
     return xml_text(root)
 
 

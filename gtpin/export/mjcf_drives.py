@@ -20,11 +20,8 @@ STIFF = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
 """Constraints as stiff as the time step allows."""
 
 
-def add_guides(root: Element, mechanism: Mechanism) -> None:
+def add_guides(tendons: Element, mechanism: Mechanism) -> None:
     """Friction of the guides beyond a play, as tendons over the joints whose sum it holds."""
-    if not mechanism.guides:
-        return
-    tendons = SubElement(root, "tendon")
     joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
     for guide in mechanism.guides:
         friction = {"frictionloss": numbers(_friction(mechanism, guide, joints[guide.joints[0]]))}

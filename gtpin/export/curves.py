@@ -1,0 +1,87 @@
+"""Curves by which a joint of a mechanism follows another: a straight line, and harmonics of its travel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+HARMONICS = 14
+"""Half waves over the range: as many as ``linearity`` and ``straightness`` have."""
+CLOSE = 1e-9
+"""m or rad, root mean square: a line that comes as near needs no harmonics."""
+LEAST = 1e-9
+"""m or rad: harmonics of a smaller amplitude are dropped."""
+SHOWN = 1e-6
+"""Combinations of harmonics that the coordinates show by less, relative to the best, are left out."""
+
+
+@dataclass(frozen=True)
+class Harmonic:
+    """amplitude cos(rate x + phase): m or rad, rad for a unit of x, rad."""
+
+    rate: float
+    phase: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """offset + proportion x + harmonics of x, m or rad."""
+
+    offset: float
+    proportion: float
+    harmonics: tuple[Harmonic, ...] = ()
+
+    def __call__(self, x: npt.ArrayLike) -> Floats:
+        """Values at coordinates of any shape."""
+        x = np.asarray(x, dtype=float)
+        waves = (h.amplitude * np.cos(h.rate * x + h.phase) for h in self.harmonics)
+        return np.asarray(sum(waves, self.offset + self.proportion * x))
+
+    def slope(self, x: float) -> float:
+        """Derivative at a coordinate."""
+        return self.proportion - float(sum(h.amplitude * h.rate * np.sin(h.rate * x + h.phase) for h in self.harmonics))
+
+    def about(self, origin: float) -> Curve:
+        """The same curve over x - origin."""
+        moved = tuple(replace(h, phase=h.phase + h.rate * origin) for h in self.harmonics)
+        return Curve(self.offset + self.proportion * origin, self.proportion, moved)
+
+    def times(self, factor: float) -> Curve:
+        """The curve with all its values multiplied."""
+        waves = tuple(replace(h, amplitude=factor * h.amplitude) for h in self.harmonics)
+        return Curve(factor * self.offset, factor * self.proportion, waves)
+
+    def plus(self, other: Curve) -> Curve:
+        """The sum of two curves; harmonics of equal rate and phase are added."""
+        total: dict[tuple[float, float], float] = {}
+        for h in (*self.harmonics, *other.harmonics):
+            total[h.rate, h.phase] = total.get((h.rate, h.phase), 0.0) + h.amplitude
+        waves = tuple(Harmonic(rate, phase, amplitude) for (rate, phase), amplitude in total.items())
+        return Curve(self.offset + other.offset, self.proportion + other.proportion, waves)
+
+
+NOTHING = Curve(0.0, 0.0)
+SAME = Curve(0.0, 1.0)
+
+
+def fitted(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats | None = None) -> Curve:
+    """The curve through values (N,) at coordinates x (N,), by least squares with weights (N,).
+
+    Its harmonics are half waves 1 to ``HARMONICS`` over the range between ``ends``; smooth effects consist of them.
+    """
+    weight = np.ones(len(x)) if weight is None else weight
+    proportion, offset = np.polyfit(x, values, 1, w=weight)
+    line = Curve(float(offset), float(proportion))
+    if np.sqrt(np.average((line(x) - values) ** 2, weights=weight**2)) <= CLOSE:
+        return line
+    lower, upper = ends
+    rates = np.pi * np.arange(1, HARMONICS + 1) / (upper - lower)
+    columns = np.column_stack([np.ones(len(x)), x, np.cos(np.outer(x - lower, rates))])
+    found = np.linalg.lstsq(columns * weight[:, None], values * weight, rcond=SHOWN)[0]
+    waves = (Harmonic(float(r), float(-r * lower), float(a)) for r, a in zip(rates, found[2:], strict=True))
+    return Curve(float(found[0]), float(found[1]), tuple(h for h in waves if abs(h.amplitude) > LEAST))
