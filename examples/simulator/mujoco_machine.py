@@ -16,6 +16,8 @@ BACK = 2e-3
 """m or rad in front of a command from which it is approached."""
 THERE, NEAR, PATIENCE = 400, 300, 12000
 """Steps of the way from home, of the approach, and of all."""
+SIZES = (6, 3, 1, 1)
+"""Freedoms of MuJoCo's joints, by type."""
 
 
 class MujocoMachine:
@@ -27,6 +29,9 @@ class MujocoMachine:
             self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL | mujoco.mjtDisableBit.mjDSBL_LIMIT
         self.data = mujoco.MjData(self.model)
         self.tcp = self.model.body(tcp).id
+        # Cranks turn by tens of radians for a metre: the joint that turns them says whether they are at rest.
+        joints = [self.model.joint(i) for i in range(self.model.njnt)]
+        self.watched = np.concatenate([np.arange(j.dofadr[0], j.dofadr[0] + SIZES[j.type[0]]) for j in joints if "_crank_" not in j.name])
 
     def poses(self, q: np.ndarray, covariates: Mapping[str, np.ndarray]) -> gtpin.Poses:
         """Poses of the TCP at rest at commands q (N, n), m or rad, each reached from home.
@@ -55,7 +60,7 @@ class MujocoMachine:
                 data.qfrc_applied[:] = 0.0
                 mujoco.mj_applyFT(model, data, force, np.zeros(3), data.xpos[self.tcp], self.tcp, data.qfrc_applied)
             mujoco.mj_step(model, data)
-            if step > THERE + NEAR + 20 and np.abs(data.qvel).max() < QUIET:
+            if step > THERE + NEAR + 20 and np.abs(data.qvel[self.watched]).max() < QUIET:
                 break
         else:
             raise RuntimeError(f"not at rest at {q}: {np.abs(data.qvel).max():.2g}")

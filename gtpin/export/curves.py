@@ -77,11 +77,30 @@ def fitted(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats 
     weight = np.ones(len(x)) if weight is None else weight
     proportion, offset = np.polyfit(x, values, 1, w=weight)
     line = Curve(float(offset), float(proportion))
-    if np.sqrt(np.average((line(x) - values) ** 2, weights=weight**2)) <= CLOSE:
+    if _off(line, x, values, weight) <= CLOSE:
         return line
+    return _with_harmonics(x, values, ends, weight, np.column_stack([np.ones(len(x)), x]), HARMONICS)
+
+
+def waves(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats, count: int) -> Curve:
+    """As :func:`fitted`: a constant, and half waves 1 to ``count`` if it is not close enough."""
+    constant = Curve(float(np.average(values, weights=weight**2)), 0.0)
+    if _off(constant, x, values, weight) <= CLOSE:
+        return constant
+    return _with_harmonics(x, values, ends, weight, np.column_stack([np.ones(len(x)), np.zeros(len(x))]), count)
+
+
+def _off(curve: Curve, x: Floats, values: Floats, weight: Floats) -> float:
+    return float(np.sqrt(np.average((curve(x) - values) ** 2, weights=weight**2)))
+
+
+def _with_harmonics(
+    x: Floats, values: Floats, ends: tuple[float, float], weight: Floats, line: Floats, count: int
+) -> Curve:
+    """A curve by least squares; ``line`` (N, 2) has the columns of offset and proportion."""
     lower, upper = ends
-    rates = np.pi * np.arange(1, HARMONICS + 1) / (upper - lower)
-    columns = np.column_stack([np.ones(len(x)), x, np.cos(np.outer(x - lower, rates))])
+    rates = np.pi * np.arange(1, count + 1) / (upper - lower)
+    columns = np.column_stack([line, np.cos(np.outer(x - lower, rates))])
     found = np.linalg.lstsq(columns * weight[:, None], values * weight, rcond=SHOWN)[0]
-    waves = (Harmonic(float(r), float(-r * lower), float(a)) for r, a in zip(rates, found[2:], strict=True))
-    return Curve(float(found[0]), float(found[1]), tuple(h for h in waves if abs(h.amplitude) > LEAST))
+    own = (Harmonic(float(r), float(-r * lower), float(a)) for r, a in zip(rates, found[2:], strict=True))
+    return Curve(float(found[0]), float(found[1]), tuple(h for h in own if abs(h.amplitude) > LEAST))

@@ -15,10 +15,10 @@ from gtpin.effects.basis import rods_of
 from gtpin.effects.drives import own_load
 from gtpin.effects.situation import Situation
 from gtpin.export.compliance import geometric_scales
-from gtpin.export.curves import SAME, Curve, fitted
+from gtpin.export.curves import NOTHING, SAME, Curve, fitted, waves
 from gtpin.export.lines import WORTH
 from gtpin.export.loss import by_effect, conditions, rms
-from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism
+from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism, Play
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -32,23 +32,25 @@ SPREADS = 3.0
 NEWTON = 10
 """Steps that invert a curve whose slope is about 1."""
 LEAST_PLAY = 1e-8
-"""Smallest play that is exported, m or rad."""
+"""m or rad."""
+WIDTHS = 4
+"""Half waves of the width of a play along the range: ``backlash`` has two."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Deviation of a drive's travel from its command, m or rad: a polynomial ``along`` of the command, and half its play.
+    """Travel of a drive beyond its command, m or rad: ``along`` of the command, and half the width of its play there.
 
     ``load``: bound of the load on the drive in the fit, N or N m.
     """
 
     along: Curve
-    half_width: float
+    half_width: Curve
     load: float
 
     def at(self, q: Floats, approach: Floats | float) -> Floats:
         """(N,) deviation at commands and directions of approach (N,)."""
-        return np.asarray(self.along(q) - self.half_width * approach)
+        return np.asarray(self.along(q) - self.half_width(q) * approach)
 
 
 def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tuple[Mechanism, dict[str, Floats]]:
@@ -88,13 +90,24 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     q = np.concatenate([at.q[:, index], far.q[:, index]])
     up, down = (np.concatenate([_travel(active, s, index, side) for s in (at, far)]) for side in (1.0, -1.0))
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
-    # A drive that overshoots has no play: this is part of the error.
-    half = max(float(np.average((down - up) / 2.0, weights=weight**2)), 0.0)
-    law = Law(fitted(q, (up + down) / 2.0, _ends(at, index), weight), half, _largest_load(at, active.site))
+    ends = _ends(at, index)
+    along = fitted(q, (up + down) / 2.0, ends, weight)
+    law = Law(along, _half_width(q, (down - up) / 2.0, ends, weight), _largest_load(at, active.site))
     held = law.at(at.q[:, index], _approach(at, index))
     moved = at.command_jacobian[:, :6, index] * held[:, None]
     whole = by_effect(active, at)
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
+
+
+def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floats) -> Curve:
+    """Half the play; one width where it would be too small for a play somewhere.
+
+    A drive that overshoots has none: this is part of the error.
+    """
+    curve = waves(q, half, ends, weight, WIDTHS)
+    if curve(np.linspace(*ends, 101)).min() > LEAST_PLAY:
+        return curve
+    return Curve(max(float(np.average(half, weights=weight**2)), 0.0), 0.0)
 
 
 def _largest_load(at: Situation, site: str) -> float:
@@ -147,25 +160,30 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
     """The mechanism with one drive's scale, laws and play."""
     body = mechanism.carrying(drive.joint)
     joint = next(own for own in body.joints if own.name == drive.joint)
-    travel = SAME
+    travel, half = SAME, NOTHING
     for law in laws:
-        travel = travel.plus(law.along)
-    travel = travel.times(scale)
-    half = scale * sum(law.half_width for law in laws)
+        travel, half = travel.plus(law.along), half.plus(law.half_width)
+    travel, half = travel.times(scale), half.times(scale)
     ends = np.array([drive.lower, drive.upper])
     ends = np.where(np.isfinite(ends), ends, [-np.pi, np.pi])
     gear = float(travel(ends[1]) - travel(ends[0])) / float(ends[1] - ends[0])
     there = np.linspace(ends[0], ends[1], 101)
     joints = {own.name: own for own in body.joints}
-    if np.abs(travel(there) - gear * there).max() <= STRAIGHT:
+    if np.abs(travel(there) - gear * there).max() <= STRAIGHT and not half.harmonics:
         joints[joint.name] = replace(joint, lower=joint.lower * gear, upper=joint.upper * gear)
         mechanism = _with_drive(mechanism, drive, replace(drive, scale=gear))
     else:
         mechanism = _with_motor(mechanism, drive, joint, travel)
         limits = [float(travel(x)) if np.isfinite(x) else x for x in (joint.lower, joint.upper)]
         joints[joint.name] = replace(joint, lower=limits[0], upper=limits[1])
-    if half > LEAST_PLAY:
-        play = replace(joint, name=f"{drive.site}_play", home=0.0, lower=-half, upper=half, play=True)
+    if half.offset > LEAST_PLAY:
+        most = float(half(there).max())
+        play = replace(joint, name=f"{drive.site}_play", home=0.0, lower=-most, upper=most, play=True)
+        if half.harmonics:
+            motor = next(moved for moved in mechanism.drives if moved.site == drive.site)
+            mechanism = replace(
+                mechanism, plays=(*mechanism.plays, Play(play.name, motor.joint, half.about(motor.home)))
+            )
         mechanism = replace(
             mechanism,
             guides=(*mechanism.guides, Guide(drive.site, (joint.name, play.name), max(law.load for law in laws))),

@@ -71,6 +71,15 @@ class Coupling:
 
 
 @dataclass(frozen=True, eq=False)
+class Play:
+    """A joint that moves freely within half a play to both sides, m or rad, a curve of another joint's coordinate, less its home."""
+
+    joint: str
+    other: str
+    half: Curve
+
+
+@dataclass(frozen=True, eq=False)
 class Guide:
     """Friction between an actuator's last joint and its guide: it keeps the sum of the coordinates of ``joints`` constant.
 
@@ -137,7 +146,7 @@ class Drive:
 class Mechanism:
     """Bodies, parents before children; loops by name, each two coincident points; drives; gravity, m/s^2; size ``reach``, m.
 
-    ``couplings``: joints that follow others. ``guides``: friction.
+    ``couplings`` and ``guides`` are joints that follow others, and friction; ``plays`` those whose play is not the same everywhere.
     """
 
     name: str
@@ -148,6 +157,7 @@ class Mechanism:
     reach: float
     couplings: tuple[Coupling, ...] = ()
     guides: tuple[Guide, ...] = ()
+    plays: tuple[Play, ...] = ()
 
     def body(self, name: str) -> Body:
         """The body with a name."""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism
-from gtpin.export.mjcf_couplings import add_couplings, with_cranks
+from gtpin.export.mjcf_couplings import add_couplings, add_plays, with_cranks
 from gtpin.export.mjcf_drives import STIFF, add_actuators, add_guides
 from gtpin.export.shapes import Shape
 from gtpin.export.text import numbers, xml_text
@@ -61,9 +61,10 @@ def to_mjcf(mechanism: Mechanism) -> str:
         attributes = {"name": name, "body1": _free(one.body), "body2": _free(other.body), "anchor": numbers(*one.point)}
         SubElement(equality, "connect", attributes)
     tendons = SubElement(root, "tendon")
-    add_couplings(root, tendons, cranked)
     add_guides(tendons, mechanism)
     add_actuators(root, mechanism)
+    add_couplings(root, tendons, cranked)
+    add_plays(root, tendons, cranked)
     _keyframe(root, cranked)
     return xml_text(root)
 

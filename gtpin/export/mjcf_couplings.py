@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
 
-from gtpin.export.curves import SAME, Harmonic
-from gtpin.export.mechanism import Body, Coupling, Joint, Mechanism
+from gtpin.export.curves import SAME, Curve, Harmonic
+from gtpin.export.mechanism import Body, Coupling, Joint, Mechanism, Play
+from gtpin.export.mjcf_drives import STIFF
 from gtpin.export.text import numbers
 
 ROD, RADIUS = 1.0, 1e-3
 """m from a crank's axis to the point that its tendon ends at, and to its pin: RADIUS / (2 ROD) is the relative error of a
 cosine. MuJoCo takes a pin within 1e-6 m of the axis for one on it."""
-LIGHT = 0.1
-"""Inertia of a crank as it is reflected to what turns it, kg or kg m^2: less than a thousandth of a drive's."""
+LIGHT, FIRM = 1e-3, 0.03
+"""Inertia of a crank as what turns it feels it, over the inertia of that; of the crank that a play is limited by."""
+SELF = Harmonic(1.0, -np.pi / 2.0, 1.0)
+"""A joint's own small coordinate x: cos(x - pi / 2)."""
 
 
 def with_cranks(mechanism: Mechanism) -> Mechanism:
-    """A mechanism with a massless body on a hinge for each harmonic of its couplings: it turns with the joint that they follow.
+    """A mechanism with a massless body on a hinge for each harmonic of its couplings and plays: it turns with their joint.
 
-    Couplings of one joint share the cranks.
+    All that follow one joint share its cranks.
     """
     base = mechanism.bodies[0].name
     bodies, couplings = [], []
@@ -36,29 +39,33 @@ def with_cranks(mechanism: Mechanism) -> Mechanism:
 
 def _cranks(mechanism: Mechanism) -> Mapping[tuple[str, float], str]:
     """Names of the cranks, by the joint that turns them and their turn for a unit of it."""
+    turned = [(c.other, h.rate) for c in (*mechanism.couplings, *mechanism.plays) for h in _curve(c).harmonics]
+    turned += [(play.joint, SELF.rate) for play in mechanism.plays]
     found: dict[tuple[str, float], str] = {}
-    for coupling in mechanism.couplings:
-        for harmonic in coupling.curve.harmonics:
-            key = coupling.other, harmonic.rate
-            count = sum(other == coupling.other for other, _ in found)
-            found.setdefault(key, f"{coupling.other}_crank_{count + 1}")
+    for other, rate in dict.fromkeys(turned):
+        found[other, rate] = f"{other}_crank_{sum(name == other for name, _ in found) + 1}"
     return found
+
+
+def _curve(follows: Coupling | Play) -> Curve:
+    return follows.curve if isinstance(follows, Coupling) else follows.half
 
 
 def add_couplings(root: Element, tendons: Element, mechanism: Mechanism) -> None:
     """Equalities of the couplings; of those with harmonics, between tendons.
 
-    A tendon goes from the pins of cranks to a point far away, by a pulley for each amplitude. Its length is a constant less the
-    sum of the harmonics. A second tendon is the part of the joint's coordinate that is not proportional to the other's.
+    A tendon has a length of a constant less the sum of the harmonics (:func:`_rod`). A second one is the part of the joint's
+    coordinate that is not proportional to the other's.
     """
-    equality, cranks = root.find("equality"), _cranks(mechanism)
+    equality = root.find("equality")
     assert equality is not None
-    joints = {element.get("name"): element for element in root.iter("joint")}
-    for (_, rate), name in cranks.items():
-        joints[name].set("armature", numbers(LIGHT / rate**2))
+    joints = {str(element.get("name")): element for element in root.iter("joint")}
+    for (other, rate), name in _cranks(mechanism).items():
+        light = FIRM if rate == SELF.rate else LIGHT
+        joints[name].set("armature", numbers(light * float(joints[other].get("armature", "0")) / rate**2))
     for coupling in mechanism.couplings:
-        curve, waves = coupling.curve, coupling.curve.harmonics
-        if not waves:
+        curve = coupling.curve
+        if not curve.harmonics:
             polynomial = numbers(curve.offset, curve.proportion, 0.0, 0.0, 0.0)
             attributes = {"joint1": coupling.joint, "joint2": coupling.other, "polycoef": polynomial}
             SubElement(equality, "joint", {"name": f"{coupling.joint}_follows"} | attributes)
@@ -66,31 +73,52 @@ def add_couplings(root: Element, tendons: Element, mechanism: Mechanism) -> None
         own = SubElement(tendons, "fixed", name=f"{coupling.joint}_bends")
         SubElement(own, "joint", joint=coupling.joint, coef="1")
         SubElement(own, "joint", joint=coupling.other, coef=numbers(-curve.proportion))
-        rod = SubElement(tendons, "spatial", name=f"{coupling.joint}_waves", width="0.001", rgba="0 0 0 0")
-        for k, wave in enumerate(waves):
-            SubElement(rod, "pulley", divisor=numbers(RADIUS / abs(wave.amplitude)))
-            crank = cranks[coupling.other, wave.rate]
-            _pin(root, crank, f"{coupling.joint}_pin_{k + 1}", wave)
-            SubElement(rod, "site", site=f"{coupling.joint}_pin_{k + 1}")
-            SubElement(rod, "site", site=_far(root, mechanism))
-        # Lengths count from home, where the curve's waves have a value of their own.
-        start = curve.offset + sum(wave.amplitude * np.cos(wave.phase) for wave in waves)
+        _rod(root, tendons, mechanism, f"{coupling.joint}_waves", [(coupling.other, h) for h in curve.harmonics])
+        # Lengths count from home, where the curve's harmonics have a value of their own.
+        start = curve.offset + sum(h.amplitude * np.cos(h.phase) for h in curve.harmonics)
         attributes = {"tendon1": f"{coupling.joint}_bends", "tendon2": f"{coupling.joint}_waves"}
         follows = numbers(start, -1.0, 0.0, 0.0, 0.0)
         SubElement(equality, "tendon", {"name": f"{coupling.joint}_follows", "polycoef": follows} | attributes)
 
 
-def _pin(root: Element, crank: str, name: str, wave: Harmonic) -> None:
-    """The pin of a crank: a site at a radius, turned by the phase."""
-    body = next(element for element in root.iter("body") if element.get("name") == crank)
-    place = np.copysign(RADIUS, wave.amplitude) * np.array([np.cos(wave.phase), np.sin(wave.phase), 0.0])
-    SubElement(body, "site", name=name, pos=numbers(*place), size="0.001", group="5")
+def add_plays(root: Element, tendons: Element, mechanism: Mechanism) -> None:
+    """Limits of the plays that vary, to both sides, as tendons: half the play less the joint's coordinate is not below zero."""
+    for play in mechanism.plays:
+        for side, sign in (("ahead", -1.0), ("behind", 1.0)):
+            parts = [(play.other, h) for h in play.half.harmonics]
+            parts.append((play.joint, replace(SELF, amplitude=sign * SELF.amplitude)))
+            rod = _rod(root, tendons, mechanism, f"{play.joint}_{side}", parts)
+            length = sum(abs(h.amplitude) for _, h in parts) * ROD / RADIUS
+            length += SELF.amplitude * (np.hypot(ROD, RADIUS) - ROD) / RADIUS  # the pin of SELF stands across
+            rod.set("range", numbers(0.0, length + play.half.offset))
+            rod.set("solreflimit", STIFF["solref"])
+            rod.set("solimplimit", STIFF["solimp"])
 
 
-def _far(root: Element, mechanism: Mechanism) -> str:
-    """The point that the tendons of cranks end at."""
-    name = "cranks_end"
-    if not any(element.get("name") == name for element in root.iter("site")):
-        base = next(element for element in root.iter("body") if element.get("name") == mechanism.bodies[0].name)
+def _rod(
+    root: Element, tendons: Element, mechanism: Mechanism, name: str, parts: Sequence[tuple[str, Harmonic]]
+) -> Element:
+    """A tendon from pins of cranks to a point far away, by a pulley for each amplitude.
+
+    Its length is a constant less the sum of harmonics, each of a joint's coordinate.
+    """
+    cranks, far = _cranks(mechanism), _far(root)
+    rod = SubElement(tendons, "spatial", name=name, width="0.001", rgba="0 0 0 0")
+    for k, (other, harmonic) in enumerate(parts):
+        body = next(e for e in root.iter("body") if e.get("name") == cranks[other, harmonic.rate])
+        place = np.array([np.cos(harmonic.phase), np.sin(harmonic.phase), 0.0])
+        place = np.copysign(RADIUS, harmonic.amplitude) * place
+        SubElement(body, "site", name=f"{name}_{k + 1}", pos=numbers(*place), size="0.001", group="5")
+        SubElement(rod, "pulley", divisor=numbers(RADIUS / abs(harmonic.amplitude)))
+        SubElement(rod, "site", site=f"{name}_{k + 1}")
+        SubElement(rod, "site", site=far)
+    return rod
+
+
+def _far(root: Element) -> str:
+    """The point of the base that the tendons of cranks end at."""
+    name, base = "cranks_end", root.find("worldbody/body")
+    assert base is not None
+    if not any(site.get("name") == name for site in base.findall("site")):
         SubElement(base, "site", name=name, pos=numbers(ROD, 0.0, 0.0), size="0.001", group="5")
     return name
