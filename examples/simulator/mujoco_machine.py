@@ -31,7 +31,9 @@ class MujocoMachine:
         self.tcp = self.model.body(tcp).id
         # Cranks turn by tens of radians for a metre: the joint that turns them says whether they are at rest.
         joints = [self.model.joint(i) for i in range(self.model.njnt)]
-        self.watched = np.concatenate([np.arange(j.dofadr[0], j.dofadr[0] + SIZES[j.type[0]]) for j in joints if "_crank_" not in j.name])
+        self.watched = np.concatenate(
+            [np.arange(j.dofadr[0], j.dofadr[0] + SIZES[j.type[0]]) for j in joints if "_crank_" not in j.name]
+        )
 
     def poses(self, q: np.ndarray, covariates: Mapping[str, np.ndarray]) -> gtpin.Poses:
         """Poses of the TCP at rest at commands q (N, n), m or rad, each reached from home.

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
-from gtpin.export.curves import NOTHING, Curve, fitted
-from gtpin.export.lines import STIFFEST, WORTH, line
+from gtpin.effects.hysteresis import approach
+from gtpin.export.cart_gives import Give, give
+from gtpin.export.curves import NOTHING, SAME, Curve, fitted
+from gtpin.export.lines import STIFFEST, WORTH
 from gtpin.export.loss import by_effect, conditions, rms
-from gtpin.export.mechanism import Coupling, Joint, Mechanism, Spring
+from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring
 from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model
 from gtpin.robot.parameters import rotation_axes
@@ -30,30 +34,60 @@ STRAIGHT = 1e-9
 def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Carts with the compliance of a model's ``cart_compliance``, linear in the loads of its range.
 
-    The rods' joints of such a cart are on a massless body ``CART_seat``, which has three springs along, and three about, the
-    track and the two axes across it. The rest positions of the springs compensate the weight of the rods on the cart, which
-    is not in the effect. Returns the same as :func:`~gtpin.export.drives.with_drives`.
+    The joints of such a cart sit together on a massless body ``CART_seat`` on three springs along and three about the track
+    and the two axes across it. The springs rest where the weight of the rods on the cart, which the effect does not count,
+    leaves them. What the place along the track adds is a joint more for each, which follows the actuator's, and friction one
+    that follows a play ``CART_slip``. Returns as :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     for active in model.effects:
         if active.effect.exported_as != "cart_springs":
             continue
-        at, axes = conditions(model, active), _axes(robot, active.site)
-        moved = _motion(active, at, axes)
-        loads = _loads(at, active.site, axes)
-        weight = _weight(mechanism, robot, active.site, axes)
-        springs, held = [], np.zeros_like(moved)
-        for k, tangent in enumerate(_tangents(active)):
-            compliance, rest = line(loads[:, k], moved[:, k], tangent)
-            if compliance > STIFFEST:
-                held[:, k] = rest + compliance * loads[:, k]
-                springs.append((k, Spring(1.0 / compliance, rest - compliance * float(weight[k]))))
-        if springs:
-            name = f"{active.site}_seat"
-            joints = [_joint(mechanism, robot, active.site, f"{NAMES[k]}_gives", k, axes, s) for k, s in springs]
-            mechanism = mechanism.on_springs(name, _ends(robot, active.site), joints)
+        at, axes, index = conditions(model, active), _axes(robot, active.site), robot.sites.index(active.site)
+        moved, loads, came = _motion(active, at, axes), _loads(at, active.site, axes), approach(at, index)
+        q, ends = at.q[:, index], (float(robot.lower[index]), float(robot.upper[index]))
+        laws = {
+            k: give(loads[:, k], moved[:, k], tangent, q, ends, came) for k, tangent in enumerate(_tangents(active))
+        }
+        laws = {k: law for k, law in laws.items() if law.compliance > STIFFEST}
+        if laws:
+            weight = _weight(mechanism, robot, active.site, axes)
+            mechanism = _seated(mechanism, robot, active.site, axes, laws, weight, float(np.abs(loads).max()))
+            held = np.zeros_like(moved)
+            for k, law in laws.items():
+                held[:, k] = law.at(loads[:, k], q, came)
             shown[active.name] = _at_tcp(at, active.site, axes, held)
     return mechanism, shown
+
+
+def _seated(
+    mechanism: Mechanism, robot: Robot, site: str, axes: Floats, laws: Mapping[int, Give], weight: Floats, load: float
+) -> Mechanism:
+    """A cart's joints on a body that gives way by laws, by axis; ``weight`` (6,) is what its springs carry besides."""
+    driven, name = _driven(mechanism, robot, site), f"{site}_slip"
+    springs, strays, slips, couplings = [], [], [], []
+    most = max(abs(law.slip) for law in laws.values())
+    for k, law in laws.items():
+        rest = law.place.offset - law.compliance * float(weight[k])
+        springs.append(_joint(mechanism, robot, site, f"{NAMES[k]}_gives", k, axes, Spring(1.0 / law.compliance, rest)))
+        if law.place.harmonics:
+            strays.append(_joint(mechanism, robot, site, f"{NAMES[k]}_strays", k, axes, None))
+            couplings.append(Coupling(strays[-1].name, driven.name, replace(law.place, offset=0.0).about(driven.home)))
+        if law.slip:
+            slips.append(_joint(mechanism, robot, site, f"{NAMES[k]}_slips", k, axes, None))
+            # The play stays behind: it is negative where the cart came from below.
+            couplings.append(Coupling(slips[-1].name, name, SAME.times(-law.slip / most)))
+    # A body of MuJoCo has six joints at most.
+    for body, joints in (("seat", springs), ("strays", strays), ("slips", slips)):
+        if joints:
+            mechanism = mechanism.on_springs(f"{site}_{body}", _ends(robot, site), joints)
+    mechanism = mechanism.with_couplings(couplings)
+    if not most:
+        return mechanism
+    slip = Joint(name, "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, -most, most, play=True)
+    own = Body(name, mechanism.bodies[0].name, pin.SE3.Identity(), (slip,), pin.Inertia.Zero())
+    guide = Guide(site, (driven.name, name), load)
+    return replace(mechanism, bodies=(*mechanism.bodies, own), guides=(*mechanism.guides, guide))
 
 
 def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
@@ -89,7 +123,7 @@ def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Seq
     index = robot.sites.index(site)
     there = np.linspace(robot.lower[index], robot.upper[index], 101)
     joints, couplings = [], []
-    driven = next(j for b in mechanism.bodies for j in b.joints if j.name == robot.actuators[index].joint)
+    driven = _driven(mechanism, robot, site)
     for k, curve in enumerate(total):
         if np.abs(curve(there)).max() > STRAIGHT:
             # At home the file has the loops closed: there the joint starts at nothing, and moves to its place.
@@ -100,6 +134,12 @@ def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Seq
         return mechanism
     led = mechanism.on_springs(f"{site}_led", _ends(robot, site), joints)
     return led.with_couplings(couplings)
+
+
+def _driven(mechanism: Mechanism, robot: Robot, site: str) -> Joint:
+    """The joint of a cart's actuator."""
+    name = robot.actuators[robot.sites.index(site)].joint
+    return next(joint for body in mechanism.bodies for joint in body.joints if joint.name == name)
 
 
 def _axes(robot: Robot, site: str) -> Floats:

@@ -21,4 +21,3 @@ def line(load: Floats, moved: Floats, tangent: float) -> tuple[float, float]:
         return tangent, float(moved.mean() - tangent * load.mean())
     compliance, rest = np.polyfit(load, moved, 1)
     return float(compliance), float(rest)
-

@@ -257,9 +257,7 @@ def mechanism(robot: Robot) -> Mechanism:
         robot.description.gravity,
         {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)},
     )
-    mimics = tuple(
-        Coupling(names[f.index_v], names[f.master_v], SAME.times(f.multiplier)) for f in robot.followers
-    )
+    mimics = tuple(Coupling(names[f.index_v], names[f.master_v], SAME.times(f.multiplier)) for f in robot.followers)
     return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, mimics)
 
 

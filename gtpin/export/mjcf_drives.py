@@ -26,7 +26,7 @@ def add_guides(tendons: Element, mechanism: Mechanism) -> None:
     for guide in mechanism.guides:
         friction = {"frictionloss": numbers(_friction(mechanism, guide, joints[guide.joints[0]]))}
         stiff = {"solreffriction": STIFF["solref"], "solimpfriction": STIFF["solimp"]}
-        tendon = SubElement(tendons, "fixed", {"name": f"{guide.site}_guide"} | friction | stiff)
+        tendon = SubElement(tendons, "fixed", {"name": f"{guide.joints[-1]}_guide"} | friction | stiff)
         for name in guide.joints:
             SubElement(tendon, "joint", joint=name, coef="1")
 
@@ -52,7 +52,6 @@ def add_actuators(root: Element, mechanism: Mechanism) -> None:
     actuators = SubElement(root, "actuator")
     joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
     elements = {str(element.get("name")): element for element in root.iter("joint") if element.get("name")}
-    guides = {guide.site: guide for guide in mechanism.guides}
     follower = {coupling.other: coupling.joint for coupling in mechanism.couplings if coupling.other.endswith("_motor")}
     for coupling in mechanism.couplings:
         # Reflected inertia, also of what follows a motor and of play: it makes couplings and friction firm.
@@ -61,10 +60,10 @@ def add_actuators(root: Element, mechanism: Mechanism) -> None:
     for drive in mechanism.drives:
         moved = follower.get(drive.joint, drive.joint)
         reach = _reach(mechanism, joints[moved])
-        guide = guides.get(drive.site)
-        friction = 0.0 if guide is None else _friction(mechanism, guide, joints[moved])
+        guides = [guide for guide in mechanism.guides if guide.site == drive.site]
+        friction = sum(_friction(mechanism, guide, joints[moved]) for guide in guides)
         spring = Spring((_weight(mechanism) * reach + friction) * reach / SAG)
-        for name in {drive.joint, moved, *(() if guide is None else guide.joints)}:
+        for name in {drive.joint, moved, *(name for guide in guides for name in guide.joints)}:
             elements[name].set("armature", numbers(spring.stiffness / DRIVE**2))
         # A gear turns commands into travel, and the force of the drive with it.
         attributes = {
