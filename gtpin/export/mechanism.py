@@ -72,7 +72,7 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Play:
-    """A joint that moves freely within half a play to both sides, m or rad, a curve of another joint's coordinate, less its home."""
+    """A joint that moves freely within ``half`` a play, m or rad, a curve of another's coordinate, less its home."""
 
     joint: str
     other: str
@@ -146,7 +146,7 @@ class Drive:
 class Mechanism:
     """Bodies, parents before children; loops by name, each two coincident points; drives; gravity, m/s^2; size ``reach``, m.
 
-    ``couplings`` and ``guides`` are joints that follow others, and friction; ``plays`` those whose play is not the same everywhere.
+    ``couplings`` and ``guides`` are joints that follow others, and friction; ``plays`` those whose play varies.
     """
 
     name: str

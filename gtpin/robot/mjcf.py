@@ -16,6 +16,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
+from gtpin.robot.mjcf_scene import without_objects
 from gtpin.robot.mjcf_values import Values
 from gtpin.robot.tree import Tree
 
@@ -40,6 +41,7 @@ def mjcf_to_urdf(root: Element, source: str) -> str:
     for tag in REFUSED:
         if root.find(f"worldbody//{tag}") is not None:
             raise RobotError(f"<{tag}> is not read", file=source, hint="write the bodies out")
+    without_objects(root)
     if sum(1 for _ in root.iter("body")) > MOST_BODIES:
         raise RobotError("too many bodies", file=source, hint=f"a robot has {MOST_BODIES} at most")
     writer = _Writer(Values.of(root, source), Element("robot", name=root.get("model", "mjcf")))

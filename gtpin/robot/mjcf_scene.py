@@ -1,0 +1,38 @@
+"""What stands beside a robot in an MJCF's scene: objects, doors, a table that rolls."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element
+
+JOINTS = ("joint", "freejoint")
+NAMING = ("actuator", "equality", "tendon")
+"""Parts of a file that name what belongs to the robot."""
+
+
+def without_objects(root: Element) -> None:
+    """Remove bodies on the world that move, but are not of the robot.
+
+    Nothing in ``<actuator>``, ``<equality>`` and ``<tendon>`` names them or what is on them. Where a file has no actuators,
+    only what floats freely is an object. The only body that moves is the robot.
+    """
+    on_world = [(world, body) for world in root.findall("worldbody") for body in world.findall("body")]
+    moving = [(world, body) for world, body in on_world if _joints(body)]
+    parts = [element for tag in NAMING for part in root.findall(tag) for element in part.iter()]
+    named = {value for element in parts for key, value in element.attrib.items() if key != "name"}
+    driven = any(len(part) for part in root.findall("actuator"))
+    objects = [
+        (world, body)
+        for world, body in moving
+        if not named & {element.get("name", "") for element in body.iter()} - {""} and (driven or _floats(body))
+    ]
+    if len(objects) < len(moving):
+        for world, body in objects:
+            world.remove(body)
+
+
+def _joints(body: Element) -> list[Element]:
+    return [element for element in body.iter() if element.tag in JOINTS]
+
+
+def _floats(body: Element) -> bool:
+    return all(joint.tag == "freejoint" or joint.get("type") == "free" for joint in _joints(body))
