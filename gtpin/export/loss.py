@@ -16,8 +16,8 @@ from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 
-POSES = 128
-"""Number of commands at which a loss is computed."""
+POSES = 512
+"""Commands that a loss is computed at."""
 WARMER = 1.0
 """Temperature above the reference, K, for which a loss by temperature is stated."""
 SPEED = 0.1
@@ -148,7 +148,7 @@ def _tool_forces(model: Model, active: ActiveEffect, at: Situation) -> dict[str,
     if not {"payload", *FORCES} & set(references.covariates) or not gravity.any():
         return {}
     ways = np.eye(3) if set(FORCES) & set(references.covariates) else gravity[None] / np.linalg.norm(gravity)
-    unit = np.random.default_rng(0).standard_normal((len(at), len(ways)))
+    unit = np.sqrt(3.0) * np.random.default_rng(0).uniform(-1.0, 1.0, (len(at), len(ways)))
     if model.robot.rods:
         one = np.ones(len(at))
         response = np.stack([at.with_covariate(name, one).force - at.force for name in FORCES], axis=2) @ ways.T

@@ -52,7 +52,7 @@ def test_a_loss_is_how_far_predictions_without_the_effect_are_off(name: str, sit
     (text,) = with_losses(model, (f"{name}@{site}",))
     told = re.fullmatch(rf"{name}@{site} \((\S+) um\)", text)
     assert told is not None
-    # Of 128 commands, beside 1,500 others of the same ranges.
+    # Of 512 commands, beside 1,500 others of the same ranges.
     assert float(told[1]) == pytest.approx(exact, rel=0.1)
 
 

@@ -15,16 +15,17 @@ import closed_circle  # noqa: E402  (the scripts of examples are no package)
 import figures  # noqa: E402
 
 (FIGURE,) = [figure for figure in figures.FIGURES if figure.name == "closed_circle"]
-LARGER = 3.0
+LARGER = 1.5
 """Largest error in MuJoCo over the printed one: the poses and loads of a dataset are not those of a loss."""
-SLACK = 2.0
-"""um."""
+SLACK = 1.0
+"""um: MuJoCo's own error, and what first order leaves."""
 
 
 @pytest.mark.parametrize(
     ("robot", "cause"),
     [
         ("gantry_tau", "encoder_scale@cart1"),
+        ("gantry_tau", "linearity@cart3"),
         ("linear_delta", "backlash@cart1"),
         ("ur5", "backlash@shoulder_lift_joint"),
     ],
@@ -37,7 +38,7 @@ def test_the_circle_closes(robot: str, cause: str) -> None:
     assert row["file_um"] < LARGER * row["printed_um"] + SLACK
     assert row["file_um"] < 0.5 * row["effects_um"]
     assert row["layer_um"] < SLACK
-    assert row["against_layer"] == "none"
+    assert row["against_layer"] == row["against_file"] == "none"
 
 
 def test_what_the_page_says_holds_for_all_recorded_machines() -> None:
@@ -48,4 +49,5 @@ def test_what_the_page_says_holds_for_all_recorded_machines() -> None:
     assert (numbers["layer_um"] < SLACK).all()
     assert (numbers["file_um"] < LARGER * numbers["printed_um"] + SLACK).all()
     assert (went["against_layer"] == "none").all()
+    assert (went["against_file"] == "none").all()
     assert (went["found"] == went["again"]).all()
