@@ -9,8 +9,8 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pinocchio as pin
 
-from gtpin.export.curves import SAME, Curve, Harmonic
-from gtpin.export.mechanism import Body, Coupling, Joint, Mechanism, Play
+from gtpin.export.curves import SAME, Harmonic
+from gtpin.export.mechanism import Body, Coupling, Joint, Mechanism
 from gtpin.export.mjcf_drives import STIFF
 from gtpin.export.text import numbers
 
@@ -39,16 +39,13 @@ def with_cranks(mechanism: Mechanism) -> Mechanism:
 
 def _cranks(mechanism: Mechanism) -> Mapping[tuple[str, float], str]:
     """Names of the cranks, by the joint that turns them and their turn for a unit of it."""
-    turned = [(c.other, h.rate) for c in (*mechanism.couplings, *mechanism.plays) for h in _curve(c).harmonics]
-    turned += [(play.joint, SELF.rate) for play in mechanism.plays]
+    turned = [(c.other, h.rate) for c in mechanism.couplings for h in c.curve.harmonics]
+    for play in mechanism.plays:
+        turned += [*((play.other, h.rate) for h in play.half.harmonics), (play.joint, SELF.rate)]
     found: dict[tuple[str, float], str] = {}
     for other, rate in dict.fromkeys(turned):
         found[other, rate] = f"{other}_crank_{sum(name == other for name, _ in found) + 1}"
     return found
-
-
-def _curve(follows: Coupling | Play) -> Curve:
-    return follows.curve if isinstance(follows, Coupling) else follows.half
 
 
 def add_couplings(root: Element, tendons: Element, mechanism: Mechanism) -> None:
