@@ -34,10 +34,11 @@ STRAIGHT = 1e-9
 def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Carts with the compliance of a model's ``cart_compliance``, linear in the loads of its range.
 
-    The joints of such a cart sit together on a massless body ``CART_seat`` on three springs along and three about the track
-    and the two axes across it. The springs rest where the weight of the rods on the cart, which the effect does not count,
-    leaves them. What the place along the track adds is a joint more for each, which follows the actuator's, and friction one
-    that follows a play ``CART_slip``. Returns as :func:`~gtpin.export.drives.with_drives`.
+    The rods' joints of such a cart are on a massless body ``CART_seat``, which has three springs along, and three about, the
+    track and the two axes across it. The rest positions of the springs compensate the weight of the rods on the cart, which
+    is not in the effect. What the place along the track adds is one more joint for each spring, which follows the actuator's
+    (``CART_strays``); what friction adds is one that follows a play, ``CART_slip`` (``CART_slips``). Returns the same as
+    :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     for active in model.effects:
@@ -93,8 +94,8 @@ def _seated(
 def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
     """Carts that shift across and turn along their tracks (``straightness``, ``cart_rotation``).
 
-    The joints of such a cart sit together on a massless body ``CART_led`` whose own joints follow the actuator's by
-    curves. What they leave more than ``WORTH`` of is not held. Returns as
+    The rods' joints of such a cart are on a massless body ``CART_led``, whose joints follow the actuator's by curves. An effect
+    of which these leave more than the share ``WORTH`` is left out. Returns the same as
     :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}

@@ -24,7 +24,7 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 BEYOND = 0.02
-"""Weight of commands outside those of the model's fit: the curve stays near the effect there, at little cost inside."""
+"""Weight of commands outside those of the model's fit: so small that the curve changes little inside."""
 STRAIGHT = 1e-9
 """Largest deviation, m or rad, of the travel from a proportional one that is exported as a gear ratio."""
 SPREADS = 3.0
@@ -32,14 +32,14 @@ SPREADS = 3.0
 NEWTON = 10
 """Steps that invert a curve whose slope is about 1."""
 LEAST_PLAY = 1e-8
-"""m or rad."""
+"""Smallest play that is exported, m or rad."""
 WIDTHS = 4
 """Half waves of the width of a play along the range: ``backlash`` has two."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Travel of a drive beyond its command, m or rad: ``along`` of the command, and half the width of its play there.
+    """Deviation of a drive's travel from its command, m or rad: a curve ``along`` of the command, and half its play there.
 
     ``load``: bound of the load on the drive in the fit, N or N m.
     """
@@ -56,9 +56,9 @@ class Law:
 def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tuple[Mechanism, dict[str, Floats]]:
     """Drives with a model's scales, and its effects along actuators.
 
-    Travel in proportion to the command is a gear. Else the command moves a motor ``SITE_motor``, which the actuator's joint
-    follows by a curve. Play is a joint ``SITE_play`` in series with the actuator's, with friction that
-    holds the part beyond it: as the effect has it, the deviation follows the direction of approach.
+    Travel in proportion to the command is a gear. Otherwise the command moves a motor ``SITE_motor``, which the actuator's
+    joint follows by a curve. Play is a joint ``SITE_play`` in series with the actuator's. Friction holds the part beyond it, so
+    that the deviation follows the direction of approach, as in the effect.
 
     Returns
     -------

@@ -17,7 +17,7 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 POSES = 512
-"""Commands that a loss is computed at."""
+"""Number of commands at which a loss is computed."""
 WARMER = 1.0
 """Temperature above the reference, K, for which a loss by temperature is stated."""
 SPEED = 0.1

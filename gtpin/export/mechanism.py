@@ -146,7 +146,7 @@ class Drive:
 class Mechanism:
     """Bodies, parents before children; loops by name, each two coincident points; drives; gravity, m/s^2; size ``reach``, m.
 
-    ``couplings`` and ``guides`` are joints that follow others, and friction; ``plays`` those whose play varies.
+    ``couplings``: joints that follow others. ``guides``: friction. ``plays``: joints whose play varies.
     """
 
     name: str
