@@ -110,6 +110,7 @@ def fit(
     near: Poses | None = None,
     decrease: float = DECREASE,
     enough: int = MAX_ITERATIONS,
+    left_out: float = 0.0,
 ) -> Fit[P]:
     """Minimise the weighted squares of the whitened residuals plus the prior's.
 
@@ -129,6 +130,9 @@ def fit(
         The fit has converged when a step is expected to decrease the cost by less than this fraction of the cost.
     enough
         Number of steps after which the fit stops without an error, converged or not.
+    left_out
+        Decrease of the cost that the whole step may promise where no step lowers the cost: for a problem whose derivative
+        leaves out small terms, so that its promise is not exact. 0: rounding errors only.
 
     Raises
     ------
@@ -166,7 +170,7 @@ def fit(
                     break
             if damping > MAX_DAMPING:
                 whole = _step(information + np.diag(problem.prior), gradient, 0.0)
-                if float(whole @ gradient) / 2.0 <= ROUNDING * max(cost, 1.0):
+                if float(whole @ gradient) / 2.0 <= max(ROUNDING * max(cost, 1.0), left_out):
                     return Fit(problem, point, residual, weight, information, iteration)
                 raise ConvergenceError("the fit has not converged: no step lowers its cost", hint=_HINT)
             damping = max(10.0 * damping, 1e-3)

@@ -23,6 +23,10 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
+LEFT_OUT = 0.01
+"""Decrease of the cost that a step may still promise at the minimum, because the derivative leaves out that the effects
+depend on the geometry. The cost is half a sum of squares in sigmas, so no unknown is further than sqrt(2 * 0.01) = 0.14 of its
+sigma from the minimum. Derived."""
 
 
 def fit_together(
@@ -45,7 +49,7 @@ def fit_together(
     first = problem.calibration.first
     x = np.concatenate([deviation, first[len(deviation) :], np.zeros(problem.size - len(first))])
     try:
-        found = fit(problem, lambda _: observed.weight, x)
+        found = fit(problem, lambda _: observed.weight, x, left_out=LEFT_OUT)
     except ConvergenceError as error:
         raise ConvergenceError(
             "geometry and causes have not settled together", hint="exclude the causes one by one"
