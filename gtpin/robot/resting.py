@@ -20,14 +20,13 @@ Floats = npt.NDArray[np.float64]
 def moving_model(description: Description, driven: Sequence[str]) -> Any:
     """Pinocchio's model of what moves: the driven joints, those in loops, and the followers of both.
 
-    The other joints are fixed at their neutral coordinates (followers at their offsets); their links and masses stay. So are
-    the joints of things that stand free in a scene beside the robot.
+    The other joints are fixed at their neutral coordinates (followers at their offsets); their links and masses stay.
 
     Raises
     ------
     RobotError
-        If the URDF makes no model; if a driven joint follows another; or if a planar or floating joint of the robot is neither
-        in a loop nor left out by naming the actuators.
+        If the URDF makes no model; if a driven joint follows another; or if a planar or floating joint is neither in a loop nor
+        left out by naming the actuators.
     """
     model = build_model(description.xml, description.source)
     follows = {mimic.joint: mimic for mimic in description.tree.mimics}
@@ -42,7 +41,7 @@ def moving_model(description: Description, driven: Sequence[str]) -> Any:
     moving = {name for name in model.names[1:] if name in driven or name in closing}
     moving |= {name for name, mimic in follows.items() if mimic.master in moving}
     resting = [name for name in model.names[1:] if name not in moving]
-    free = [name for name in resting if model.nvs[model.getJointId(name)] != 1 and not _beside(model, name, moving)]
+    free = [name for name in resting if model.nvs[model.getJointId(name)] != 1]
     if free and not description.actuators:
         count = model.nvs[model.getJointId(free[0])]
         raise RobotError(
@@ -54,13 +53,6 @@ def moving_model(description: Description, driven: Sequence[str]) -> Any:
         return model
     posture = neutral(model, description)
     return pin.buildReducedModel(model, [int(model.getJointId(name)) for name in resting], posture)
-
-
-def _beside(model: Any, name: str, moving: set[str]) -> bool:
-    """Whether a joint belongs to a thing that stands free beside the robot: on the world, and nothing that moves is on it."""
-    joint = model.getJointId(name)
-    carried = any(joint in model.supports[model.getJointId(other)] for other in moving)
-    return model.parents[joint] == 0 and not carried
 
 
 def neutral(model: Any, description: Description) -> Floats:
