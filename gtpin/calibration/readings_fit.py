@@ -27,8 +27,7 @@ from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise import weights
-from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 
 Floats = npt.NDArray[np.float64]

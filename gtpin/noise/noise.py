@@ -11,8 +11,10 @@ from gtpin.kinematics.chunks import chunks
 
 Floats = npt.NDArray[np.float64]
 
-SMALLEST = 1e-7
-"""Smallest sigma of any noise, m and rad: below it, rounding errors are larger than the noise, and fits do not converge."""
+SMALLEST = 1e-6
+"""Smallest sigma of noise that is estimated, m and rad. Displacements of 1 m are 1e6 of it; their squares, 1e12, leave four of
+a number's sixteen digits to what geometry does not explain. With 1e-7 the inner products of effects were not positive definite
+for 1,000 computed poses of an arm. Derived. No tracker measures better than 1 um."""
 
 
 @dataclass(frozen=True)

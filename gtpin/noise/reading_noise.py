@@ -8,9 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.noise.estimate import likeliest_of
-from gtpin.noise.noise import SMALLEST
 
 Floats = npt.NDArray[np.float64]
+SMALLEST = 1e-7
+"""Smallest sigma of a reading's noise that is estimated, m and rad: encoders read tenths of a micrometre. Derived: below it,
+rounding errors are larger than the noise, and fits do not converge."""
 
 
 @dataclass(frozen=True, eq=False)

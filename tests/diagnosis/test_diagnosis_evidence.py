@@ -201,3 +201,17 @@ def test_a_covariance_that_rounding_has_made_indefinite_is_computed_again(dense,
         assert_allclose(found.log_evidence, expected.log_evidence, rtol=1e-9)
         assert_allclose(found.covariance, expected.covariance, rtol=1e-9)
     assert_allclose(_rescaled(dense.groups, spoilt, 0).mean, _rescaled(dense.groups, sound, 0).mean, rtol=1e-9)
+
+
+def test_groups_that_the_geometry_takes_up_whole_have_a_posterior_in_spite_of_rounding():
+    """Beside 1e8 noises of each column of the geometry, what is left of the groups' inner products is rounding errors."""
+    rng = np.random.default_rng(1)
+    B = 1e8 * rng.standard_normal((60, 12))
+    groups: Groups[str] = Groups(Marginal(B), rng.standard_normal(60))
+    for i in range(8):
+        groups.add(str(i), B @ rng.standard_normal((12, 6)))
+    gram = np.vstack([groups.across(n, tuple(groups.core)) for n in tuple(groups.core)])
+    assert np.linalg.eigvalsh(np.eye(len(gram)) + 1e4 * gram).min() < 0.0  # the test tests something
+    found = fixed(groups, tuple(groups.core), [100.0] * 8)
+    assert np.isfinite(found.log_evidence)
+    assert np.linalg.eigvalsh(found.covariance).min() >= -1e-6 * 100.0**2

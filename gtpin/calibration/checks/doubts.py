@@ -23,6 +23,7 @@ from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise import weights
+from gtpin.noise.noise import SMALLEST
 
 WHOLE = 1e-3
 """Median error, m, of rows that were set aside, from which they belong to another measurement. Assumed: an effect that acts
@@ -151,6 +152,11 @@ def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
             what,
             file=dataset.file,
             hint='check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")',
+        )
+    if left < SMALLEST and dataset.instrument.position_sigma is None:
+        warn(
+            f"the positions agree with the calibrated kinematics to {left * 1e6:.2g} um in the median, and no instrument "
+            "measures so well: were they computed (targets of a controller, a simulation without noise), and not measured?"
         )
     size = weights.robust_scale(settled.fit.residual)
     if size > MISFIT:

@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 from scipy.linalg.lapack import dpotri
 
 from gtpin.diagnosis.linear.evidence import Groups, best_scales
@@ -57,13 +57,26 @@ def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Post
     sizes = np.repeat(np.asarray(scale, dtype=float), widths)
     M = np.vstack([groups.across(n, terms) for n in terms]) * np.outer(sizes, sizes)
     u = np.concatenate([groups.moment(n) for n in terms]) * sizes
-    factor = cho_factor(np.eye(len(u)) + M, lower=True)
+    factor = _factor(M)
     w = cho_solve(factor, u)
     prior = sum(scale_prior(groups, s) for s in scale)
     log_evidence = 0.5 * float(u @ w) - float(np.log(np.diag(factor[0])).sum()) + prior
     lower = np.tril(dpotri(factor[0], lower=1)[0])
     covariance = (lower + np.tril(lower, -1).T) * np.outer(sizes, sizes)
     return Posterior(tuple(terms), widths, tuple(scale), log_evidence, w * sizes, covariance)
+
+
+def _factor(M: Floats) -> tuple[Floats, bool]:
+    """Cholesky factor of 1 + M for a Gram matrix M, without the negative eigenvalues that rounding errors may give it.
+
+    They come where the noise is tiny beside what geometry and instrument take out of the groups: M is a difference.
+    """
+    one = np.eye(len(M))
+    try:
+        return cho_factor(one + M, lower=True)
+    except LinAlgError:
+        values, vectors = eigh(M)
+        return cho_factor(one + (vectors * np.maximum(values, 0.0)) @ vectors.T, lower=True)
 
 
 def scale_prior(groups: Groups[Any], scale: float) -> float:
