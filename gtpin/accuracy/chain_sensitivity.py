@@ -135,12 +135,13 @@ def chain_sensitivity(model: Model, q: Floats | None = None, *, seed: int = 0) -
         raise ModelError(f"{model.robot.name} has rods", hint="use gtpin.accuracy.analysis.analyse")
     q = chain_commands(model, POSES, seed) if q is None else q
     poses = reached_poses(kinematics, q)
-    names = {p.owner: model.robot.model.names[p.owner] for p in geometry.parameters if p.kind == "placement"}
-    links = (*names.values(), "platform")
+    places = [p.name.rpartition(".")[0] for p in geometry.parameters]
+    labels = [place.removeprefix("placement[").removeprefix("anchor[").removesuffix("]") for place in places]
+    links = tuple(dict.fromkeys(labels))
     position, rotation = np.full((6, len(links)), np.nan), np.full((6, len(links)), np.nan)
     defined = well_defined(poses.R)
     for column, parameter in enumerate(geometry.parameters):
-        link = len(links) - 1 if parameter.kind == "platform" else list(names).index(parameter.owner)
+        link = links.index(labels[column])
         moved = []
         for sign in (1.0, -1.0):
             values = geometry.values.copy()

@@ -23,14 +23,14 @@ class Bodies:
     """N postures of a robot, J Pinocchio joints (the universe not counted), to first order.
 
     A joint's *placement frame* is its frame on its parent, before its own motion. Joint j has the index j - 1; the TCP, on
-    the body that carries it, the index J.
+    the body that carries it, the index J; the 2 L anchors of L loops have the indices J + 1 to J + 2 L.
 
     Parameters
     ----------
     response
-        (N, 6 + k, J + 1, 6) motion of the TCP (position, m, rotation vector, rad; base frame), then of the coordinates of the
-        robot's k measured joints (rad or m), by a twist (m, rad) of each placement frame, and of the TCP on its body, in that
-        frame's own axes, at constant commands.
+        (N, 6 + k, J + 1 + 2 L, 6) motion of the TCP (position, m, rotation vector, rad; base frame), then of the coordinates of
+        the robot's k measured joints (rad or m), by a twist (m, rad) of each placement frame, of the TCP on its body, in that
+        frame's own axes, and of each anchor, in the axes of its link, at constant commands.
     R, T
         (N, J + 1, 3, 3) and (N, J + 1, 3), m: placement frames, and the TCP, in the base frame.
     """
@@ -47,7 +47,7 @@ class Bodies:
 def bodies(robot: Robot, q: Floats) -> Bodies:
     """Postures at commands q (N, n); NaN where the loops can't be closed."""
     count = robot.model.njoints - 1
-    response = np.full((len(q), robot.motion_size, count + 1, 6), np.nan)
+    response = _unknown(robot, q)
     R, T = np.full((len(q), count + 1, 3, 3), np.nan), np.full((len(q), count + 1, 3), np.nan)
     placed = _placed(robot)
     for i in _responses(robot, q, response):
@@ -57,10 +57,14 @@ def bodies(robot: Robot, q: Floats) -> Bodies:
 
 def responses(robot: Robot, q: Floats) -> Floats:
     """The response of :class:`Bodies` alone, which takes half the time."""
-    response = np.full((len(q), robot.motion_size, robot.model.njoints, 6), np.nan)
+    response = _unknown(robot, q)
     for _ in _responses(robot, q, response):
         pass
     return response
+
+
+def _unknown(robot: Robot, q: Floats) -> Floats:
+    return np.full((len(q), robot.motion_size, robot.model.njoints + len(robot.anchors), 6), np.nan)
 
 
 def index_of(joint_id: int) -> int:
@@ -82,9 +86,9 @@ def configurations(robot: Robot, q: Floats) -> Floats:
 
 
 def driven_twists(robot: Robot) -> Floats:
-    """(J + 1, 6, n) twist of each placement frame that is equivalent to a unit of each command; joints that follow are
+    """(J + 1 + 2 L, 6, n) twist of each placement frame that is equivalent to a unit of each command; joints that follow are
     included."""
-    twists = np.zeros((robot.model.njoints, 6, robot.n_actuators))
+    twists = np.zeros((robot.model.njoints + len(robot.anchors), 6, robot.n_actuators))
     for i, actuator in enumerate(robot.actuators):
         twists[index_of(actuator.joint_id), :, i] = joint_axis(robot.model, actuator.joint_id)
     by_velocity = list(robot.model.idx_vs)
@@ -101,8 +105,9 @@ def _responses(robot: Robot, q: Floats, response: Floats) -> Iterator[int]:
     data, count = robot.data, robot.model.njoints - 1
     for i, by_joints in (_loops if robot.constraints else _tree)(robot, q):
         tcp = (data.oMi[robot.tcp_joint] * robot.tcp_placement).rotation
-        response[i, :, :count] = by_joints.reshape(robot.motion_size, count, 6)
+        response[i, :, :count] = by_joints[:, : 6 * count].reshape(robot.motion_size, count, 6)
         response[i, :, count] = 0.0
+        response[i, :, count + 1 :] = by_joints[:, 6 * count :].reshape(robot.motion_size, -1, 6)
         response[i, :3, count, :3] = response[i, 3:6, count, 3:] = tcp
         yield i
 
@@ -121,7 +126,8 @@ def _loops(robot: Robot, q: Floats) -> Iterator[tuple[int, Floats]]:
         if posture is not None:
             posture.refresh()
             regressors = Regressors(posture)
-            yield i, np.vstack([regressors.closed, regressors.measured])
+            joints = np.vstack([regressors.closed, regressors.measured])
+            yield i, np.hstack([joints, regressors.by_anchors.reshape(len(joints), -1)])
 
 
 def _moved(start: ClosedPosture, q: Floats) -> ClosedPosture | None:

@@ -38,7 +38,8 @@ class ChainKinematics:
         """The robot with its joints and TCP where the geometry puts them."""
         robot = self.geometry.robot
         placements = self.geometry.deviations("placement", "joint", (robot.model.njoints, 6))
-        return robot.with_placements(placements, self.geometry.platform)
+        anchors = self.geometry.anchors
+        return robot.with_placements(placements, self.geometry.platform, anchors if anchors.any() else None)
 
     @cached_property
     def home(self) -> Poses:
@@ -88,12 +89,16 @@ class ChainKinematics:
 
     @cached_property
     def _parameter_twists(self) -> Floats:
-        """(J + 1, 6, p) twist of each placement frame by each parameter."""
-        count = self.geometry.robot.model.njoints - 1
+        """(J + 1 + 2 L, 6, p) twist of each placement frame, of the TCP and of each loop's anchor by each parameter."""
+        robot = self.geometry.robot
+        count, anchors = robot.model.njoints - 1, len(robot.anchors)
         placements = self.geometry.deviations("placement", "joint", (count + 1, 6))
         platform = self.geometry.platform
-        twists = np.zeros((count + 1, 6, len(self.geometry.parameters)))
+        twists = np.zeros((count + 1 + anchors, 6, len(self.geometry.parameters)))
         for column, p in enumerate(self.geometry.parameters):
+            if p.kind == "anchor":
+                twists[count + 1 + p.owner, p.component, column] = 1.0
+                continue
             index, deviation = (count, platform) if p.kind == "platform" else (p.owner - 1, placements[p.owner])
             twists[index, :, column] = twist_jacobian(deviation)[:, p.component]
         return twists

@@ -77,6 +77,25 @@ class Regressors:
         self.closed: Floats = self.tcp + posture.passive_response @ gaps
         rows = [joint.passive for joint in robot.measured_joints]
         self.measured: Floats = -posture.passive_inverse[rows] @ gaps
+        self._by_gap = np.vstack([posture.passive_response, -posture.passive_inverse[rows]])
+        self._posture = posture
+
+    @property
+    def by_anchors(self) -> Floats:
+        """(6 + k, 2 L, 6) motion of the TCP and the k measured joints by a twist of each anchor of L loops.
+
+        A twist is in the axes of the anchor's link, m and rad. Only its translation moves anything: the loop's joint is
+        spherical.
+        """
+        posture, robot = self._posture, self._posture.robot
+        found = np.zeros((len(self._by_gap), len(robot.anchors), 6))
+        for index, ((joint, _), axes) in enumerate(zip(robot.anchors, robot.anchor_axes, strict=True)):
+            sign = 1.0 if index % 2 else -1.0  # the gap goes from the first anchor to the second
+            gaps = np.zeros((3 * len(robot.constraints), 3))
+            rows = slice(3 * (index // 2), 3 * (index // 2) + 3)
+            gaps[rows] = to_gap(posture, index // 2, sign * robot.data.oMi[joint].rotation @ axes)
+            found[:, index, :3] = self._by_gap @ robot.closing(gaps)
+        return found
 
     @staticmethod
     def _regressor(posture: ClosedPosture, joint: int, placement: object) -> Floats:
@@ -206,6 +225,10 @@ def _placement(posture: ClosedPosture, regressors: Regressors, geometry: Geometr
     return regressors.twist(p.owner, twist_jacobian(twist)[:, p.component])
 
 
+def _anchor(_: ClosedPosture, regressors: Regressors, __: Geometry, p: Parameter) -> Floats:
+    return regressors.by_anchors[:6, p.owner, p.component]
+
+
 _KINDS: dict[str, Callable[[ClosedPosture, Regressors, Geometry, Parameter], Floats]] = {
     "length": _length,
     "platform_joint": _platform_joint,
@@ -214,4 +237,5 @@ _KINDS: dict[str, Callable[[ClosedPosture, Regressors, Geometry, Parameter], Flo
     "scale": _scale,
     "placement": _placement,
     "platform": _platform,
+    "anchor": _anchor,
 }

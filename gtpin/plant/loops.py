@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -44,6 +44,9 @@ class Loops:
         Indices of the commanded joints, and of those that follow.
     pairs
         Points that coincide.
+    ends, axes
+        Names (``pin.left_far``: the loop, and the link that has the point) of the 2 L points, first and second of each pair,
+        and (2 L, 3, 3) the rotations from the frames of these links to the frames of their joints.
     across
         (L, 3, 3) what closes of each gap, in the first frame of its pair: all of it, or what lies in a planar loop's plane.
     tcp
@@ -58,6 +61,8 @@ class Loops:
     driven: tuple[int, ...]
     passive: tuple[int, ...]
     pairs: tuple[tuple[Frame, Frame], ...]
+    ends: tuple[str, ...]
+    axes: Floats
     across: Floats
     tcp: Frame
     home_q: Floats
@@ -65,21 +70,26 @@ class Loops:
     home_of: Frame
 
     @staticmethod
-    def of(robot: Robot, twists: dict[str, Floats]) -> Loops:
-        """The loops of a robot whose joints are off by twists (6,), m and rad."""
+    def of(robot: Robot, twists: Mapping[str, Floats], moved: Mapping[str, Floats] | None = None) -> Loops:
+        """The loops of a robot whose joints are off by twists (6,), m and rad, and whose points are off by (3,), m.
+
+        ``twists`` has the names of joints, ``moved`` those of :attr:`ends`; what is not named is where the URDF says.
+        """
         urdf = read_urdf(robot.description.xml)
         if any(joint.follows for joint in urdf.joints):
             raise RobotError("a <mimic> joint in a robot with loops", hint="the plant can't close these")
         names = [joint.name for joint in urdf.joints]
         joints = tuple(_off(joint, twists.get(joint.name)) for joint in urdf.joints)
         driven = tuple(names.index(actuator.joint) for actuator in robot.actuators)
-        pairs = []
+        points, ends, axes = [], [], []
         for loop in robot.description.loops:
-            ends = []
             for anchor in (loop.anchor1, loop.anchor2):
-                on = urdf.links[anchor.link]
-                ends.append(Frame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ np.array(anchor.xyz)))
-            pairs.append((ends[0], ends[1]))
+                on, name = urdf.links[anchor.link], f"{loop.name}.{anchor.link}"
+                at = np.array(anchor.xyz) + (moved or {}).get(name, np.zeros(3))
+                points.append(Frame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ at))
+                ends.append(name)
+                axes.append(on.R)
+        pairs = list(zip(points[::2], points[1::2], strict=True))
         tcp, told = urdf.links[robot.tcp_frame], robot.description.home
         named = (told and told.link) or robot.description.tcp or robot.description.platform or robot.tcp_frame
         home = None if told is None else Poses(np.array(told.tcp_xyz)[None], exp(told.tcp_rotvec)[None])
@@ -87,7 +97,25 @@ class Loops:
         # Bearings' play takes up what a planar loop's gap has across its plane, where the package finds planes.
         planes = getattr(robot, "planes", (None,) * len(pairs))
         across = np.array([np.eye(3) if n is None else np.eye(3) - np.outer(n, n) for n in planes])
-        return Loops(joints, driven, passive, tuple(pairs), across, tcp, robot.home_q, home, urdf.links[named])
+        return Loops(
+            joints=joints,
+            driven=driven,
+            passive=passive,
+            pairs=tuple(pairs),
+            ends=tuple(ends),
+            axes=np.array(axes).reshape(-1, 3, 3),
+            across=across,
+            tcp=tcp,
+            home_q=robot.home_q,
+            home=home,
+            home_of=urdf.links[named],
+        )
+
+    def with_ends_moved(self, moved: Floats) -> Loops:
+        """The same loops with the 2 L points moved by (2 L, 3), m, in the frames of their links."""
+        points = [end for pair in self.pairs for end in pair]
+        there = [replace(end, p=end.p + R @ d) for end, R, d in zip(points, self.axes, moved, strict=True)]
+        return replace(self, pairs=tuple(zip(there[::2], there[1::2], strict=True)))
 
     @cached_property
     def closing(self) -> tuple[int, ...]:

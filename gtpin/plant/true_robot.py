@@ -107,7 +107,7 @@ class Looped:
 
     @cached_property
     def _loops(self) -> Loops:
-        return Loops.of(self.geometry.robot, twists(self.geometry))
+        return Loops.of(self.geometry.robot, twists(self.geometry), anchors(self.geometry))
 
     def predict(self, q: Floats) -> Poses:
         """See :class:`TrueRobot`."""
@@ -116,6 +116,17 @@ class Looped:
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """See :class:`TrueRobot`."""
         return self._loops.command_jacobian(q)
+
+
+def anchors(geometry: Geometry) -> dict[str, Floats]:
+    """Displacement (3,), m, of each loop's point that is off, in its link's frame, by the names of loop and link."""
+    found: dict[str, Floats] = {}
+    for parameter, value in zip(geometry.parameters, geometry.deviation, strict=True):
+        place, _, axis = parameter.name.rpartition(".")
+        if place.startswith("anchor["):
+            name = place.removeprefix("anchor[").removesuffix("]")
+            found.setdefault(name, np.zeros(3))["xyz".index(axis)] = value
+    return found
 
 
 def twists(geometry: Geometry) -> dict[str, Floats]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -78,6 +78,8 @@ class Chain:
     model : pinocchio.Model
     constraints : tuple of pinocchio.PointAnchorConstraintModel
         In the order of the loops.
+    anchors : tuple of (int, pinocchio.SE3)
+        For each of the 2 L anchors of L loops, the joint that carries it and its placement on this joint.
     actuators : tuple of Actuator
     driven : list of int
         Velocity indices of the actuators.
@@ -133,16 +135,32 @@ class Chain:
         home = description.home.link if description.home else None
         named = home or description.tcp or description.platform or self.tcp_frame
         self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
-        self.constraints = tuple(
-            pin.PointAnchorConstraintModel(self.model, *self._placement(loop.anchor1), *self._placement(loop.anchor2))
-            for loop in description.loops
-        )
-        self.prepare_constraints()
+        self.place_anchors([self._placement(anchor) for anchor in self._anchor_elements])
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Magnitude of the coordinates, m: what rounding is relative to."""
         self._check_freedom()
         self.planes = self._planes()
         self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
+
+    def place_anchors(self, anchors: Sequence[tuple[int, Any]]) -> None:
+        """Set where the loops' anchors are: the joint that carries each, and its placement (``pinocchio.SE3``) on this joint.
+
+        The first and the second anchor of the first loop, then of the next.
+        """
+        self.anchors = tuple(anchors)
+        pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
+        self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
+        self.prepare_constraints()
+
+    @property
+    def _anchor_elements(self) -> list[Anchor]:
+        return [anchor for loop in self.description.loops for anchor in (loop.anchor1, loop.anchor2)]
+
+    @cached_property
+    def anchor_axes(self) -> Floats:
+        """(2 L, 3, 3) rotation from the frame of each anchor's link to the frame of the joint that carries it."""
+        frames = (self.model.getFrameId(anchor.link, pin.FrameType.BODY) for anchor in self._anchor_elements)
+        return np.array([self.model.frames[frame].placement.rotation for frame in frames]).reshape(-1, 3, 3)
 
     def prepare_constraints(self) -> None:
         """Make scratch memory for the constraints, in the two forms that Pinocchio asks for."""

@@ -73,6 +73,13 @@ def placements_to_urdf(geometry: Geometry) -> str:
         parent = _parent_placement(robot, element)
         moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         _set_origin(element, moved)
+    loops = {loop.get("name", ""): loop for loop in root.findall("loop_joint")}
+    for index, moved_by in enumerate(geometry.anchors):
+        loop = robot.description.loops[index // 2]
+        if moved_by.any():
+            anchor = (loop.anchor1, loop.anchor2)[index % 2]
+            element = _child(loops[loop.name], f"link{index % 2 + 1}")
+            element.set("xyz", _text(np.array(anchor.xyz) + moved_by))
     _name_what_was_found(robot, root)
     platform = geometry.platform
     if platform.any():

@@ -163,11 +163,13 @@ class Geometry:
         """A geometry with the same parameters and other values (p,), m, rad or m/m."""
         return replace(self, values=values)
 
-    def deviations(self, kind: Kind, per: Literal["actuator", "rod", "joint"], shape: tuple[int, int]) -> Floats:
+    def deviations(
+        self, kind: Kind, per: Literal["actuator", "rod", "joint", "anchor"], shape: tuple[int, int]
+    ) -> Floats:
         """A table (of ``shape``) of the deviations from nominal of one kind of parameter, m, rad or m/m.
 
-        Row: index of the actuator, rod or Pinocchio joint, as ``per`` says; column: component of the vector. Zero where there
-        is no such parameter.
+        Row: index of the actuator, rod, Pinocchio joint or loop's anchor, as ``per`` says; column: component of the vector.
+        Zero where there is no such parameter.
         """
         table = np.zeros(shape)
         for parameter, deviation in zip(self.parameters, self.deviation, strict=True):
@@ -186,6 +188,14 @@ class Geometry:
             if parameter.kind == "platform":
                 twist[parameter.component] = value
         return twist
+
+    @property
+    def anchors(self) -> Floats:
+        """(2 L, 3) displacement, m, of the two anchors of each of L loops, in the frames of the anchors' links.
+
+        Zero for a robot with rods, whose parameters are the lengths and joints of the rods.
+        """
+        return self.deviations("anchor", "anchor", (2 * len(self.robot.constraints), 3))
 
     def __getitem__(self, name: str) -> float:
         """One parameter's value, m, rad or m/m, by its name; `ModelError` where no parameter has this name."""

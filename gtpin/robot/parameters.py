@@ -14,7 +14,7 @@ from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 
 Floats = npt.NDArray[np.float64]
-Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement", "platform"]
+Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement", "platform", "anchor"]
 Per = Literal["actuator", "rod"]
 
 TOLERANCE: Mapping[str, float] = {
@@ -47,7 +47,8 @@ class Parameter:
     kind, owner, component
         Kind of quantity, index of the part that has it, and index of the vector's component.
     per
-        What ``owner`` is the index of: an actuator, a rod or a Pinocchio joint.
+        What ``owner`` is the index of: an actuator, a rod, a Pinocchio joint or a loop's anchor. The first anchor of loop i
+        has the index 2 i, its second anchor 2 i + 1.
     unit
         ``m``, ``rad`` or ``m/m``.
     nominal, tolerance
@@ -58,7 +59,7 @@ class Parameter:
     kind: Kind
     owner: int
     component: int
-    per: Literal["actuator", "rod", "joint"]
+    per: Literal["actuator", "rod", "joint", "anchor"]
     unit: str
     nominal: float
     tolerance: float
@@ -189,9 +190,10 @@ def _owners(robot: Robot, per: Per, driven: list[tuple[int, int]]) -> list[tuple
 
 
 def placement_parameters(robot: Robot, tolerances: Mapping[str, float]) -> list[Parameter]:
-    """Parameters of a robot without rods: the placements of the joints that move its TCP, and of the TCP on its body.
+    """Parameters of a robot without rods: placements of the joints that move its TCP, of the TCP, and of its loops' anchors.
 
-    All six of each: what the data can't tell apart, the tolerances share out.
+    All six of a joint and of the TCP, and the position of each anchor on its link: what the data can't tell apart, the
+    tolerances share out. An anchor's name is that of its loop and of its link.
     """
     owners = [(j, f"placement[{robot.model.names[j]}]") for j in robot.moving_joints]
     found = []
@@ -201,4 +203,9 @@ def placement_parameters(robot: Robot, tolerances: Mapping[str, float]) -> list[
             found.append(
                 Parameter(f"{word}.{axis}", cast(Kind, kind), joint_id, c, "joint", unit, 0.0, tolerances[size])
             )
+    ends = [(loop.name, anchor.link) for loop in robot.description.loops for anchor in (loop.anchor1, loop.anchor2)]
+    for owner, (loop, link) in enumerate(ends):
+        for c, axis in enumerate("xyz"):
+            name = f"anchor[{loop}.{link}].{axis}"
+            found.append(Parameter(name, "anchor", owner, c, "anchor", "m", 0.0, tolerances["placement_position"]))
     return found

@@ -17,7 +17,7 @@ from gtpin.robot.rods import Rod, rods
 
 Floats = npt.NDArray[np.float64]
 Placements = tuple[tuple[Floats, Floats], ...]
-"""Rotation and translation of every joint's placement, then of the TCP's on its body."""
+"""Rotation and translation of every joint's placement, then of the TCP's on its body, then of the loops' anchors."""
 State = tuple[Placements, tuple[str, ...]]
 """What the URDF does not know: placements, and the names of the measured joints."""
 
@@ -93,12 +93,13 @@ class Robot(Chain):
         other.measured_joints = tuple(measured_joint(self, name) for name in names)
         return other
 
-    def with_placements(self, twists: Floats, platform: Floats | None = None) -> Robot:
-        """A copy of the robot with displaced joints.
+    def with_placements(self, twists: Floats, platform: Floats | None = None, anchors: Floats | None = None) -> Robot:
+        """A copy of the robot with displaced joints, TCP and loops' anchors.
 
         Each joint's placement is multiplied from the right by the exponential of its twist: ``twists`` is (njoints, 6),
         position (m) then rotation (rad), by Pinocchio joint. ``platform`` (6,) is the twist of the TCP on the body that
-        carries it; None: zero.
+        carries it. ``anchors`` (2 L, 3) are displacements, m, of the anchors of L loops, in the frames of their links. None:
+        zero.
         """
         other = copy.copy(self)
         other.model = self.model.copy()
@@ -106,21 +107,27 @@ class Robot(Chain):
             other.tcp_placement = self.tcp_placement * pin.exp6(platform)
         for joint_id in range(1, self.model.njoints):
             other.model.jointPlacements[joint_id] = self.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
+        if anchors is not None:
+            placed = zip(self.anchors, self.anchor_axes, anchors, strict=True)
+            other.place_anchors([(joint, pin.SE3(M.rotation, M.translation + R @ d)) for (joint, M), R, d in placed])
         other.data = other.model.createData()
         other.prepare_constraints()
         return other
 
     def __reduce__(self) -> tuple[type[Robot], tuple[Description, str], State]:
-        moved = (*self.model.jointPlacements, self.tcp_placement)
+        moved = (*self.model.jointPlacements, self.tcp_placement, *(placement for _, placement in self.anchors))
         placements = tuple((M.rotation.copy(), M.translation.copy()) for M in moved)
         return Robot, (self.description, self.tcp_frame), (placements, tuple(j.name for j in self.measured_joints))
 
     def __setstate__(self, state: State) -> None:
         # The URDF knows nothing of joints that were moved.
         placements, joints = state
-        for joint_id, (R, T) in enumerate(placements[:-1]):
+        count = self.model.njoints
+        for joint_id, (R, T) in enumerate(placements[:count]):
             self.model.jointPlacements[joint_id] = pin.SE3(R, T)
-        self.tcp_placement = pin.SE3(*placements[-1])
+        self.tcp_placement = pin.SE3(*placements[count])
+        anchors = zip(self.anchors, placements[count + 1 :], strict=True)
+        self.place_anchors([(joint, pin.SE3(R, T)) for (joint, _), (R, T) in anchors])
         self.measured_joints = tuple(measured_joint(self, name) for name in joints)
 
     def __repr__(self) -> str:

@@ -27,6 +27,7 @@ def by_pinocchio(machine: LoopedMachine) -> ChainKinematics:
     geometry = gtpin.Geometry.nominal(gtpin_robot(machine))
     places = [*(f"placement[{machine.robot.joints[j].name}]" for j in machine.robot.placed), "platform"]
     twists = dict(zip(places, [*machine.twists, machine.tool], strict=True))
+    twists |= {f"anchor[{end}]": off for end, off in zip(machine.robot.loops.ends, machine.ends, strict=True)}
     values = [
         twists[name.rpartition(".")[0]][["x", "y", "z", "rx", "ry", "rz"].index(name.rpartition(".")[2])]
         for name in geometry.names
@@ -64,11 +65,10 @@ def test_poses_of_a_drawn_machine_are_pinocchio_s_and_so_are_their_derivatives(n
     assert off(found, theirs.forward(q)) < 1e-9
     own = machine.by_tolerance(q, found)
     geometry = theirs.geometry
-    order = [
-        f"{place}.{axis}"
-        for place in [*(f"placement[{machine.robot.joints[j].name}]" for j in machine.robot.placed), "platform"]
-        for axis in ("x", "y", "z", "rx", "ry", "rz")
-    ]
+    placed = [*(f"placement[{machine.robot.joints[j].name}]" for j in machine.robot.placed), "platform"]
+    ends = [f"anchor[{end}]" for end in machine.robot.loops.ends]
+    order = [f"{place}.{axis}" for place in placed for axis in ("x", "y", "z", "rx", "ry", "rz")]
+    order += [f"{end}.{axis}" for end in ends for axis in "xyz"]
     theirs_by = theirs.geometry_jacobian(q, theirs.forward(q)) * geometry.tolerance
     np.testing.assert_allclose(own, theirs_by[:, :, [geometry.names.index(name) for name in order]], atol=2e-7)
 

@@ -237,8 +237,12 @@ def _geometry(machine: Machine | ArmMachine) -> dict[str, float]:
     places = [*(f"placement[{robot.joints[j].name}]" for j in robot.placed), "platform"]
     axes = ("x", "y", "z", "rx", "ry", "rz")
     values = np.vstack([machine.twists, machine.tool])
-    return {
+    found = {
         f"{place}.{axis}": float(value)
         for place, row in zip(places, values, strict=True)
         for axis, value in zip(axes, row, strict=True)
     }
+    if isinstance(machine, LoopedMachine):
+        for name, row in zip(machine.robot.loops.ends, machine.ends, strict=True):
+            found |= {f"anchor[{name}].{axis}": float(value) for axis, value in zip("xyz", row, strict=True)}
+    return found

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import UnreachableError
 from gtpin.plant.arms.deviation import ArmDeviation
-from gtpin.plant.arms.machine import ArmMachine
+from gtpin.plant.arms.machine import NUDGE, ArmMachine
 from gtpin.plant.arms.tree import STRAIGHT, Bending, Placed, placed
 from gtpin.plant.looped.deviation import LoopedDeviation
 from gtpin.plant.looped.robot import LoopedArm
 from gtpin.plant.loops import Loops
+from gtpin.plant.poses import Poses
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,24 +26,46 @@ SHARE = 0.95
 
 @dataclass(frozen=True, eq=False)
 class LoopedMachine(ArmMachine):
-    """A machine with n commanded joints, and others that follow; see :class:`~gtpin.plant.arms.machine.ArmMachine`."""
+    """A machine with n commanded joints, and others that follow; see :class:`~gtpin.plant.arms.machine.ArmMachine`.
+
+    Parameters
+    ----------
+    ends
+        (2 L, 3) displacement from nominal of the points at which L loops close, m, in the frames of their links.
+    """
 
     robot: LoopedArm
+    ends: Floats = field(default_factory=lambda: np.zeros((0, 3)))
 
     @staticmethod
     def nominal(robot: LoopedArm) -> LoopedMachine:  # type: ignore[override]
         """The machine that the URDF describes."""
-        return LoopedMachine(**vars(ArmMachine.nominal(robot)))
+        return LoopedMachine(**vars(ArmMachine.nominal(robot)), ends=np.zeros((len(robot.loops.ends), 3)))
 
     @staticmethod
     def draw(robot: LoopedArm, rng: np.random.Generator) -> LoopedMachine:  # type: ignore[override]
         """A machine off nominal by normal draws from the tolerances, and by some per cent in its masses."""
         return LoopedMachine.nominal(robot).drawn(rng)
 
+    def drawn(self, rng: np.random.Generator) -> Self:
+        """See :class:`~gtpin.plant.arms.machine.ArmMachine`: the points at which its loops close are off as well."""
+        machine = super().drawn(rng)
+        return replace(machine, ends=self.robot.tolerance[:3] * rng.standard_normal(self.ends.shape))
+
     @cached_property
     def loops(self) -> Loops:
-        """Its loops, with the joints where they really are."""
-        return replace(self.robot.loops, joints=self.joints)
+        """Its loops, with the joints, and the points at which they close, where they really are."""
+        return replace(self.robot.loops.with_ends_moved(self.ends), joints=self.joints)
+
+    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+        """See :class:`~gtpin.plant.arms.machine.ArmMachine`: by the points at which the loops close as well."""
+        columns, near, read = [], self.bodies(q)[0], tuple(poses.joints)
+        for end, axis in np.ndindex(self.ends.shape):
+            step = np.zeros(self.ends.shape)
+            step[end, axis] = NUDGE
+            one, other = (replace(self, ends=self.ends + s * step).forward(q, near, read) for s in (1.0, -1.0))
+            columns.append(one.change(other) / (2.0 * NUDGE) * self.robot.tolerance[axis])
+        return np.concatenate([super().by_tolerance(q, poses), np.stack(columns, axis=2)], axis=2)
 
     def bodies(
         self, q: Floats, deviation: ArmDeviation | None = None, near: Placed | None = None

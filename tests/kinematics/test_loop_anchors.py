@@ -1,0 +1,99 @@
+"""Anchors of loops that are no rods are parameters: the lengths of the links at which a loop is cut."""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.data import Instrument
+from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.geometry_jacobian import geometry_jacobian
+from gtpin.kinematics.posture import home
+from gtpin.robot.export import placements_to_urdf
+
+FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
+STEP = 1e-6
+
+
+@pytest.fixture(scope="module")
+def geometry() -> gtpin.Geometry:
+    """A geometry that is not nominal."""
+    nominal = gtpin.Geometry.nominal(gtpin.load_robot(FIVE_BAR).measuring(["elbow_right"]))
+    return nominal.with_values(nominal.values + 2e-3 * np.random.default_rng(4).standard_normal(len(nominal.values)))
+
+
+@pytest.fixture(scope="module")
+def q() -> np.ndarray:
+    return np.random.default_rng(5).uniform(-0.4, 0.4, (6, 2))
+
+
+def columns(geometry: gtpin.Geometry) -> list[int]:
+    return [i for i, name in enumerate(geometry.names) if name.startswith("anchor[")]
+
+
+def test_a_loop_has_the_positions_of_both_anchors_as_parameters(geometry: gtpin.Geometry) -> None:
+    names = [geometry.names[i] for i in columns(geometry)]
+    assert names == [f"anchor[pin.{link}].{axis}" for link in ("left_far", "right_far") for axis in "xyz"]
+
+
+def test_the_derivative_by_anchors_is_that_of_poses_and_measured_joints(
+    geometry: gtpin.Geometry, q: np.ndarray
+) -> None:
+    kinematics = ChainKinematics(geometry)
+    found = kinematics.geometry_jacobian(q, kinematics.forward(q))
+    for column in columns(geometry):
+        step = STEP * np.eye(len(geometry.values))[column]
+        one, other = (ChainKinematics(geometry.with_values(geometry.values + s * step)).forward(q) for s in (1.0, -1.0))
+        joint = (one.joints["elbow_right"] - other.joints["elbow_right"])[:, None]
+        slope = np.hstack([one.minus(other), joint]) / (2.0 * STEP)
+        np.testing.assert_allclose(found[:, :, column], slope, rtol=0, atol=1e-8)
+
+
+def test_the_derivative_of_a_posture_by_anchors_is_that_of_the_kinematics(
+    geometry: gtpin.Geometry, q: np.ndarray
+) -> None:
+    kinematics = ChainKinematics(geometry)
+    posture = home(kinematics.robot).moved_to(q[0])
+    wanted = kinematics.geometry_jacobian(q[:1], kinematics.forward(q[:1]))[0, :6]
+    np.testing.assert_allclose(geometry_jacobian(posture, geometry), wanted, rtol=0, atol=1e-10)
+
+
+def test_moved_anchors_are_in_the_urdf_and_in_a_pickled_robot(
+    geometry: gtpin.Geometry, q: np.ndarray, tmp_path: Path
+) -> None:
+    (tmp_path / "moved.urdf").write_text(placements_to_urdf(geometry), encoding="utf-8")
+    poses = ChainKinematics(geometry).forward(q)
+    written = ChainKinematics(gtpin.Geometry.nominal(gtpin.load_robot(tmp_path / "moved.urdf"))).forward(q)
+    np.testing.assert_allclose(written.T, poses.T, rtol=0, atol=1e-12)
+    robot = pickle.loads(pickle.dumps(ChainKinematics(geometry).robot))
+    np.testing.assert_allclose([home(robot).moved_to(row).T for row in q], poses.T, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_far_link_of_another_length_is_calibrated_and_the_model_is_read_again(seed: int, tmp_path: Path) -> None:
+    """1 um of noise, 0.3 mm of a length: without the anchors' parameters what is left is far above the noise."""
+    rng = np.random.default_rng(seed)
+    model = gtpin.read_model(FIVE_BAR)
+    values = model.geometry.values.copy()
+    values[list(model.geometry.names).index("anchor[pin.right_far].x")] += 3e-4
+    true = ChainKinematics(model.geometry.with_values(values))
+    q = rng.uniform(-0.5, 0.5, (80, 2))
+    T = true.forward(q).T + 1e-6 * rng.standard_normal((80, 3))
+    pose = np.arange(80).astype(str).astype(object)
+    instrument = Instrument(position_sigma=1e-6)
+    dataset = gtpin.Dataset(robot=str(FIVE_BAR), pose=pose, q=q, position=T, instrument=instrument)
+    found = gtpin.calibrate(dataset)
+    assert 0.7 < found.chi2_per_dof < 1.3
+    found.save(tmp_path / "found")
+    again = gtpin.read_model(tmp_path / "found" / "model")
+    fresh = rng.uniform(-0.5, 0.5, (40, 2))
+    off = again.predict(fresh).T - true.forward(fresh).T
+    assert np.sqrt((off**2).sum(axis=1).mean()) < 1e-6
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of other parameters, which stray in the anchors' place
+        assert gtpin.calibrate(dataset, without=["anchor"]).chi2_per_dof > 2.0
