@@ -137,7 +137,8 @@ def _left_out(found: Mapping[str, Any]) -> str:
 def real_causes() -> str:
     """What is named on real arms, as docs/real_arms.md has it."""
     lines = ["| dataset | verdict | noise floor, mm | named, probability | sizes |", "|---" * 5 + "|"]
-    for name, found in _record("real_arms.json").items():
+    diagnosed = {name: found for name, found in _record("real_arms.json").items() if "verdict" in found}
+    for name, found in diagnosed.items():
         begun = f"| {name} | {found['verdict']} | {found['gap'][2]:.3f} |"
         for cause in found["causes"]:
             sizes = _sizes(cause["parameters"])

@@ -48,13 +48,9 @@ def steps(dataset: gtpin.Dataset, folds: int, left_out: str) -> dict[str, Floats
     return {step: np.concatenate(values) for step, values in found.items()}
 
 
-def record(dataset: gtpin.Dataset, folds: int, left_out: str) -> dict[str, object]:
-    """What the page says of a dataset: the ladder, and the diagnosis of all its poses."""
-    began = time.process_time()
-    whole = gtpin.diagnose(dataset)
-    seconds = time.process_time() - began
+def ladder(dataset: gtpin.Dataset, folds: int, left_out: str) -> dict[str, object]:
+    """The errors of each step on left-out poses."""
     errors_of = steps(dataset, folds, left_out)
-    gap = whole.gap
     return {
         "robot": Path(dataset.robot).stem,
         "poses": len(dataset),
@@ -64,6 +60,16 @@ def record(dataset: gtpin.Dataset, folds: int, left_out: str) -> dict[str, objec
             step: {"rms": float(np.sqrt((errors**2).mean())), "mean": float(errors.mean()), "max": float(errors.max())}
             for step, errors in errors_of.items()
         },
+    }
+
+
+def said(dataset: gtpin.Dataset) -> dict[str, object]:
+    """What a diagnosis of all poses of a dataset says."""
+    began = time.process_time()
+    whole = gtpin.diagnose(dataset)
+    seconds = time.process_time() - began
+    gap = whole.gap
+    return {
         "verdict": whole.verdict,
         "doubts": [[doubt.reason, doubt.site, list(doubt.over)] for doubt in whole.doubts],
         "causes": [
@@ -100,12 +106,15 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--name", help="keep the figures under this name")
     parser.add_argument("--folds", type=int, default=5, help="parts that are left out in turn")
     parser.add_argument("--left-out", choices=("region", "random"), default="region", help="what a part is")
+    parser.add_argument("--ladder-only", action="store_true", help="no diagnosis of all poses")
     parser.add_argument("--poses", type=int, help="take only so many poses, drawn at random")
     parser.add_argument("--free-target", action="store_true", help="identify where the target sits on the flange")
     given = parser.parse_args(arguments)
     warnings.simplefilter("ignore", gtpin.GtpinWarning)
     try:
-        found = record(read(given.dataset, given.free_target, given.poses), given.folds, given.left_out)
+        dataset = read(given.dataset, given.free_target, given.poses)
+        found = {} if given.ladder_only else said(dataset)
+        found |= ladder(dataset, given.folds, given.left_out)
     except (OSError, gtpin.GtpinError) as error:
         sys.exit(f"{given.dataset}: {' '.join(str(error).split())}")
     print(json.dumps(found, indent=1))
