@@ -1,6 +1,6 @@
 """Keeps the scores of finished blind checks of arms and loops for docs/machines.md: python chains.py FOLDER...
 
-Each FOLDER is what ``gtpin blind --robot ROBOT -o FOLDER`` wrote. Writes docs/figures/chains.json;
+Each FOLDER is what ``gtpin blind --robot ROBOT -o FOLDER`` wrote. Keeps the scores in docs/figures/chains.json;
 ``python examples/pages/refresh.py`` makes the page's table of it.
 """
 
@@ -21,7 +21,8 @@ def score(folder: Path) -> tuple[str, dict[str, object]]:
 
 
 def main(folders: list[Path]) -> None:
-    RECORD.write_text(json.dumps(dict(map(score, folders)), indent=1) + "\n", encoding="utf-8")
+    kept = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
+    RECORD.write_text(json.dumps(kept | dict(map(score, folders)), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
