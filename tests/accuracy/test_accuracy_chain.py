@@ -120,7 +120,8 @@ def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_eve
     pytest.importorskip("matplotlib")
     # The left drive alone moves the elbow, from which the left far link reaches on.
     text = FIVE_BAR.read_text(encoding="utf-8").replace('<platform link="tool0"/>', f'<platform link="{tcp}"/>')
-    found = chain_sensitivity(gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(text, "five_bar")))))
+    model = gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(text, "five_bar"))))
+    found = chain_sensitivity(model, chain_commands(model, 30, 0))
     found.write(tmp_path)
     assert (tmp_path / "map_condition.png").exists() == bounded
     assert {f"map_{name}.png" for name in ("position", "orientation", "singularity")} <= {

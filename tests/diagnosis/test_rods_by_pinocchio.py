@@ -44,7 +44,7 @@ class ByPinocchio(RodKinematics):
         return self._pinocchio.geometry_jacobian(q, poses)
 
 
-@pytest.mark.parametrize(("effect", "site"), [(None, None), ("backlash", "cart2"), ("link_compliance", "link2a")])
+@pytest.mark.parametrize(("effect", "site"), [("backlash", "cart2"), ("link_compliance", "link2a")])
 def test_a_diagnosis_by_pinocchio_says_what_the_one_by_arrays_says(monkeypatch, effect, site):
     dataset = machine(5, effect, site).dataset
     with warnings.catch_warnings():

@@ -89,13 +89,13 @@ def alike(recorded: dict[str, object], found: dict[str, object]) -> bool:
 def test_the_first_sealed_cases_come_out_as_the_page_of_the_blind_check_says(tmp_path: Path) -> None:
     record = json.loads((figures.RECORDS / "blind.json").read_text(encoding="utf-8"))
     seed = str(record["check"]["seed"])
-    command = [sys.executable, "-m", "gtpin", "blind", "-o", str(tmp_path / "check"), "--cases", "20", "--seed", seed]
+    command = [sys.executable, "-m", "gtpin", "blind", "-o", str(tmp_path / "check"), "--cases", "12", "--seed", seed]
     ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert ran.returncode == 0, ran.stderr
     cases = json.loads((tmp_path / "check" / "judged.json").read_text(encoding="utf-8"))
     judged = [Judged.model_validate(case) for case in cases]
     singles = [case for case in judged if case.kind == "one"]
-    assert len(singles) > 5
+    assert len(singles) > 2
     changed = [case.name for case in singles if case.strict != record["right"][case.name]]
     assert len(changed) <= 1, f"make docs/blind.md anew; these cases come out otherwise: {changed}"
 

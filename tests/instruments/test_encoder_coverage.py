@@ -28,7 +28,7 @@ import gtpin
 
 Floats = np.ndarray
 
-MACHINES = 50
+MACHINES = 30
 ONCE = 1e-4
 """Chance that a bound fails where everything is right."""
 INSIDE = 1.959964
@@ -104,7 +104,7 @@ def test_chi_square_per_degree_of_freedom_is_one() -> None:
 
 def test_encoders_beside_a_tracker_s_positions_are_fitted_with_them(tmp_path: Path) -> None:
     """A row is a number then: three of a position, one of an angle."""
-    squares, total, freedoms, count, n, laser = 0.0, 0.0, 0.0, 0, 12, 1.5e-5
+    squares, total, freedoms, count, n, laser = 0.0, 0.0, 0.0, 0, 8, 1.5e-5
     for number in range(n):
         rng = np.random.default_rng([18, number])
         deviations, q = drawn(rng), commands(rng, 50)
@@ -121,7 +121,7 @@ def test_encoders_beside_a_tracker_s_positions_are_fitted_with_them(tmp_path: Pa
         count += len(truth)
         assert abs(found.unknown("elbow2.zero").value - zero) < 4.0 * found.unknown("elbow2.zero").sigma
     assert chi2.ppf(ONCE / 2, freedoms) < total < chi2.isf(ONCE / 2, freedoms), total / freedoms
-    # The tool of these machines is not off, so that six of thirty deviations are no draws: the squares are at most those
+    # The tool of these machines is not off, so that six of thirty-six deviations are no draws: the squares are at most those
     # of all, and at least those of the others.
     assert chi2.ppf(ONCE / 2, count - 6 * n) < squares < chi2.isf(ONCE / 2, count), squares / count
 
@@ -132,7 +132,7 @@ def test_no_reading_is_set_aside_where_none_is_wrong() -> None:
 
 
 def test_an_undeclared_sigma_is_estimated_without_bias(tmp_path: Path) -> None:
-    n, shares = 15, []
+    n, shares = 10, []
     for number in range(n):
         machine = measured(tmp_path / str(number), np.random.default_rng([16, number]), sigma=None)
         shares.append(gtpin.calibrate(machine.dataset).noise.sigma / SIGMA)

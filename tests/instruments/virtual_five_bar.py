@@ -20,6 +20,8 @@ Floats = np.ndarray
 
 JOINTS = ("drive1", "elbow1", "drive2", "elbow2")
 """In the order of the URDF; each of the last three hangs on the base or on the one before it."""
+ENDS = ("pin.left_far", "pin.right_far")
+"""Where the far links meet, on each of them."""
 XYZ = ((-0.1, 0.0, 0.0), (0.2, 0.0, 0.0), (0.1, 0.0, 0.0), (0.2, 0.0, 0.0))
 YAW = (2.2, -1.44, 0.94, 1.44)
 FAR = 0.3
@@ -49,9 +51,10 @@ def urdf(kind: str = "revolute") -> str:
 
 @dataclass(frozen=True)
 class FiveBar:
-    """Joints off by twists (4, 6), m and rad, in their own placement frames: T -> T exp(twist)."""
+    """Joints off by twists (4, 6), m and rad, in their own placement frames: T -> T exp(twist); far ends off by (2, 3), m."""
 
     twists: Floats = field(default_factory=lambda: np.zeros((4, 6)))
+    ends: Floats = field(default_factory=lambda: np.zeros((2, 3)))
 
     @staticmethod
     def off(deviations: Mapping[str, float]) -> FiveBar:
@@ -59,7 +62,8 @@ class FiveBar:
         for i, joint in enumerate(JOINTS):
             for c, axis in enumerate(("x", "y", "z", "rx", "ry", "rz")):
                 twists[i, c] = deviations.get(f"placement[{joint}].{axis}", 0.0)
-        return FiveBar(twists)
+        ends = [[deviations.get(f"anchor[{end}].{axis}", 0.0) for axis in "xyz"] for end in ENDS]
+        return FiveBar(twists, np.array(ends))
 
     def elbows(self, q: Floats) -> Floats:
         """(N, 2) coordinates of the two elbows at commands (N, 2), by Newton's method from zero."""
@@ -81,7 +85,8 @@ class FiveBar:
     def _gap(self, q: Floats, x: Floats) -> Floats:
         """(N, 2) from the end of the first far link to that of the second, in the plane of the first, m."""
         (R, p), (S, r) = (self._frame(q, x, side) for side in (0, 1))
-        between = r + S[:, :, 0] * FAR - p - R[:, :, 0] * FAR
+        first, second = self.ends + np.array([FAR, 0.0, 0.0])
+        between = r + S @ second - p - R @ first
         return np.einsum("nji,nj->ni", R, between)[:, :2]
 
     def _frame(self, q: Floats, x: Floats, side: int) -> tuple[Floats, Floats]:
@@ -107,8 +112,9 @@ def _exp(twist: Floats) -> tuple[Floats, Floats]:
 
 
 def drawn(rng: np.random.Generator) -> dict[str, float]:
-    """Deviations of all placements, as the tolerances have them."""
+    """Deviations of all placements and of the far links' ends, as the tolerances have them."""
     names = [f"placement[{joint}].{axis}" for joint in JOINTS for axis in ("x", "y", "z", "rx", "ry", "rz")]
+    names += [f"anchor[{end}].{axis}" for end in ENDS for axis in "xyz"]
     return {name: float(rng.normal(0.0, TOLERANCE)) for name in names}
 
 
