@@ -77,7 +77,7 @@ def test_a_number_on_the_page_is_the_codes(phrase: str) -> None:
 
 
 def test_counts_in_words_are_the_codes() -> None:
-    assert f"each of the {WORDS[search.BEAM]} best single explanations" in TEXT
+    assert f"each of the {WORDS[search.BEAM]} best single hypotheses" in TEXT
     assert f"at most {WORDS[search.MOST]} members" in TEXT
     assert f"{WORDS[hold_out.TOGETHER]} neighbouring poses" in TEXT
 
