@@ -139,12 +139,29 @@ def _next(d: Diagnosis, separates: set[str]) -> list[str]:
 
 def _either(d: Diagnosis, cause: Cause) -> str:
     """The members of the class of an ambiguous cause."""
-    named = [f"{clause(d.effect(m.effect), m.site, d.model.robot)} ({chance(m.probability)})" for m in cause.members]
+    named = _members(d, cause)
     if len(named) == 1:
         return f"probably {named[0]}, but these data don't decide it"
     others = f"one of {len(named) - 3} others" if len(named) > 4 else "another"
     more = f", or {others}" if len(named) > 3 else ""
     return f"{joined(named[:3], 'or')}{more}: these data can't tell"
+
+
+def _members(d: Diagnosis, cause: Cause) -> list[str]:
+    """A clause for each member of a class; one for two members that only together could be in the place of the cause."""
+    found: list[str] = []
+    told: set[tuple[str, str]] = set()
+    for m in cause.members:
+        place = m.effect, m.site
+        pair = next((o for o in cause.members if m.beside == (o.effect, o.site) and o.beside == place), None)
+        if place in told:
+            continue
+        words = clause(d.effect(m.effect), m.site, d.model.robot)
+        if pair is not None:
+            told.add((pair.effect, pair.site))
+            words = f"both {words} and {clause(d.effect(pair.effect), pair.site, d.model.robot)}"
+        found.append(f"{words} ({chance(m.probability + (pair.probability if pair else 0.0))})")
+    return found
 
 
 def _clauses(d: Diagnosis, causes: Iterable[Cause]) -> list[str]:

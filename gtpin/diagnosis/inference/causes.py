@@ -23,7 +23,9 @@ def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, 
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in members if m.hypothesis.place == hypothesis.place)
     parameters = _parameters(model.robot, active, [sigma for _, sigma in hypothesis.lines])
-    reported = tuple(Member(*m.hypothesis.place, m.probability, m.recorded) for m in members)
+    reported = tuple(
+        Member(*m.hypothesis.place, m.probability, m.recorded, m.beside.place if m.beside else None) for m in members
+    )
     return Cause(*hypothesis.place, own.probability, reported, parameters, 0.0)
 
 

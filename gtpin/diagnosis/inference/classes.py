@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -32,7 +32,8 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     heat = temperature(own, priors)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
     found[mine] = cause
-    log = {h: gain.value / heat for h, gain in gains.items()}
+    odds = _odds(hypotheses, rest, gains, mine)
+    log = {h: (gain.value - odds[h]) / heat for h, gain in gains.items()}
     likeliest, by_proxy = max(log.values()), set()
     for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
         value = gain.value / heat + float(np.log(proxy.odds))
@@ -50,6 +51,17 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
         Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items() if p >= least or h == mine
     ]
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+
+
+def _odds(
+    hypotheses: HypothesisSet, rest: Model, others: Iterable[Hypothesis], cause: Hypothesis
+) -> dict[Hypothesis, float]:
+    """Log prior odds, nats, against models with each of some hypotheses beside ``rest``, over those with ``cause`` there.
+
+    They differ because what is at the place of a stronger cause may be that cause's departure from its equation.
+    """
+    whole = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*others, cause)}
+    return {h: value - whole[cause] for h, value in whole.items()}
 
 
 def _with_lines(

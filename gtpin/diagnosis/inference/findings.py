@@ -16,13 +16,16 @@ Verdict = Literal["none", "explained", "ambiguous", "unknown"]
 class Member:
     """An effect at a site that could be the cause, with its probability.
 
-    ``recorded`` is False where its covariate is missing and only a proxy of it supports the effect.
+    ``recorded`` is False where its covariate is missing and only a proxy of it supports the effect. ``beside`` is the effect
+    and site of another member, where only both together could be in the place of the cause; each then has half of the
+    probability of both.
     """
 
     effect: str
     site: str
     probability: float
     recorded: bool = True
+    beside: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,13 @@ from gtpin.diagnosis.inference.classes import contenders, temperature, unnamed
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.redundant_causes import without_redundant
 from gtpin.diagnosis.inference.search import search
+from gtpin.diagnosis.inference.two_instead import exchanged_for_two, with_two_instead
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.exchange import tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING
 
 LEADS = 0.1
-"""Nats by which the evidence of another leader must be larger. Assumed: far less than is needed to distinguish two
+"""Nats by which the worth of the model with another leader must be larger. Assumed: far less than is needed to distinguish two
 hypotheses."""
 
 
@@ -39,8 +40,12 @@ def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
     elif needed := _replacing(hypotheses, named):
         better = tuned(hypotheses.groups, (*named.terms, *needed), (*named.scale, *(1.0 for _ in needed)))
         named = hypotheses.only(better, _apart(hypotheses, better))
+    if not needed:
+        named = exchanged_for_two(hypotheses, named)
     named = without_redundant(hypotheses, _led(hypotheses, named), partial(contenders, hypotheses))
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
+    if not needed:  # beside something unknown, the second of two would explain this, and not what the cause explains
+        classes = {c: with_two_instead(hypotheses, named, c, members) for c, members in classes.items()}
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
     found = Conclusion(named, classes, doubts, alone)
     return found.only(hypotheses, found.sure()) if doubts else found
@@ -76,7 +81,7 @@ def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...
 
 
 def _led(hypotheses: HypothesisSet, named: Model) -> Model:
-    """The model with the leader of each class in the place of its cause, where that increases the evidence.
+    """The model with the leader of each class in the place of its cause, where that increases the worth.
 
     This is repeated, because the new cause can have a class with another leader.
     """
@@ -86,15 +91,10 @@ def _led(hypotheses: HypothesisSet, named: Model) -> Model:
             if leader.place in {c.place for c in causes(named)}:
                 break
             trial = hypotheses.extended(without(hypotheses.groups, named, cause, sweeps=1), leader)
-            if not _evidence(hypotheses, trial) > _evidence(hypotheses, named) + LEADS:
+            if not hypotheses.worth(trial) > hypotheses.worth(named) + LEADS:
                 break
             named, cause = trial, leader
     return named
-
-
-def _evidence(hypotheses: HypothesisSet, model: Model) -> float:
-    """Log evidence of a model less the prior odds against its further lines, nats."""
-    return model.log_evidence - hypotheses.priors.line * sum(len(cause.further) for cause in causes(model))
 
 
 def _apart(hypotheses: HypothesisSet, model: Model) -> tuple[Hypothesis, ...]:

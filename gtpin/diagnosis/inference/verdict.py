@@ -13,11 +13,22 @@ from gtpin.diagnosis.priors import SURE
 
 @dataclass(frozen=True)
 class Contender:
-    """A hypothesis that could be the cause, with its probability; ``recorded`` is False where only a proxy shows it."""
+    """A hypothesis that could be the cause, with its probability.
+
+    Parameters
+    ----------
+    hypothesis, probability
+        The hypothesis, and how probable it is.
+    recorded
+        False where only a proxy shows it.
+    beside
+        Another hypothesis, where only both together could be in the place of the cause.
+    """
 
     hypothesis: Hypothesis
     probability: float
     recorded: bool = True
+    beside: Hypothesis | None = None
 
 
 @dataclass(frozen=True)
