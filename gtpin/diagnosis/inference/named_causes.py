@@ -12,7 +12,7 @@ from gtpin.diagnosis.inference.classes import contenders, temperature, unnamed
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.redundant_causes import without_redundant
 from gtpin.diagnosis.inference.search import search
-from gtpin.diagnosis.inference.two_instead import exchanged_for_two, with_two_instead
+from gtpin.diagnosis.inference.two_instead import exchanged_for_two, with_two_exchanged, with_two_instead
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.exchange import tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING
@@ -46,6 +46,7 @@ def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
     if not needed:  # beside something unknown, the second of two would explain this, and not what the cause explains
         classes = {c: with_two_instead(hypotheses, named, c, members) for c, members in classes.items()}
+        classes = dict(with_two_exchanged(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
     found = Conclusion(named, classes, doubts, alone)
     return found.only(hypotheses, found.sure()) if doubts else found

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from math import exp
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
@@ -13,6 +15,7 @@ from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.priors import CLASS_SHARE
 
+Classes = Mapping[Hypothesis, tuple[Contender, ...]]
 FIRSTS = 4
 """Hypotheses that are tried as the first of the two. Assumed: the search has its time from as few."""
 LEAST_SHARE = 0.5
@@ -29,7 +32,7 @@ def exchanged_for_two(hypotheses: HypothesisSet, model: Model) -> Model:
         return model
     for cause in causes(model):
         rest = without(hypotheses.groups, model, cause, sweeps=1)
-        found = _best(hypotheses, rest, cause, model.log_evidence - rest.log_evidence)
+        found = _best(hypotheses, rest, (cause,), LEAST_SHARE * (model.log_evidence - rest.log_evidence))
         if found is not None and hypotheses.worth(found[0]) > hypotheses.worth(model) + 1e-9:
             return exchanged_for_two(hypotheses, found[0])
     return model
@@ -53,13 +56,11 @@ def with_two_instead(
         return members
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     own = model.log_evidence - rest.log_evidence
-    found = _best(hypotheses, rest, cause, own)
+    found = _best(hypotheses, rest, (cause,), LEAST_SHARE * own)
     if found is None:
         return members
     two, firsts = found
-    odds = exp(
-        min((hypotheses.worth(two) - hypotheses.worth(model)) / temperature(max(own, 0.0), hypotheses.priors), 0.0)
-    )
+    odds = _odds(hypotheses, two, model, own)
     leader = next(m.probability for m in members if m.hypothesis.place == cause.place)
     whole = 1.0 + odds * leader
     each = odds * leader / whole / 2.0
@@ -72,14 +73,55 @@ def with_two_instead(
     return tuple(sorted(known.values(), key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 
 
+def with_two_exchanged(hypotheses: HypothesisSet, model: Model, classes: Classes) -> Classes:
+    """The classes with two other hypotheses in the place of two causes at once, where they are probable enough.
+
+    Each of the two is in the class of the cause whose place it takes, with the probability of both. Where an exchange of
+    one cause alone does not explain the data, a class of single exchanges does not show that both can be others.
+    """
+    if not hypotheses.design.situation.robot.rods:
+        return classes
+    found = dict(classes)
+    for pair in combinations(causes(model), 2):
+        rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        best = _best(hypotheses, rest, pair, LEAST_SHARE * own / 2.0)
+        if best is None:
+            continue
+        odds = _odds(hypotheses, best[0], model, own)
+        for cause, other in zip(pair, best[1], strict=True):
+            found[cause] = _joined(found[cause], cause, other, odds)
+    return found
+
+
+def _joined(members: tuple[Contender, ...], cause: Hypothesis, other: Hypothesis, odds: float) -> tuple[Contender, ...]:
+    """A class with another hypothesis in it, whose odds to the cause are given; as it was where these are too small."""
+    leader = next(m.probability for m in members if m.hypothesis.place == cause.place)
+    if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
+        return members
+    whole = 1.0 + odds * leader
+    kept = [replace(m, probability=m.probability / whole) for m in members]
+    kept.append(Contender(other, odds * leader / whole))
+    return tuple(sorted(kept, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+
+
+def _odds(hypotheses: HypothesisSet, other: Model, model: Model, own: float) -> float:
+    """Odds, at most 1, of another model to one whose causes that differ gain ``own``, nats."""
+    ahead = hypotheses.worth(other) - hypotheses.worth(model)
+    return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
+
+
 def _best(
-    hypotheses: HypothesisSet, rest: Model, cause: Hypothesis, own: float
+    hypotheses: HypothesisSet, rest: Model, out: Sequence[Hypothesis], least: float
 ) -> tuple[Model, tuple[Hypothesis, Hypothesis]] | None:
-    """The model of largest worth with two hypotheses beside ``rest``, neither of them the cause, and these two."""
-    scanned = set(hypotheses.scanned)
-    plain = [h for h in hypotheses.named if h not in scanned and h.place != cause.place]
+    """The model of largest worth with two hypotheses beside ``rest``, and these two.
+
+    Neither is one of ``out``, and the first gains at least ``least``, nats.
+    """
+    scanned, places = set(hypotheses.scanned), {h.place for h in out}
+    plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
     gains = hypotheses.gains(rest, plain)
-    firsts = sorted((h for h in gains if gains[h].value >= LEAST_SHARE * own), key=lambda h: -gains[h].value)[:FIRSTS]
+    firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)[:FIRSTS]
     found: list[tuple[Model, tuple[Hypothesis, Hypothesis]]] = []
     for first in firsts:
         one = hypotheses.extended(rest, first)
