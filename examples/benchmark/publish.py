@@ -18,7 +18,7 @@ import numpy as np
 import gtpin
 from gtpin.blind.benchmark.make import CASES, Made, make
 from gtpin.blind.benchmark.public_set import FILE, SCHEMA, Block, PublicSet
-from gtpin.blind.benchmark.rounding import to_digits
+from gtpin.blind.benchmark.rounding import rounded_energy
 from gtpin.blind.grading import difficulty_of, gradable
 from gtpin.calibration.calibrate import calibrate
 from gtpin.data import Dataset
@@ -45,7 +45,7 @@ def leaves(case: Made, folder: Path) -> float | None:
         left = difficulty_of(dataset, case.truth, calibrate(dataset)).left(np.array(effect.displacement))
     except gtpin.GtpinError:
         return None
-    return to_digits(max(min(best.left for name, best in left.items() if name != effect.name), 0.0))
+    return rounded_energy(max(min(best.left for name, best in left.items() if name != effect.name), 0.0))
 
 
 def main(folder: Path) -> None:

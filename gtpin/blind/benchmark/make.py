@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gtpin.blind.benchmark.public_set import PublicSet, Published
-from gtpin.blind.benchmark.rounding import round_table, rounded_rows, to_digits
+from gtpin.blind.benchmark.rounding import round_table, rounded_energy, rounded_rows, to_digits
 from gtpin.blind.draw import Draft, made, measured, recipe, truth_of
 from gtpin.blind.left_out_touches import LeftOut, without_some_touches
 from gtpin.blind.seal import digest_of
@@ -55,6 +55,7 @@ def make(draft: Draft, folder: Path) -> Made:
     _take_robot_in(Path(draft.robot), place)
     for file in place.glob("*.csv"):
         round_table(file)
+    (place / MARKER).unlink(missing_ok=True)  # it knows the files as they were before
     truth = truth_of(case, draft.kind, kept, left_out)
     content = _published(truth).model_dump_json(exclude_none=True).encode() + b"\n"
     (folder / TRUTHS).mkdir(exist_ok=True)
@@ -109,7 +110,7 @@ def _published(truth: Truth) -> Truth:
         kind=truth.kind,
         effects=tuple(
             effect.model_copy(
-                update={"displacement": None, "amplitude": None, "energy": to_digits(effect.energy or 0.0)}
+                update={"displacement": None, "amplitude": None, "energy": rounded_energy(effect.energy or 0.0)}
             )
             for effect in truth.effects
         ),

@@ -16,6 +16,8 @@ COARSE = {"temp_frame": 3, "temp_link": 3}
 """Decimals of columns that have fewer."""
 DIGITS = 4
 """Significant digits of the noise and of energies, in truths."""
+NOTHING = 1e-3
+"""A smaller energy is written as 0: it can consist of rounding errors."""
 NUMBER = re.compile(r"-?\d+(\.\d*)?(e[-+]?\d+)?")
 
 
@@ -27,6 +29,11 @@ def rounded(value: float, decimals: int = DECIMALS) -> float:
 def to_digits(value: float) -> float:
     """A value to ``DIGITS`` significant digits."""
     return float(f"{value:.{DIGITS}g}")
+
+
+def rounded_energy(value: float) -> float:
+    """An energy to ``DIGITS`` significant digits; 0 below ``NOTHING``."""
+    return to_digits(value) if value >= NOTHING else 0.0
 
 
 def rounded_rows(rows: Iterable[Iterable[float]]) -> tuple[tuple[float, ...], ...]:

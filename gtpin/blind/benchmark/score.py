@@ -15,7 +15,8 @@ from gtpin.blind.benchmark.make import TRUTHS
 from gtpin.blind.benchmark.public_set import PublicSet
 from gtpin.blind.judged import VISIBLE, Judged
 from gtpin.blind.rates import Rate, mean, rate
-from gtpin.blind.seal import opened
+from gtpin.blind.seal import digest_of, opened
+from gtpin.data.files import read_bytes
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError
 
@@ -61,7 +62,7 @@ def score_answers(
     Raises
     ------
     GtpinError
-        If a truth does not have its published digest, or an answer can't be read or has predictions of another shape.
+        If a truth or an answer can't be read, or predictions have another shape.
     """
     wanted = list(public.cases) if names is None else list(names)
     if not any((answers / f"{name}.json").exists() for name in wanted):
@@ -71,7 +72,8 @@ def score_answers(
 
 def _scored(public: PublicSet, folder: Path, file: Path, name: str) -> Scored:
     published = public.cases[name]
-    truth = opened(folder / TRUTHS / f"{name}.json", published.truth)
+    file_of_truth = folder / TRUTHS / f"{name}.json"
+    truth = opened(file_of_truth, digest_of(read_bytes(file_of_truth)))
     answer = Answer.read(file) if file.exists() else None
     effects = tuple(e.model_copy(update={"leaves": published.leaves}) for e in truth.effects)
     judged = Judged(
