@@ -1,6 +1,6 @@
 """Lets rivals answer the cases of a set that ``gtpin benchmark make`` has made.
 
-    python examples/benchmark/run.py SET/cases ANSWERS [RIVAL ...] [--first N]
+    python examples/benchmark/run.py SET/cases ANSWERS [RIVAL ...] [--first N] [--training TRAINING]
 
 Writes ANSWERS/RIVAL/NAME.json. A rival sees a case's folder and nothing else. Answers that are there are kept; a rival that
 fails on a case leaves no answer, which counts as wrong.
@@ -58,8 +58,11 @@ def main() -> None:
     parser.add_argument("cases", type=Path)
     parser.add_argument("answers", type=Path)
     parser.add_argument("rivals", nargs="*", default=RIVALS)
+    parser.add_argument("--training", type=Path, help="what train.py wrote, for the classifier")
     parser.add_argument("--first", type=int, help="only the first cases of each machine and instrument")
     chosen = parser.parse_args()
+    if chosen.training:
+        importlib.import_module("classifier").TRAINED = chosen.training
     cases = sorted(case for case in chosen.cases.iterdir() if case.is_dir())
     if chosen.first:
         cases = [case for case in cases if int(case.name.rsplit("-", 1)[1]) < chosen.first]
