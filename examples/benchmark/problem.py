@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-import gtpin
 from gtpin.blind.benchmark.answer import Answer, AnsweredCause, Member
 from gtpin.data import Commands, Dataset
 from gtpin.data.files import read_table
@@ -85,7 +84,7 @@ class Problem:
     def fitted(self, causes: Sequence[Hypothesis], scale: Sequence[float] | None = None) -> Model:
         """Geometry, instrument and causes fitted together, to first order about the calibrated model.
 
-        ``scale`` are the scales of the causes, by which their coefficients are shrunk; by default those of the largest evidence.
+        ``scale`` are the scales of the causes, which shrink their coefficients; by default those of the largest evidence.
         """
         if not causes:
             return self.baseline

@@ -61,4 +61,6 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("give a folder for the cases: python publish.py FOLDER")
     main(Path(sys.argv[1]))

@@ -23,7 +23,9 @@ Again = Callable[[Floats, Sequence[Floats], float], list[int]]
 """The same with a given penalty."""
 
 
-def regressed(folder: Path, select: Selection, again: Again, poses: Callable[[np.random.Generator, int], Ints]) -> Answer:
+def regressed(
+    folder: Path, select: Selection, again: Again, poses: Callable[[np.random.Generator, int], Ints]
+) -> Answer:
     """The answer by a sparse regression; a probability is the share of regressions on resampled poses that select the effect.
 
     ``poses`` draws indices of poses: half of them, or as many with repetition.

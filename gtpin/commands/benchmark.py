@@ -11,6 +11,10 @@ from gtpin.commands.terminal import AsJson, Force, Output, tell, write_json
 from gtpin.errors import GtpinError, warn
 from gtpin.output.results import results_folder
 
+Cases = Annotated[
+    list[str] | None,
+    typer.Option("--case", help="Only this case. Can be given several times.", show_default="all 100"),
+]
 benchmark_app = typer.Typer(
     name="benchmark",
     help="Make the public set of cases, and score the answers of any solver.",
@@ -20,21 +24,22 @@ benchmark_app = typer.Typer(
 
 
 @benchmark_app.command(epilog="Example: gtpin benchmark make -o set")
-def make(output: Output, force: Force = False, as_json: AsJson = False) -> None:
+def make(output: Output, case: Cases = None, force: Force = False, as_json: AsJson = False) -> None:
     """Make the 100 cases of the public set: OUTPUT/cases for solvers, OUTPUT/truths for the scorer."""
     from gtpin.blind.benchmark.make import CASES, TRUTHS, changed
     from gtpin.blind.benchmark.make import make as make_case
     from gtpin.blind.benchmark.public_set import PublicSet
 
     public = PublicSet.read()
+    names, drafts = public.chosen(case), public.drafts()
     with results_folder(output, (CASES, TRUTHS), force=force) as folder:
-        for draft in public.drafts().values():
-            make_case(draft, folder)
-        other = list(changed(public, folder, list(public.cases)))
+        for name in names:
+            make_case(drafts[name], folder)
+        other = list(changed(public, folder, names))
     if other:
-        warn(f"{len(other)} of {len(public.cases)} cases are not those that were published: {', '.join(other[:5])}")
-    told = {"cases": len(public.cases), "changed": other}
-    tell(told, f"{len(public.cases)} cases, {len(other)} with other digests\nWritten: {output}", as_json)
+        warn(f"{len(other)} of {len(names)} cases are not those that were published: {', '.join(other[:5])}")
+    told = {"cases": len(names), "changed": other}
+    tell(told, f"{len(names)} cases, {len(other)} with other digests\nWritten: {output}", as_json)
 
 
 @benchmark_app.command(epilog="Example: gtpin benchmark score set answers -o score")
@@ -42,6 +47,7 @@ def score(
     made: Annotated[Path, typer.Argument(help="Folder in which the set was made.", show_default=False)],
     answers: Annotated[Path, typer.Argument(help="Folder with NAME.json for each case.", show_default=False)],
     output: Output,
+    case: Cases = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -51,7 +57,8 @@ def score(
 
     if not answers.is_dir():
         raise GtpinError("there is no such folder", file=answers, hint="name the folder of the answers")
-    found = score_answers(PublicSet.read(), made, answers)
+    public = PublicSet.read()
+    found = score_answers(public, made, answers, public.chosen(case))
     with results_folder(output, ("score.json",), force=force) as folder:
         write_json(folder / "score.json", to_json(found))
     lines = [f"{len(found)} cases", ""]

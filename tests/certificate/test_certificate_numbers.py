@@ -153,7 +153,9 @@ def test_reversal_repeatability_and_accuracy_are_those_of_a_published_report():
     found = line.evaluated()
     assert found["B"] == pytest.approx(4.56, abs=0.01)
     assert found["A"] == pytest.approx(18.58, abs=0.03)
-    assert found["R"] == pytest.approx(8.35, abs=0.03)  # the largest R(i) of its table; its last line leaves reversal out
+    assert found["R"] == pytest.approx(
+        8.35, abs=0.03
+    )  # the largest R(i) of its table; its last line leaves reversal out
     # The report's own E is smaller; by the definition it is the range of all ten means.
     assert found["E"] == pytest.approx(6.97 + 9.02)
 

@@ -103,7 +103,9 @@ def _fit(X: Floats, labels: Words, classes: Words, penalty: float) -> Floats:
 def _of_block(file: Path) -> Classifier:
     kept = np.load(file, allow_pickle=False)
     names = kept["names"].tolist()
-    return Classifier.trained([dict(zip(names, row, strict=True)) for row in kept["X"].tolist()], kept["labels"].tolist())
+    return Classifier.trained(
+        [dict(zip(names, row, strict=True)) for row in kept["X"].tolist()], kept["labels"].tolist()
+    )
 
 
 def answer(folder: Path) -> Answer:

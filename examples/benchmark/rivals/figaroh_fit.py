@@ -25,7 +25,6 @@ import yaml
 from figaroh.calibration.base_calibration import BaseCalibration
 from figaroh.calibration.calibration_tools import calc_updated_fkm
 
-
 SIGMA = (1.5e-5, 5e-5)
 """Noise where the dataset does not declare it, m and rad."""
 OUTLIER = 0.002
@@ -123,4 +122,6 @@ def main(urdf: Path, cases: Path, answers: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 4:
+        sys.exit("give three paths: python figaroh_fit.py URDF SET/cases ANSWERS")
     main(*map(Path, sys.argv[1:4]))

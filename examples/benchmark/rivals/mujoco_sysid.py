@@ -99,4 +99,6 @@ def main(mjcf: Path, cases: Path, answers: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 4:
+        sys.exit("give three paths: python mujoco_sysid.py MJCF SET/cases ANSWERS")
     main(*map(Path, sys.argv[1:4]))

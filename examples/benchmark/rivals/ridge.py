@@ -6,6 +6,7 @@ if the evidence of the whole regression over no effect exceeds ln(1 / 0.01).
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ def answer(folder: Path) -> Answer:
     scale = SCALES[best]
     c = Vt.T @ (along * scale**2 * s / (1.0 + (scale * s) ** 2))
     ends = np.cumsum([0, *(basis.shape[1] for basis in bases)])
-    energies = np.array([np.sum((X[:, a:b] @ c[a:b]) ** 2) for a, b in zip(ends, ends[1:], strict=False)])
+    energies = np.array([np.sum((X[:, a:b] @ c[a:b]) ** 2) for a, b in pairwise(ends)])
     first = int(np.argmax(energies))
     model = problem.fitted(terms, [float(scale)] * len(terms))
     return answered(folder, model, [cause(terms[first], float(energies[first] / energies.sum()))])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +10,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.blind.draw import Draft, drafts
+from gtpin.errors import GtpinError
 
 FILE = Path(__file__).parent / "set1.json"
 """The set that gtpin ships."""
@@ -89,6 +90,20 @@ class PublicSet(BaseModel):
     def read(file: Path = FILE) -> PublicSet:
         """The set in a file; by default the one that gtpin ships."""
         return PublicSet.model_validate_json(file.read_bytes())
+
+    def chosen(self, names: Sequence[str] | None) -> list[str]:
+        """The names of some cases; None: all.
+
+        Raises
+        ------
+        GtpinError
+            If the set has no such case.
+        """
+        for name in names or ():
+            if name not in self.cases:
+                known = ", ".join(f"{block.name}-00 to -{block.cases - 1:02d}" for block in self.blocks)
+                raise GtpinError(f"no case is called {name!r}", hint=f"cases are {known}")
+        return list(names or self.cases)
 
     def drafts(self, folder: Path = FILE.parent) -> dict[str, Draft]:
         """All cases to be made, by name."""
