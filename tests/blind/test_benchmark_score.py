@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gtpin.blind.benchmark.answer import Answer
-from gtpin.blind.benchmark.public_set import SCHEMA, Block, Published, PublicSet
+from gtpin.blind.benchmark.public_set import SCHEMA, Block, PublicSet, Published
 from gtpin.blind.benchmark.score import figures, score_answers, to_json
 from gtpin.blind.truth import TrueEffect, TruePoses, Truth
 from gtpin.errors import GtpinError

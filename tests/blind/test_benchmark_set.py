@@ -81,7 +81,7 @@ def test_a_truth_has_a_row_for_each_command_that_is_predicted(few: Path) -> None
 
 @pytest.mark.filterwarnings("ignore::gtpin.GtpinWarning")  # commands-wire.csv is no table of the dataset
 def test_stations_at_held_out_commands_are_those_of_the_truth(few: Path) -> None:
-    """The true readings of a machine without errors would be ranges to these stations: within some millimetres they are."""
+    """Stations are known to a tape's error, 0.1 m (1 sigma) at most; with the next station in its place a range is further off."""
     folder = few / CASES / "tau-range-00"
     truth = Truth.model_validate_json((few / TRUTHS / "tau-range-00.json").read_bytes())
     dataset = gtpin.Dataset.read(folder)
@@ -91,8 +91,12 @@ def test_stations_at_held_out_commands_are_those_of_the_truth(few: Path) -> None
     poses = model.predict(held[["q1", "q2", "q3"]].to_numpy())
     at = poses.T + poses.R @ np.array(table.target)
     stations = np.array([table.stations[name] for name in held["station"]])
-    found = np.linalg.norm(at - stations, axis=1)
-    assert np.abs(found - np.array(truth.readings[0].values)[:, 0]).max() < 0.01
+    true = np.array(truth.readings[0].values)[:, 0]
+
+    def off(turned: int) -> float:
+        return float(np.sqrt(((np.linalg.norm(at - np.roll(stations, turned, axis=0), axis=1) - true) ** 2).mean()))
+
+    assert off(0) < 0.2 < min(off(1), off(2), off(3))
 
 
 def test_rounding_leaves_no_last_bits_and_no_negative_zero(tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def _write_what_is_read(case: InstrumentCase, place: Path) -> None:
     Stations or targets are those of the dataset in turn, in alphabetical order, as in the truth.
     """
     for name in case.held:
-        held = read_table(place / "commands.csv").columns
+        held = dict(read_table(place / "commands.csv").columns)
         own = read_table(place / f"{name}.csv", ids=KNOWN).columns
         for column in (column for column in KNOWN if column in own):
             ids = np.array(sorted(set(own[column].tolist())), dtype=object)

@@ -81,7 +81,7 @@ def _scored(public: PublicSet, folder: Path, file: Path, name: str) -> Scored:
         kind=truth.kind,
         truth=effects if len(effects) == 1 else truth.effects,
         listed=all(effect.effect in effects_by_id() for effect in effects),
-        said=answer and answer.statement,
+        said=answer.statement if answer else None,
         error=None if answer else MISSING,
     )
     if answer is None:
