@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from gtpin.blind.benchmark.public_set import PublicSet
-from gtpin.blind.benchmark.score import Scored, figures, score_answers
+from gtpin.blind.benchmark.score import Scored, figures, geometric_mean, score_answers
 
 RECORD = Path(__file__).parents[2] / "docs" / "figures" / "benchmark.json"
 RIVALS = (
@@ -33,6 +33,7 @@ RIVALS = (
 GEOMETRIES = ("geometry_only", "mujoco_sysid", "figaroh", "gaussian_process", "ridge", "diagnosis")
 """Those that are compared on serial arms alone."""
 ARMS = "ur5-tracker"
+ERROR = "error of prediction, units of the noise"
 
 
 def record(public: PublicSet, folder: Path, answers: Path) -> dict[str, Any]:
@@ -48,8 +49,9 @@ def record(public: PublicSet, folder: Path, answers: Path) -> dict[str, Any]:
         "plant": public.plant,
         "blocks": blocks,
         "rivals": {rival: _figures(scored[rival]) for rival in RIVALS if rival in scored},
+        "paired": {rival: _paired(scored[rival], scored["diagnosis"]) for rival in RIVALS if rival in scored},
         "by_block": {
-            rival: {b: _figures({n: c for n, c in found.items() if n.startswith(f"{b}-")}) for b in blocks}
+            rival: {b: _figures({n: c for n, c in found.items() if n.startswith(f"{b}-")})[ERROR] for b in blocks}
             for rival, found in scored.items()
             if rival in RIVALS
         },
@@ -62,13 +64,20 @@ def record(public: PublicSet, folder: Path, answers: Path) -> dict[str, Any]:
     }
 
 
+def _paired(scored: Mapping[str, Scored], diagnosis: Mapping[str, Scored]) -> dict[str, Any]:
+    """Geometric mean over cases of the ratio of two errors of prediction, with its bounds."""
+    pairs = [(scored[name].error, diagnosis[name].error) for name in scored]
+    return geometric_mean([a / b for a, b in pairs if a is not None and b is not None]).to_json()
+
+
 def _figures(scored: Mapping[str, Scored]) -> dict[str, Any]:
     return {name: rate.to_json() for name, rate in figures(scored.values()).items()}
 
 
 def main(folder: Path, answers: Path) -> None:
     found = record(PublicSet.read(), folder, answers)
-    RECORD.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    lines = (f" {json.dumps(key)}: {json.dumps(value)}" for key, value in found.items())
+    RECORD.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

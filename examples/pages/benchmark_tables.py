@@ -36,6 +36,7 @@ NAMING = {
     "one effect, D > 63: strict": "strict, D > 63",
     "several effects: F1 of those with E > 63": "F1 of several",
 }
+PAIRED = "paired"
 SAFETY = {
     "no effect: silent": "no effect: silent",
     "unlisted effect: unknown": "unlisted: unknown",
@@ -43,6 +44,7 @@ SAFETY = {
     "all cases: a false cause with confidence": "false with confidence",
     "all cases: a false cause named": "a false cause named",
     "error of prediction, units of the noise": "error of prediction",
+    PAIRED: "the same over that of the diagnosis, case by case",
 }
 
 
@@ -60,7 +62,8 @@ def cell(figure: Mapping[str, Any]) -> str:
 
 
 def _table(columns: Mapping[str, str]) -> str:
-    found = _read()["rivals"]
+    read = _read()
+    found: dict[str, Any] = {r: {**row, PAIRED: read["paired"][r]} for r, row in read["rivals"].items()}
     first = next(iter(found.values()))
     lines = ["| | " + " | ".join(columns.values()) + " |", "|---" * (len(columns) + 1) + "|"]
     lines += [
@@ -104,7 +107,7 @@ def blocks() -> str:
     for rival, words in RIVALS.items():
         if rival in found["by_block"]:
             row = found["by_block"][rival]
-            cells = (cell(row[name]["error of prediction, units of the noise"]) for name in names)
+            cells = (cell(row[name]) for name in names)
             lines.append(f"| {words} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

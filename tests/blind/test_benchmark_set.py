@@ -81,7 +81,7 @@ def test_a_truth_has_a_row_for_each_command_that_is_predicted(few: Path) -> None
 
 @pytest.mark.filterwarnings("ignore::gtpin.GtpinWarning")  # commands-wire.csv is no table of the dataset
 def test_stations_at_held_out_commands_are_those_of_the_truth(few: Path) -> None:
-    """Stations are known to a tape's error, 0.1 m (1 sigma) at most; with the next station in its place a range is further off."""
+    """Stations are known to 0.1 m (1 sigma) or better; with another station in its place, a range is further off."""
     folder = few / CASES / "tau-range-00"
     truth = Truth.model_validate_json((few / TRUTHS / "tau-range-00.json").read_bytes())
     dataset = gtpin.Dataset.read(folder)

@@ -117,7 +117,7 @@ def figures(cases: Iterable[Scored]) -> dict[str, Rate]:
     seen, clear = [c for c in one if c.energy > VISIBLE], [c for c in one if c.leaves > VISIBLE]
     several = [c for c in every if c.kind in ("two", "three") and c.names - c.not_visible]
     none, unlisted = [c for c in every if c.kind == "none"], [c for c in every if c.kind == "unlisted"]
-    errors = [np.log(case.error) for case in scored if case.error]
+    errors = [case.error for case in scored if case.error]
     return {
         "one effect, E > 63: detected": rate(c.detected for c in seen),
         "one effect, E > 63: class holds the truth": rate(c.in_class for c in seen),
@@ -129,13 +129,14 @@ def figures(cases: Iterable[Scored]) -> dict[str, Rate]:
         "unlisted effect: a false cause with confidence": rate(bool(c.false_confident) for c in unlisted),
         "all cases: a false cause with confidence": rate(bool(c.false_confident) for c in every),
         "all cases: a false cause named": rate(bool(c.false_names) for c in every),
-        "error of prediction, units of the noise": _exponential(mean(errors)),
+        "error of prediction, units of the noise": geometric_mean(errors),
         "cases without an answer": rate(c.error is not None for c in every),
     }
 
 
-def _exponential(found: Rate) -> Rate:
-    """The geometric mean, with its bounds, from those of logarithms."""
+def geometric_mean(values: Iterable[float]) -> Rate:
+    """The geometric mean of positive values, with bounds of 1.96 standard errors of the logarithms."""
+    found = mean(float(np.log(value)) for value in values)
     low, middle, high = (None if x is None else float(np.exp(x)) for x in (found.low, found.value, found.high))
     return Rate(middle, low, high, found.of)
 
