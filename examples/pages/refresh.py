@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmark_tables import TABLES as BENCHMARK
 from figures import FIGURES, ROOT
 from gallery import page as gallery
 from installed import extras_table
@@ -37,6 +38,7 @@ from speed import table as speed_table
 BLOCK = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
 TABLES: dict[str, Callable[[], str]] = {
     **{figure.name: figure.table for figure in FIGURES},
+    **BENCHMARK,
     "gallery": gallery,
     "sealed_score": sealed_score,
     "sealed_sentence": sealed_sentence,

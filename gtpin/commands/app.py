@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from gtpin import __version__
+from gtpin.commands.benchmark import benchmark_app
 from gtpin.commands.blind import blind
 from gtpin.commands.calibrate import calibrate
 from gtpin.commands.certify import certify
@@ -64,6 +65,7 @@ for command, *examples in (
 ):
     app.command(epilog="\n\n".join(["Examples:" if examples[1:] else "Example:", *examples]))(command)
 app.add_typer(import_app)
+app.add_typer(benchmark_app)
 
 
 def _version(wanted: bool) -> None:

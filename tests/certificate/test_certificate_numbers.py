@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtpin.certificate.pose_accuracy import VisitScatter, accuracy, standard_accuracy
-from gtpin.certificate.positioning import mean_reversal, positioning
-from gtpin.certificate.repeatability import Scatter, pooled_repeatability, standard_repeatability
+from gtpin.certificate.positioning import Line, mean_reversal, positioning
+from gtpin.certificate.repeatability import Scatter, pooled_repeatability, repeatability_of, standard_repeatability
 
 TRIALS = 200
 COVARIANCE = np.array([[9.0, 2.0, 0.0], [2.0, 4.0, 1.0], [0.0, 1.0, 16.0]]) * 1e-12
@@ -133,3 +133,43 @@ def test_mean_reversal_from_poses_anywhere_agrees_with_the_truth():
         found.append(mean_reversal(deviations, approach, ("a", "b"), ("m", "m")))
     for i, truth in enumerate((1e-5, -2e-5)):
         assert 0.9 <= inside([q[i].value for q in found], [q[i].sigma for q in found], truth) <= 0.99
+
+
+PUBLISHED = {
+    # forward mean, backward mean, forward s, backward s at five targets, micrometres
+    15.0: (2.25, 4.20, 0.67, 0.97),
+    25.2: (0.39, -4.17, 0.46, 0.39),
+    35.4: (2.08, -0.85, 1.88, 0.83),
+    45.6: (-9.02, -7.88, 0.98, 0.54),
+    55.8: (6.03, 6.97, 0.52, 0.31),
+}
+"""A slit of the European Spallation Source, measured in 2021: the report of the program ecmc for 11358/axis1
+(github.com/anderssandstrom/ecmc_bifrost_slits_sat), means and estimators of the standard deviation as it prints them."""
+
+
+def test_reversal_repeatability_and_accuracy_are_those_of_a_published_report():
+    unit = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / np.sqrt(2.5)  # mean 0, standard deviation 1
+    line = Line(tuple((up + s * unit, down + t * unit) for up, down, s, t in PUBLISHED.values()))
+    found = line.evaluated()
+    assert found["B"] == pytest.approx(4.56, abs=0.01)
+    assert found["A"] == pytest.approx(18.58, abs=0.03)
+    assert found["R"] == pytest.approx(
+        8.35, abs=0.03
+    )  # the largest R(i) of its table; its last line leaves reversal out
+    # The report's own E is smaller; by the definition it is the range of all ten means.
+    assert found["E"] == pytest.approx(6.97 + 9.02)
+
+
+def test_the_systematic_deviation_of_another_published_report_is_the_range_of_all_means():
+    """Report of ecmc for c6025a-08, 19 March 2026, micrometres; the same estimator of scatter at every target, its mean."""
+    forward = [-2.73, -2.21, -1.12, -0.46, -4.76, -3.94, 5.89, -2.88]
+    backward = [-0.49, 0.47, 1.83, 2.23, -1.69, -0.96, 8.92, 0.63]
+    unit = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / np.sqrt(2.5)
+    line = Line(tuple((up + 0.3 * unit, down + 0.3 * unit) for up, down in zip(forward, backward, strict=True)))
+    assert line.evaluated()["E"] == pytest.approx(13.68, abs=0.01)
+    assert line.evaluated()["B"] == pytest.approx(3.52, abs=0.02)
+
+
+def test_a_poses_repeatability_is_the_mean_and_three_standard_deviations_of_the_distances():
+    corners = np.array([[3.0, 0, 0], [-3.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])  # their distances: 3, 3, 1, 1
+    assert repeatability_of(corners) == pytest.approx(2.0 + 3.0 * np.sqrt(4.0 / 3.0))

@@ -1,0 +1,1 @@
+"""The benchmark: a fixed public set of cases, and the score of anybody's answers."""
