@@ -52,13 +52,17 @@ def score(
     as_json: AsJson = False,
 ) -> None:
     """Compare a solver's answers with the truths."""
+    from gtpin.blind.benchmark.make import changed_truths
     from gtpin.blind.benchmark.public_set import PublicSet
     from gtpin.blind.benchmark.score import figures, score_answers, to_json
 
     if not answers.is_dir():
         raise GtpinError("there is no such folder", file=answers, hint="name the folder of the answers")
     public = PublicSet.read()
-    found = score_answers(public, made, answers, public.chosen(case))
+    names = public.chosen(case)
+    found = score_answers(public, made, answers, names)
+    if other := list(changed_truths(public, made, names)):
+        warn(f"{len(other)} of {len(names)} truths are not those that were published: {', '.join(other[:5])}")
     with results_folder(output, ("score.json",), force=force) as folder:
         write_json(folder / "score.json", to_json(found))
     lines = [f"{len(found)} cases", ""]

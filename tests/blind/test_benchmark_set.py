@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import gtpin
-from gtpin.blind.benchmark.make import CASES, TRUTHS, changed, make
+from gtpin.blind.benchmark.make import CASES, TRUTHS, changed, changed_truths, make
 from gtpin.blind.benchmark.public_set import FILE, PublicSet
 from gtpin.blind.benchmark.rounding import round_table, rounded, rounded_energy
 from gtpin.blind.truth import Truth
@@ -122,6 +122,14 @@ def test_the_command_makes_a_case_and_scores_an_answer(tmp_path: Path) -> None:
     assert run.invoke(app, [*arguments, *case]).exit_code == 0
     score = json.loads((tmp_path / "score" / "score.json").read_text())
     assert score["by_case"]["ur5-tracker-01"]["verdict"] == "unknown"
+
+
+def test_a_truth_that_was_edited_is_noticed(public: PublicSet, few: Path) -> None:
+    file = few / TRUTHS / f"{SOME[1]}.json"
+    content = file.read_bytes()
+    file.write_bytes(content + b"\n")
+    assert list(changed_truths(public, few, SOME)) == [SOME[1]]
+    file.write_bytes(content)
 
 
 def test_a_case_that_is_not_in_the_set_is_refused(public: PublicSet) -> None:

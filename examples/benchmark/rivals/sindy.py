@@ -1,8 +1,9 @@
 """Sparse regression as in SINDy: sequentially thresholded least squares on a library of textbook forms.
 
 Brunton, Proctor and Kutz 2016, PNAS 113, 3932. The library has one column for each coefficient of each effect at each site,
-normalised. The threshold has the smallest corrected AIC (Mangan et al. 2017, Proc. R. Soc. A 473, 20170009). Probabilities are
-inclusion probabilities over 20 bootstrap samples of the poses (Fasel et al. 2022, Proc. R. Soc. A 478, 20210904).
+normalised. The threshold has the smallest extended BIC, as for the LASSO; by the corrected AIC (Mangan et al. 2017, Proc. R.
+Soc. A 473, 20170009) it named a false cause in nearly every case. Probabilities are inclusion probabilities over 20 bootstrap
+samples of the poses (Fasel et al. 2022, Proc. R. Soc. A 478, 20210904).
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def select(y: Floats, groups: Sequence[Floats]) -> tuple[list[int], float]:
         n, k, found = len(y), int(kept.sum()), library.groups(kept)
         if len(found) > MOST or k > n // 4:
             break
-        cost = library.left(kept) + 2.0 * k + 2.0 * k * (k + 1.0) / (n - k - 1.0)
+        cost = library.left(kept) + k * np.log(n) + 2.0 * len(found) * np.log(len(groups))
         if cost < best[0]:
             best = cost, found, float(threshold)
     return best[1], best[2]

@@ -15,7 +15,7 @@ from gtpin.blind.draw import Draft, made, measured, recipe, truth_of
 from gtpin.blind.left_out_touches import LeftOut, without_some_touches
 from gtpin.blind.seal import digest_of
 from gtpin.blind.truth import TruePoses, TrueReadings, Truth
-from gtpin.data.files import read_table, write_table
+from gtpin.data.files import read_bytes, read_table, write_table
 from gtpin.output.ownership import MARKER
 from gtpin.plant.instruments.case import InstrumentCase
 from gtpin.plant.truth import Case
@@ -65,9 +65,22 @@ def make(draft: Draft, folder: Path) -> Made:
 
 def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
     """Those of some cases whose files do not have the published digests."""
+    other = set(changed_truths(public, folder, names))
     for name in names:
-        found = digest_of_folder(folder / CASES / name), digest_of((folder / TRUTHS / f"{name}.json").read_bytes())
-        if found != (public.cases[name].dataset, public.cases[name].truth):
+        if name in other or digest_of_folder(folder / CASES / name) != public.cases[name].dataset:
+            yield name
+
+
+def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
+    """Those of some cases whose truths do not have the published digests.
+
+    Raises
+    ------
+    GtpinError
+        If a truth can't be read.
+    """
+    for name in names:
+        if digest_of(read_bytes(folder / TRUTHS / f"{name}.json")) != public.cases[name].truth:
             yield name
 
 
