@@ -103,24 +103,24 @@ def test_the_first_sealed_cases_come_out_as_the_page_of_the_blind_check_says(tmp
 CONSTANTS = (
     (
         "docs/diagnosis.md",
-        "by more than {} % of the log evidence that the smooth terms bring",
+        "by more than {} % of the gain in log evidence of the smooth terms",
         100 * priors.PRIORS.departure,
     ),
     ("docs/diagnosis.md", "({} % where they act at the site of a named cause", 100 * priors.PRIORS.modulation),
     ("docs/diagnosis.md", "at least {} % of the leader's probability belongs to the class", 100 * priors.CLASS_SHARE),
     ("docs/diagnosis.md", "each with a probability of {} % or more", 100 * priors.SURE),
     ("docs/report.md", "each has a probability of {} % or more", 100 * priors.SURE),
-    ("docs/diagnosis.md", "divided by a temperature of {} to", priors.PRIORS.temperature),
+    ("docs/diagnosis.md", "(glossary.md#probability-temperature) of {} to", priors.PRIORS.temperature),
     ("docs/diagnosis.md", "The share is {} % at the same site over the same coordinates", 100 * priors.PRIORS.same),
     ("docs/diagnosis.md", "{} % for related hypotheses", 100 * priors.PRIORS.related),
     ("docs/diagnosis.md", "or both depend on load), {} % for all others", 100 * priors.PRIORS.other),
     ("docs/diagnosis.md", "With more than {} poses, the search uses", f"{MOST_POSES:,}"),
-    ("docs/next_experiment.md", "With an expected gain of less than {} nats it is not proposed", splitting.HOPELESS),
-    ("docs/next_experiment.md", "With less than {} nats, it says", splitting.SETTLED),
-    ("docs/next_experiment.md", "With less than {} nat, the entry", splitting.LEAST),
+    ("docs/next_experiment.md", "gain: below {} nats, only", splitting.HOPELESS),
+    ("docs/next_experiment.md", "below {} nats, the round and how many", splitting.SETTLED),
+    ("docs/next_experiment.md", "below {} nat, the round and what", splitting.LEAST),
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
-    ("docs/diagnosis.md", "what is smooth has up to {} periods a turn", SLOWEST_LINE),
-    ("docs/diagnosis.md", "at least {} periods in the joint's range where it has no other line", LEAST_TURNS),
+    ("docs/diagnosis.md", "a smooth function has parts with up to {} periods a turn", SLOWEST_LINE),
+    ("docs/diagnosis.md", "at least {} periods in the joint's range of commands where the joint has no other line", LEAST_TURNS),
     ("docs/diagnosis.md", "must gain more than {} nats (`line`", priors.PRIORS.line),
     ("docs/diagnosis.md", "{} standard deviations wide to either side", f"{t.ppf(0.975, 1) * 1.5**0.5:.0f}"),
 )
@@ -160,4 +160,4 @@ def test_recorded_times_of_arms_are_within_the_goals_but_for_the_one_that_the_pa
     assert max(row["diagnose_s"] for row in rows["plain"]) < 120.0
     page = (ROOT / "docs" / "speed.md").read_text(encoding="utf-8")
     over = max(row["diagnose_s"] for row in rows["hard"]) > 120.0
-    assert ("diagnosis with five causes is over its goal" in page) == over
+    assert ("diagnosis with five causes is above its goal" in page) == over

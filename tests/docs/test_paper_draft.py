@@ -67,8 +67,11 @@ def test_the_paper_s_figures_are_those_of_the_records() -> None:
     same = int((circle["found"] == circle["again"]).sum())
     assert f"closes on {same} of {len(circle)} virtual machines" in PROSE
     arms = json.loads((RECORDS / "real_arms.json").read_text(encoding="utf-8"))
-    left_out = [arm["left_out"] for arm in arms.values()]
-    gained = sum(one["diagnosis"]["rms"] < one["geometry"]["rms"] for one in left_out)
+    gains: dict[str, bool] = {}  # an arm with two series counts once, and gains where both do
+    for name, one in arms.items():
+        gained = one["left_out"]["diagnosis"]["rms"] < one["left_out"]["geometry"]["rms"]
+        arm = name.split("_")[0]
+        gains[arm] = gains.get(arm, True) and gained
     words = {1: "one", 2: "two", 3: "three"}
-    assert f"{words[gained]} of {words[len(arms)]} arms gain from the named causes" in PROSE
-    assert "explained" not in {arm["verdict"] for arm in arms.values()}
+    assert f"{words[sum(gains.values())]} of {words[len(gains)]} arms gain from the named causes" in PROSE
+    assert "explained" not in {arm.get("verdict") for arm in arms.values()}
