@@ -120,7 +120,11 @@ CONSTANTS = (
     ("docs/next_experiment.md", "below {} nat, the round and what", splitting.LEAST),
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
     ("docs/diagnosis.md", "a smooth function has parts with up to {} periods a turn", SLOWEST_LINE),
-    ("docs/diagnosis.md", "at least {} periods in the joint's range of commands where the joint has no other line", LEAST_TURNS),
+    (
+        "docs/diagnosis.md",
+        "at least {} periods in the joint's range of commands where the joint has no",
+        LEAST_TURNS,
+    ),
     ("docs/diagnosis.md", "must gain more than {} nats (`line`", priors.PRIORS.line),
     ("docs/diagnosis.md", "{} standard deviations wide to either side", f"{t.ppf(0.975, 1) * 1.5**0.5:.0f}"),
 )
