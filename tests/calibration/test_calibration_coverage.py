@@ -72,7 +72,7 @@ def test_positions_alone_are_covered_as_well():
         machine = draw(rng)
         return machine, measured(machine, commands(rng, 80), rng, orientation=False)
 
-    found = study(make, 100)
+    found = study(make, 60)
     found.assert_covers()
     found.assert_unbiased()
     found.assert_fits()
@@ -88,7 +88,7 @@ def test_an_instrument_that_stands_anywhere_is_covered_as_well(orientation):
         machine = draw(rng, free=True)
         return machine, measured(machine, commands(rng, 80), rng, orientation=orientation)
 
-    found = study(make, 100)
+    found = study(make, 60)
     found.assert_covers()
     found.assert_unbiased()
     found.assert_fits()

@@ -21,7 +21,7 @@ from virtual_gantry import (
 import gtpin
 from gtpin.data import Instrument
 
-MACHINES = 30
+MACHINES = 20
 SIGMAS = np.repeat([POSITION_SIGMA, ORIENTATION_SIGMA], 3)
 
 
@@ -73,7 +73,7 @@ def test_repeated_visits_show_the_repeatability_of_the_carts(declared):
         )
         return machine, dataset if declared else undeclared(dataset)
 
-    found = study(make, 25)
+    found = study(make, 16)
     mean_is([c.noise.repeatability for c in found.calibrations], truth, 0.01 * truth)
     # Undeclared, what belongs to the tracker is told from what belongs to the carts.
     mean_is([c.noise.position_sigma for c in found.calibrations], POSITION_SIGMA, 0.02 * POSITION_SIGMA)
@@ -116,7 +116,7 @@ def test_a_station_tells_noise_along_the_line_of_sight_from_noise_across_it(rati
         )
         return machine, measured(machine, q, rng, noise=noise, instrument=instrument)
 
-    found = study(make, 25)
+    found = study(make, 16)
     # The ratio comes from residuals that the fit has shrunk, along and across alike: 3 % for what is left of that.
     mean_is(np.log([c.noise.range_ratio for c in found.calibrations]), np.log(ratio), 0.03)
     found.assert_covers()
@@ -133,7 +133,7 @@ def test_heavy_tails_spoil_neither_values_nor_intervals(declared):
         dataset = measured(machine, commands(rng, 120), rng, noise=noise)
         return machine, dataset if declared else undeclared(dataset)
 
-    found = study(make, 25)
+    found = study(make, 16)
     found.assert_unbiased()
     # The tails' freedoms are themselves estimated from 120 poses: 1 % beside the spread.
     n = len(found.calibrations)
@@ -161,7 +161,7 @@ def gross_case(seed, wrong=5, count=120):
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
     good_lost = 0
-    runs = 15
+    runs = 8
     for seed in range(runs):
         _, spoilt, clean, bad = gross_case(seed)
         if not declared:
@@ -184,7 +184,7 @@ def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
 
 
 def test_gross_errors_of_positions_alone_are_set_aside():
-    for seed in range(25):
+    for seed in range(12):
         _, spoilt, _, bad = gross_case(seed, wrong=3, count=60)
         positions = gtpin.Dataset(
             spoilt.robot, spoilt.pose, spoilt.q, spoilt.position, instrument=Instrument(position_sigma=POSITION_SIGMA)

@@ -43,7 +43,7 @@ def test_options_add_parameters_that_are_identified_as_well(options, count):
         machine = draw(rng, drawn)
         return machine, measured(machine, commands(rng, 80), rng)
 
-    found = study(make, 30, **options)
+    found = study(make, 20, **options)
     assert sorted(found.calibrations[0].names) == sorted(drawn)
     found.assert_covers()
     found.assert_unbiased()
@@ -115,7 +115,7 @@ def test_few_poses_are_no_reason_to_claim_more_than_is_known(count):
         machine = draw(rng)
         return machine, measured(machine, commands(rng, count), rng)
 
-    found = study(make, 40)
+    found = study(make, 25)
     found.assert_covers()
     found.assert_fits()
 

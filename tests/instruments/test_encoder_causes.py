@@ -67,14 +67,14 @@ def diagnosed(cause: str, seed: int) -> tuple[Machine, gtpin.Diagnosis, Commands
     return machine, found, held, machine.readings(there, from_)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_nothing_is_said_of_nothing(seed: int) -> None:
     _, found, _, _ = diagnosed("none", seed)
     assert found.verdict == "none"
     assert not found.causes
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("cause", SITE)
 def test_a_cause_at_a_drive_is_named(cause: str, seed: int) -> None:
     _, found, _, _ = diagnosed(cause, seed)

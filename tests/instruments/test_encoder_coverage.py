@@ -28,7 +28,7 @@ import gtpin
 
 Floats = np.ndarray
 
-MACHINES = 30
+MACHINES = 20
 ONCE = 1e-4
 """Chance that a bound fails where everything is right."""
 INSIDE = 1.959964

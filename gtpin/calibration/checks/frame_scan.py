@@ -24,7 +24,7 @@ SIZE = 30.0
 GRID = 60
 """Rows that are tried at first; then those around the best."""
 EDGE = FEWEST
-"""Rows that are left on either side of a step, at least."""
+"""Fewest rows before, between and after steps: a motion of six numbers fits any one row, so a heavy tail would be a step."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ class Scan:
     def best(self, steps: Sequence[int]) -> int:
         """The one more step that, together with ``steps``, explains most of the residuals."""
         count = len(self.rows)
-        coarse = np.unique(np.linspace(EDGE, count - EDGE, GRID).astype(int))
-        place = min(coarse, key=lambda k: self.left((*steps, int(k))))
-        width = 1 + count // GRID
-        near = range(max(EDGE, place - width), min(count - EDGE, place + width) + 1)
-        return int(min(near, key=lambda k: self.left((*steps, k))))
+        allowed = [k for k in range(EDGE, count - EDGE + 1) if all(abs(k - step) >= EDGE for step in steps)]
+        coarse = np.unique(np.linspace(0, len(allowed) - 1, GRID).astype(int))
+        place = allowed[min(coarse, key=lambda i: self.left((*steps, allowed[i])))]
+        near = [k for k in allowed if abs(k - place) <= 1 + count // GRID]
+        return min(near, key=lambda k: self.left((*steps, k)))
 
     def ratio(self, steps: Sequence[int]) -> float:
         """Sum of squares of the residuals without steps over that with ``steps``."""
