@@ -143,6 +143,24 @@ def test_heavy_tails_spoil_neither_values_nor_intervals(declared):
     assert np.mean([len(c.rejected) for c in found.calibrations]) < 1.0
 
 
+@pytest.mark.parametrize("row", [40, 98])
+@pytest.mark.parametrize("size", [5e-4, 1.3e-3, 4e-3])
+def test_one_large_error_in_heavy_tails_is_no_bumped_instrument(size, row):
+    """A motion of the frame has six numbers, and fits any one pose: between two steps it would be the whole reason."""
+    for seed in range(4):
+        rng = np.random.default_rng([seed, 3])
+        machine = draw(rng)
+        noise = SIGMAS * rng.standard_normal((120, 6)) / np.sqrt(rng.chisquare(3, (120, 1)) / 3)
+        noise[row] = size / POSITION_SIGMA * SIGMAS * rng.choice([-1, 1], 6)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", gtpin.GtpinWarning)
+            found = gtpin.calibrate(measured(machine, commands(rng, 120), rng, noise=noise))
+        assert np.isfinite(found.freedom)
+        assert (
+            np.abs(found.model.geometry.deviation - [machine.deviations[n] for n in found.names]) < 5 * found.sigma
+        ).all()
+
+
 def gross_case(seed, wrong=5, count=120):
     """A dataset of which some poses are off by 1 mm to 10 cm, and the same without these poses."""
     rng = np.random.default_rng([seed, 5])

@@ -89,7 +89,7 @@ def alike(recorded: dict[str, object], found: dict[str, object]) -> bool:
 def test_the_first_sealed_cases_come_out_as_the_page_of_the_blind_check_says(tmp_path: Path) -> None:
     record = json.loads((figures.RECORDS / "blind.json").read_text(encoding="utf-8"))
     seed = str(record["check"]["seed"])
-    command = [sys.executable, "-m", "gtpin", "blind", "-o", str(tmp_path / "check"), "--cases", "8", "--seed", seed]
+    command = [sys.executable, "-m", "gtpin", "blind", "-o", str(tmp_path / "check"), "--cases", "12", "--seed", seed]
     ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert ran.returncode == 0, ran.stderr
     cases = json.loads((tmp_path / "check" / "judged.json").read_text(encoding="utf-8"))
@@ -120,11 +120,7 @@ CONSTANTS = (
     ("docs/next_experiment.md", "below {} nat, the round and what", splitting.LEAST),
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
     ("docs/diagnosis.md", "a smooth function has parts with up to {} periods a turn", SLOWEST_LINE),
-    (
-        "docs/diagnosis.md",
-        "at least {} periods in the joint's range of commands where the joint has no",
-        LEAST_TURNS,
-    ),
+    ("docs/diagnosis.md", "at least {} periods in the joint's range of commands where the joint has no", LEAST_TURNS),
     ("docs/diagnosis.md", "must gain more than {} nats (`line`", priors.PRIORS.line),
     ("docs/diagnosis.md", "{} standard deviations wide to either side", f"{t.ppf(0.975, 1) * 1.5**0.5:.0f}"),
 )

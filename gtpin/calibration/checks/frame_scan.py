@@ -24,7 +24,8 @@ SIZE = 30.0
 GRID = 60
 """Rows that are tried at first; then those around the best."""
 EDGE = FEWEST
-"""Fewest rows before, between and after steps: a motion of six numbers fits any one row, so a heavy tail would be a step."""
+"""Fewest rows before, between and after steps. A motion has six numbers and fits any one row, so that one large error would
+count as two steps."""
 
 
 @dataclass(frozen=True)
