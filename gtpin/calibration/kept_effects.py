@@ -14,6 +14,7 @@ from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.extrapolated import warn_of_extrapolation
 from gtpin.effects.lasting import lasts
+from gtpin.effects.where_measured import part_of_turn
 from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError, warn
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
 from gtpin.robot.robot import Robot
@@ -33,6 +34,10 @@ def with_kept_effects(
 
     The motions of the poses by the effects are subtracted from the measured poses, in the instrument's frame, and the
     geometry is identified from the rest. Both are repeated until the motions no longer change.
+
+    A curve of a turning joint (a sum of periodic deviations, a smooth deviation) is known at the angles of its fit. Where some
+    commands have other angles, the calibration is made twice: with the extrapolated curves, and with curves that are zero at
+    other angles. The one with the smaller position error is returned.
 
     Parameters
     ----------
@@ -58,7 +63,8 @@ def with_kept_effects(
     Warns
     -----
     GtpinWarning
-        Names effects that are left out, and effects that are extrapolated.
+        Names effects that are left out, effects that count as zero outside the angles of their fit, and effects that are
+        extrapolated.
     """
     if dataset.readings is not None:
         raise DatasetError(
@@ -69,12 +75,44 @@ def with_kept_effects(
     if left_out := ", ".join(active.name for active in effects if active not in kept):
         warn(f"not kept: {left_out}, which say nothing of another day")
     _check_sites(kept, robot)
-    warn_of_extrapolation(kept, robot, dataset.q)
+    cautious = tuple(_only_measured(active, robot, dataset.q) for active in kept)
+    found = _with_kept(dataset, kept, calibrated)
+    if cautious != kept:
+        less = _with_kept(dataset, cautious, calibrated)
+        if _error(less, dataset) < _error(found, dataset):
+            found = less
+            cut = ", ".join(active.name for active, old in zip(cautious, kept, strict=True) if active is not old)
+            warn(f"{cut} count as zero at angles that the earlier fit did not have, where they predict these poses worse")
+    warn_of_extrapolation(found.model.effects, robot, dataset.q)
+    return found
+
+
+def _only_measured(active: ActiveEffect, robot: Robot, q: Floats) -> ActiveEffect:
+    """A curve of a turning joint that is zero where its fit had no commands, where some commands q (N, n) are there."""
+    angles = active.references.angles
+    if not active.effect.of_own_command or not len(angles):
+        return active
+    j = robot.sites.index(active.site)
+    if not angles[j].any() or angles[j][part_of_turn(q[:, j])].all():
+        return active
+    return replace(active, only_measured=True)
+
+
+def _error(found: Calibration, dataset: Dataset) -> float:
+    """Root mean square position error of the calibrated model, m; poses that are set aside do not count."""
+    predicted = found.model.predict(dataset.q, dataset.covariates).T
+    used = np.isfinite(predicted).all(axis=1) & ~np.isin(dataset.pose, list(found.rejected))
+    return float(np.sqrt(((predicted - dataset.position)[used] ** 2).sum(axis=1).mean()))
+
+
+def _with_kept(
+    dataset: Dataset, kept: Sequence[ActiveEffect], calibrated: Callable[[Dataset], Calibration]
+) -> Calibration:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)  # of a fit that does not take the effects into account yet
         found, before = calibrated(dataset), np.zeros((len(dataset), 6))
     for _ in range(PASSES):
-        model = replace(found.model, effects=kept)
+        model = replace(found.model, effects=tuple(kept))
         motions = model.predict(dataset.q, dataset.covariates).minus(found.model.predict(dataset.q))
         motions[~np.isfinite(motions).all(axis=1)] = 0.0  # poses out of reach: the calibration leaves them out
         if np.abs(motions - before).max(initial=0.0) < SETTLED:

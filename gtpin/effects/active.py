@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
+from gtpin.effects.where_measured import where_measured
 from gtpin.errors import ModelError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.chunks import chunks
@@ -37,6 +38,9 @@ class ActiveEffect:
         Reference values of its covariates and loads.
     further
         Further values of the nonlinear parameter. Each value has its own coefficients.
+    only_measured
+        For a deviation of a turning joint's travel: it is zero at angles that its fit did not have
+        (:func:`~gtpin.effects.where_measured.where_measured`).
     """
 
     effect: Effect
@@ -46,6 +50,7 @@ class ActiveEffect:
     covariance: Floats
     references: References
     further: tuple[float, ...] = ()
+    only_measured: bool = False
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -66,7 +71,10 @@ class ActiveEffect:
             If a covariate that it needs is missing, or the number of coefficients is wrong.
         """
         try:
-            basis = self.effect.basis_of(at, self.site, self.values)
+            if self.only_measured:
+                basis = where_measured(at, self.effect, self.site, self.values)
+            else:
+                basis = self.effect.basis_of(at, self.site, self.values)
         except ModelError as error:
             raise ModelError(f"{error.what}, which {self.name} needs", column=error.column, hint=error.hint) from None
         if len(basis) != len(self.coefficients):

@@ -142,6 +142,8 @@ class Effect(ABC):
     poses."""
     of_travel: ClassVar[bool] = False
     """Whether the parameters in metres are of an actuator's travel. They are in radians where the actuator turns."""
+    of_own_command: ClassVar[bool] = False
+    """Whether its displacement is a curve: a deviation of an actuator's travel that depends on its own command alone."""
     stretches_frame: ClassVar[bool] = False
     """Whether it scales all measured positions by one factor. If so, the smooth nonparametric terms contain no such scaling."""
     exported_as: ClassVar[

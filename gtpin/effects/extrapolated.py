@@ -24,7 +24,7 @@ def warn_of_extrapolation(effects: Iterable[ActiveEffect], robot: Robot, q: Floa
     """
     for active in effects:
         low, high = active.references.commands
-        if not active.effect.of_travel or active.site not in robot.sites or not len(low):
+        if not active.effect.of_travel or active.only_measured or active.site not in robot.sites or not len(low):
             continue
         j = robot.sites.index(active.site)
         margin = MARGIN * float(high[j] - low[j])

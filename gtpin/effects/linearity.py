@@ -37,6 +37,7 @@ class Linearity(Effect):
     remedy = "Load the curve below as an axis compensation table, or have the rack aligned."
     coefficient = ("first_wave", "m")
     of_travel = True
+    of_own_command = True
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Every actuator."""

@@ -60,6 +60,7 @@ class RackPeriodic(Effect):
         remedy="Look for what has these periods: an eccentric encoder, a gear, a strain wave; or compensate by the curve.",
     )
     of_travel = True
+    of_own_command = True
     core = (0, 1)
     most_values = 24  # assumed: twice the lines that a joint of the UR10 of docs/real_arms.md has above 0.1 mrad
 

@@ -39,6 +39,7 @@ class RackStep(Effect):
     remedy = "Check the joint of the rack's segments at the place below, and its gap gauge."
     coefficient = ("step", "m")
     of_travel = True
+    of_own_command = True
     core = (0,)
 
     def sites(self, robot: Robot) -> tuple[str, ...]:

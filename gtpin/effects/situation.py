@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,14 @@ from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 Column = npt.NDArray[np.float64] | npt.NDArray[np.object_]
+
+TURN = 2.0 * np.pi
+"""One turn, rad."""
+PARTS = 72
+"""Number of parts of a turn for which it is stored whether a fit had poses there: 5 degrees each. Assumed: two thirds of the
+wavelength of 48 periods a turn."""
+FEW_OF = 2000
+"""A part of a turn counts as measured if it has at least one of this many of a fit's poses. Assumed."""
 
 _TOOL = ("fx", "fy", "fz", "payload")
 """Covariates of what acts on the tool."""
@@ -53,6 +61,9 @@ class References:
         Names of the covariates of the fit. The fitted effects need those of them that they use.
     commands
         Robots without rods: (n,) smallest and (n,) largest commands, m or rad.
+    angles
+        Robots without rods: (n, ``PARTS``) whether each part of a joint's turn had commands, from angle 0; all False for
+        sliding joints, and empty where it is not known.
     joints
         Robots without rods: (J + 1, 6) mean and (J + 1, 6) spread of the loads on J joints and the TCP, N and N m, as in
         :func:`~gtpin.kinematics.joint_loads.joint_loads`.
@@ -66,6 +77,7 @@ class References:
     covariates: tuple[str, ...]
     commands: tuple[Floats, Floats] = (np.zeros(0), np.zeros(0))
     joints: tuple[Floats, Floats] = (np.zeros((0, 6)), np.zeros((0, 6)))
+    angles: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, PARTS), dtype=bool))
 
 
 @dataclass(frozen=True)
@@ -236,6 +248,7 @@ class Situation:
                 known,
                 (self.q.min(axis=0), np.maximum(self.q.max(axis=0), self.q.min(axis=0) + 1e-9)),
                 (loads.mean(axis=0), np.maximum(loads.std(axis=0), _least_spread(loads))),
+                _measured_angles(self.q, self.robot.revolute),
             )
         mean = self.along.mean(axis=0)
         mean /= np.linalg.norm(mean, axis=1)[:, None]
@@ -285,6 +298,13 @@ class Situation:
             first /= np.linalg.norm(first)
             tilts[:, i] = self.along[:, i] @ np.stack([first, np.cross(axis, first)], axis=1) / spread[i]
         return tilts
+
+
+def _measured_angles(q: Floats, revolute: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """(n, ``PARTS``) whether commands q (N, n) are in each part of a joint's turn; False for sliding joints."""
+    part = np.floor(q / TURN * PARTS).astype(int) % PARTS
+    count = np.stack([np.bincount(column, minlength=PARTS) for column in part.T])
+    return np.asarray((count >= max(1.0, len(q) / FEW_OF)) & np.asarray(revolute)[:, None])
 
 
 LIGHT = np.repeat([1.0, 0.1], 3)

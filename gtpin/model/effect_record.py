@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,8 @@ from gtpin.effects.catalogue import GROUP, effects_by_id
 from gtpin.effects.driver import PREFIX, Column, DriverEffect
 from gtpin.effects.driver_motion import Instrument, refusal
 from gtpin.effects.effect import Effect
+from gtpin.effects.situation import PARTS, References, Situation
 from gtpin.effects.situation import Column as Covariate
-from gtpin.effects.situation import References, Situation
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.robot import Robot
@@ -59,10 +59,16 @@ class DirectionRecord(Record):
 
 
 class CommandsRecord(Record):
-    """Least and largest commands in a fit, m or rad."""
+    """Least and largest commands in a fit, m or rad; ``measured``: for each joint, the parts of a turn that had commands."""
 
     lower: list[Finite]
     upper: list[Finite]
+    measured: list[list[Annotated[int, Field(ge=0, lt=PARTS)]]] | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The measured angles are written where they are known."""
+        return {key: value for key, value in write(self).items() if value is not None}
 
 
 class JointsRecord(Record):
@@ -123,16 +129,13 @@ class EffectRecord(Record):
     covariance: list[list[Finite]]
     references: ReferencesRecord
     column: ColumnRecord | None = None
+    only_measured: bool = False
 
     @model_serializer(mode="wrap")
-    def _without_column(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The key of effects of recorded columns is written for these alone."""
-        return {key: value for key, value in write(self).items() if key != "column" or value is not None}
-
-    @model_serializer(mode="wrap")
-    def _without_empty(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Further settings are written where there are some."""
-        return {key: value for key, value in write(self).items() if key != "further_settings" or value}
+    def _without_defaults(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Keys that few effects have are written for these alone."""
+        optional = ("column", "further_settings", "only_measured")
+        return {key: value for key, value in write(self).items() if key not in optional or value}
 
 
 def record(active: ActiveEffect) -> EffectRecord:
@@ -165,6 +168,7 @@ def record(active: ActiveEffect) -> EffectRecord:
             joints=_joints(known),
         ),
         column=_column(own) if isinstance(own, DriverEffect) else None,
+        only_measured=active.only_measured,
     )
 
 
@@ -192,7 +196,10 @@ def _driver_effect(stored: ColumnRecord, robot: Robot) -> DriverEffect:
 
 def _commands(known: References) -> CommandsRecord | None:
     lower, upper = known.commands
-    return CommandsRecord(lower=lower.tolist(), upper=upper.tolist()) if lower.size else None
+    if not lower.size:
+        return None
+    measured = [np.flatnonzero(parts).tolist() for parts in known.angles] if len(known.angles) else None
+    return CommandsRecord(lower=lower.tolist(), upper=upper.tolist(), measured=measured)
 
 
 def _joints(known: References) -> JointsRecord | None:
@@ -239,9 +246,23 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
         np.zeros((0, 0)),
         _references(stored.references, robot, _needed(effect, robot, stored)),
         tuple(stored.further_settings),
+        stored.only_measured,
     )
+    _check_measured(active, robot)
     _try(active, kinematics)
     return replace(active, covariance=_covariance(stored))
+
+
+def _check_measured(active: ActiveEffect, robot: Robot) -> None:
+    """Raise where an effect is to be zero at angles without a measurement, and can't be."""
+    if not active.only_measured:
+        return
+    angles = active.references.angles
+    if not active.effect.of_own_command or not len(angles) or not angles[robot.sites.index(active.site)].any():
+        raise ModelError(
+            f"only a curve of a turning joint with references.commands.measured can be, not {active.name}",
+            column="only_measured",
+        )
 
 
 def _needed(effect: Effect, robot: Robot, stored: EffectRecord) -> tuple[str, ...]:
@@ -293,7 +314,7 @@ def _references(stored: ReferencesRecord, robot: Robot, needed: tuple[str, ...])
     )
 
 
-def _of_chain(stored: ReferencesRecord, robot: Robot) -> dict[str, tuple[Floats, Floats]]:
+def _of_chain(stored: ReferencesRecord, robot: Robot) -> dict[str, Any]:
     """Commands and joints' loads of a fit of a robot without rods.
 
     Raises
@@ -308,9 +329,16 @@ def _of_chain(stored: ReferencesRecord, robot: Robot) -> dict[str, tuple[Floats,
         raise ModelError(f"not {robot.n_actuators} values", column="references.commands")
     if joints is None or {len(joints.mean), len(joints.spread)} != {robot.model.njoints}:
         raise ModelError(f"not {robot.model.njoints} values", column="references.joints")
+    measured = commands.measured or []
+    if commands.measured is not None and len(measured) != robot.n_actuators:
+        raise ModelError(f"not {robot.n_actuators} values", column="references.commands.measured")
+    angles = np.zeros((len(measured), PARTS), dtype=bool)
+    for parts, known in zip(angles, measured, strict=True):
+        parts[known] = True
     return {
         "commands": (np.array(commands.lower), np.array(commands.upper)),
         "joints": (np.array(joints.mean), np.array(joints.spread)),
+        "angles": angles,
     }
 
 
