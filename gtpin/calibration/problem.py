@@ -164,6 +164,10 @@ class Problem:
             return replace(self, whitening=np.broadcast_to(self.whitening[0] / factor, self.whitening.shape))
         return replace(self, whitening=self.whitening / factor)
 
+    def at_commands(self, q: Floats) -> Problem:
+        """The same problem with its derivatives at other commands q (N, n), m or rad."""
+        return replace(self, measured=replace(self.measured, q=q))
+
     def chunks(self) -> list[slice]:
         """Slices of rows that fit in memory with their derivatives."""
         return chunks(len(self.measured.T))

@@ -94,6 +94,10 @@ class ReadingsProblem:
         """Slices of rows that fit in memory with their derivatives."""
         return chunks(len(self.whitening))
 
+    def at_commands(self, q: Floats) -> ReadingsProblem:
+        """The same problem with its derivatives at other commands q (N, n), m or rad."""
+        return replace(self, readings=replace(self.readings, q=q))
+
     def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
         """(M, c, size) derivative of the whitened prediction by x, for some rows, times the roots of their weights (M,)."""
         model, poses = point.model, point.poses[rows]

@@ -14,6 +14,7 @@ from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.basis import Basis
 from gtpin.effects.situation import References, Situation
 from gtpin.errors import ConvergenceError
 from gtpin.instruments.readings import Readings
@@ -149,13 +150,30 @@ class JointProblem:
         """(M, c, size) derivative of the whitened prediction by x, for some rows.
 
         The derivative by the calibration's unknowns is taken at the poses with the effects, because a sensor whose mounting is
-        hardly known turns far in one step. The derivative by the coefficients is linearised without effects.
+        hardly known turns far in one step. For robots without rods it is also taken at the commands with the deviations of
+        the travel, and so is the derivative by the coefficients; for robots with rods the latter is linearised without effects.
         """
         displaced = replace(point, poses=self._displaced(point, rows))
         at = self.observed.take(rows).situation(point.model, self.references, point.poses[rows])
-        moved = [cause.basis(at).displacement(at) * size for cause, size in zip(self.causes, self.sizes, strict=True)]
-        columns = [self.calibration.columns(point, J, rows, weight) for J in moved]
-        return np.concatenate([self.calibration.jacobian(displaced, rows, weight), *columns], axis=2)
+        bases = [cause.basis(at) for cause in self.causes]
+        problem = self.calibration
+        if not at.robot.rods:
+            q = self.observed.measured.q.copy()
+            q[rows] = self._travelled(at.q, bases, point.x)
+            problem = problem.at_commands(q)
+            at = replace(at, q=q[rows], poses=displaced.poses[rows])
+        moved = [basis.displacement(at) * size for basis, size in zip(bases, self.sizes, strict=True)]
+        columns = [problem.columns(point, J, rows, weight) for J in moved]
+        return np.concatenate([problem.jacobian(displaced, rows, weight), *columns], axis=2)
+
+    def _travelled(self, q: Floats, bases: Sequence[Basis], x: Floats) -> Floats:
+        """(M, n) commands with the deviations of the travel by the causes, m or rad."""
+        moved, place = q.copy(), self.calibration.size
+        for basis, size in zip(bases, self.sizes, strict=True):
+            if basis.command is not None:
+                moved[:, basis.command[0]] += basis.command[1] @ (x[place : place + len(size)] * size)
+            place += len(size)
+        return moved
 
     def _displaced(self, point: Point, rows: slice) -> Poses:
         """The poses of an iterate, base frame, some rows of them with the effects."""
