@@ -31,7 +31,7 @@ def number(text: str) -> float:
 
 
 def numbers(texts: Sequence[str]) -> Floats:
-    """Read many at once, (N,); see :func:`number`."""
+    """Read N numbers, (N,), each as :func:`number` does."""
     joined = "".join(texts)
     try:
         read = number if "_" in joined or not joined.isascii() else float
@@ -43,7 +43,7 @@ def numbers(texts: Sequence[str]) -> Floats:
 
 
 def is_missing(text: str) -> bool:
-    """Whether a cell means a missing or infinite number, and not a word."""
+    """Whether a cell marks a missing or an infinite number, and is no other word."""
     plain = text.strip().lower()
     return plain in _MISSING or plain.lstrip("+-") in _INFINITE
 
