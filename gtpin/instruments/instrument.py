@@ -217,7 +217,7 @@ class Instrument(ABC):
         return None
 
     def counted(self) -> Floats:
-        """(M, c) what each number counts in the degrees of freedom: 1 by default, less where rows share one measurement."""
+        """(M, c) degrees of freedom that each number counts as: 1 by default, less where several rows share one measurement."""
         return np.ones((self.read.count, len(self.components)))
 
     @abstractmethod
