@@ -30,7 +30,7 @@ ones are left to a diagnosis, which weighs them against drift and other causes."
 AHEAD = 1.2
 """Ratio of the best alternative's residual power to that of steps above which it is steps: a motion in proportion to
 time (to its third power), temperatures, payload or another recorded column that changes slowly. Assumed; with 150
-poses of six numbers it is 80 nats."""
+poses of six numbers it is a log likelihood ratio of 80 nats."""
 
 
 def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise) -> None:
@@ -52,7 +52,7 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise)
     """
     if len(dataset) < 4 * EDGE:
         return
-    if len(dataset) > ENOUGH:  # an even part of very many
+    if len(dataset) > ENOUGH:  # of very many rows, evenly spaced ones are enough
         rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
         dataset, noise = dataset.take(rows), noise.take(rows)
         problem = replace(problem, measured=problem.measured.take(rows), whitening=problem.whitening[rows])
