@@ -128,7 +128,7 @@ def position_errors(comparison: Comparison) -> Figure:
     for axis, (name, title) in zip(axes, columns.items(), strict=True):
         values = table[name].to_numpy(dtype=float)
         ends = np.array([interval[name] for interval in intervals], dtype=float)
-        # A resampled maximum never exceeds the one seen, nor need the figure lie amid its interval.
+        # A value can be outside its interval: a resampled maximum never exceeds the observed one. Bars are then not negative.
         bars = np.maximum(np.abs(ends - values[:, None]).T, 0.0)
         axis.bar(table["model"], values, yerr=bars, capsize=4, color=[COLORS[m] for m in table["model"]])
         axis.set_title(title, fontsize=10)
