@@ -48,7 +48,7 @@ FILES = ("model.json", "robot.urdf", "nominal.urdf")
 NOT_TURNED = 1e-9
 """Largest accepted error of a rotation matrix's orthogonality, and of a correlation above 1."""
 MOST_UNCERTAIN = 1e3
-"""Standard deviation, m or rad, above which a file is refused: tolerances of geometric parameters are millimetres."""
+"""Standard deviation, m or rad, above which a file is refused: tolerances of geometric parameters are millimetres. Assumed."""
 
 
 def calibrated_urdf(model: Model) -> str:
@@ -250,12 +250,15 @@ def _joint(geometry: Geometry, content: ModelFile) -> npt.NDArray[np.float64] | 
 
 
 def _order(geometry: Geometry, content: ModelFile) -> list[int]:
-    """Places of the geometry's parameters among the file's, in whose order covariances are written."""
+    """Indices of the geometry's parameters among those of the file; the file's covariances are in its own order."""
     return [list(content.parameters).index(name) for name in geometry.names]
 
 
 def _checked(rows: list[list[float]], order: list[int], column: str, n_parameters: int) -> npt.NDArray[np.float64]:
-    """A covariance from a file, with rows and columns in an order, the geometry's parameters first."""
+    """A covariance from a file, with its rows and columns rearranged by the indices ``order``; raises `ModelError` if invalid.
+
+    The first ``n_parameters`` are parameters of the geometry.
+    """
     count = len(order)
     if len(rows) != count or any(len(row) != count for row in rows):
         raise ModelError(f"the covariance is not {count} x {count}", column=column)
