@@ -26,7 +26,7 @@ def number(text: str) -> float:
         value = float(text)
     except ValueError:
         return math.nan
-    # float() also takes Python's 1_000 and other scripts' digits, which nobody means in a table.
+    # float() also accepts Python's 1_000 and digits of other scripts, which are not numbers in a table.
     return value if math.isfinite(value) and "_" not in text and text.isascii() else math.nan
 
 

@@ -98,7 +98,7 @@ def _text(data: bytes) -> io.TextIOWrapper:
 
 
 def _cells(file: Path, lines: Iterator[str]) -> Iterator[Row]:
-    """The cells of each line; raises `DatasetError` where a quoted cell goes on in the next line or is followed by more."""
+    """The cells of each line; raises `DatasetError` where a quoted cell continues in the next line or has text after it."""
     reader = csv.reader(lines, strict=True)
     row = 0
     try:

@@ -150,7 +150,7 @@ def _far_outside(
     right, other, factor = ("rad", "degrees", 180.0 / np.pi) if turns else ("m", "millimetres", 1000.0)
     q = rows.q[:, actuator]
     as_is, scaled = (float(np.mean((x >= low) & (x <= high))) for x in (q, q / factor))
-    # Where most commands fit as they stand, a few that do not are errors of their own and say nothing of units.
+    # Where most commands fit without a conversion, the others are separate errors, not a matter of units.
     looks = f", and the column looks like {other}" if scaled >= _NEARLY_ALL and as_is < 0.5 else ""
     what = f"{q[index]:g} is far outside the range of {name} ({low:g} to {high:g} {right})"
     hint = f"write commands in {right}" if looks else "correct the row, or leave it out"
@@ -171,7 +171,7 @@ def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, f
         off = np.median(np.linalg.norm(measured - predicted, axis=1))
         scaled = np.median(np.linalg.norm(measured / 1000.0 - predicted, axis=1))
         return bool(off > reach and scaled <= reach)
-    # Medians, so that a gross error in a few rows does not pass for a unit.
+    # Medians, so that a gross error in a few rows does not look like another unit.
     spread = [np.median(np.linalg.norm(x - np.median(x, axis=0), axis=1)) for x in (measured, predicted)]
     return bool(500.0 * spread[1] < spread[0] < 2000.0 * spread[1]) and _in_all_directions(measured, predicted)
 

@@ -25,7 +25,7 @@ AXES, VECTOR = ("x", "y", "z"), ("qx", "qy", "qz")
 
 
 class RotationReading(Protocol):
-    """A way to read rotations."""
+    """A way to read measured rotations: as they are, or with a mistake corrected."""
 
     @property
     def looks(self) -> str:
