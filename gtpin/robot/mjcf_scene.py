@@ -1,4 +1,4 @@
-"""What stands beside a robot in an MJCF's scene: objects, doors, a table that rolls."""
+"""Objects in an MJCF's scene that are not part of the robot, such as doors or a table that rolls."""
 
 from __future__ import annotations
 

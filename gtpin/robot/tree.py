@@ -78,7 +78,7 @@ def _mimic(joint: str, element: Element, source: str) -> Mimic:
 
 
 def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], source: str) -> Mimic:
-    """The same mimic with the joint as master that moves by itself."""
+    """The same mimic, with a joint that follows no other as its master."""
     master, multiplier, offset = mimic.master, mimic.multiplier, mimic.offset
     for _ in follows:
         if master not in follows:
