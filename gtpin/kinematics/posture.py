@@ -19,7 +19,8 @@ Floats = npt.NDArray[np.float64]
 HOME_OFF = 0.1
 """Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode. Assumed."""
 HOME_TURNED = 0.2
-"""The same as an angle, rad. Assumed: far larger than rounding, and smaller than the difference of assembly modes."""
+"""Angle, rad, from the home in the URDF, beyond which they count so too. Assumed: both are far larger than rounding errors,
+and smaller than the difference of assembly modes."""
 SMALLEST_STEP = 1.0 / 256.0
 """Smallest step as a fraction of the line to the target; where a smaller one is needed, the target is given up. Assumed."""
 SINGULAR = 1e3

@@ -91,7 +91,7 @@ def static_forces(
 
 
 def _from_gap(posture: ClosedPosture, loop: int, multiplier: Floats) -> Floats:
-    """Force on a loop's second anchor, base frame, of a multiplier in the first anchor's frame."""
+    """(3,) force on a loop's second anchor, base frame, N, from the Lagrange multipliers (3,) in the first anchor's frame."""
     return to_gap(posture, loop, np.eye(3)).T @ multiplier
 
 
