@@ -1,4 +1,4 @@
-"""A first guess of where a target sits on the platform, by a closed-form fit of nominal and measured poses."""
+"""A first guess of a target's place on the platform, by a closed-form fit of nominal and measured poses."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ STEP = 1e-7
 DECREASE = 1e-10
 """Expected decrease of the cost by a step, as a fraction of the cost, at which the fit has converged, by default."""
 ROUNDING = 1e-6
-"""The same if no step lowers the cost because of rounding errors."""
+"""Expected decrease, as a fraction of the cost, at which it has converged if no step lowers the cost: rounding errors."""
 
 
 class LeastSquares(Protocol):

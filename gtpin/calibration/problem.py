@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 FARTHEST = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
 FRAME_UNIT = 1e-3
-"""Unit, m and rad, of the instrument's pose in x: about as large as tolerances, so that x is evenly scaled."""
+"""Unit, m and rad, of the instrument's pose in the fit's unknowns x: about a tolerance, so that all unknowns have one scale."""
 
 
 @dataclass(frozen=True)

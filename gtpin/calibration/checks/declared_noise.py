@@ -26,7 +26,8 @@ TWICE = 2.0
 """Declared noise over the noise that the data show from which the declared value is not used. Assumed: data
 sheets give limits of two standard deviations as often as one, and less than that changes no verdict."""
 ABSURD = 10.0
-"""The same ratio from which the data are refused: no data sheet overstates the noise so much. Assumed."""
+"""Declared noise over the noise that the data show from which the data are refused: no data sheet overstates the noise so much.
+Assumed."""
 NO_NOISE = 0.01
 """Noise, m or rad, above that of any instrument for robots: residuals of this size are not noise. Assumed."""
 CHANCE = 1e-3

@@ -23,7 +23,7 @@ FEWEST = 6
 FAR = 0.01
 """Motion, m, from which data are refused before a fit. Assumed: with such motions no diagnosis is linear about one frame."""
 FAILED = 1e-3
-"""The same where a fit has failed. Assumed."""
+"""Motion, m, from which data are refused after a fit has failed. Assumed."""
 CLEAR = 4.0
 """Ratio of a motion to the residuals with a separate frame for each session, above which the motion is clear. Assumed."""
 EXPECTED = 3.0

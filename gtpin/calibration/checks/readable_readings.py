@@ -1,4 +1,4 @@
-"""Readings of instruments that can't be the robot's as they stand: other units, other signs, sockets visited once."""
+"""Readings of instruments that can't be the robot's without a correction: other units, other signs, sockets visited once."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ VARIATION = 0.3
 """Largest error, as a share of a column's variation, with which a unit that makes the column's numbers smaller is accepted:
 with numbers near zero, a wrong unit fits any robot that hardly moves. Assumed."""
 ALIKE = 1.5
-"""Ratio of errors up to which two ways to read a table are as good as each other. Assumed."""
+"""Ratio of errors up to which two ways to read a table count as equally good. Assumed."""
 BETTER = 10.0
 """Ratio of errors from which another way to read a table is the right one. Assumed: a wrong unit makes hundreds."""
 

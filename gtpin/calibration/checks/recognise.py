@@ -21,7 +21,7 @@ from gtpin.model.model import Frame, Model
 Floats = npt.NDArray[np.float64]
 
 ROWS = 100
-"""Number of rows that is enough: medians of more rows are hardly more certain."""
+"""Number of rows that are used: medians of more rows are not much more certain. Assumed."""
 FEWEST = 6
 """Number of rows below which a free frame fits almost any data."""
 FITS = 0.1
@@ -78,7 +78,7 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
 
     These are tried, alone and together: units of lengths, of some axes or all; axes that are swapped or reversed; quaternions
     that are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or
-    shifted; an instrument that stood elsewhere; a target that sits elsewhere.
+    shifted; an instrument at another place than the base frame's; a target at another place than the TCP.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
     good = [(misfit, reading) for misfit, reading in tried if misfit <= enough]
     fewest = min(reading.mistakes for _, reading in good)
     chosen = [t for t in good if t[1].mistakes == fewest]
-    # Of readings that fit alike none is preferred: all are named, the usual ones first.
+    # Of readings that fit equally well none is preferred: all are named, the usual ones first.
     best = min(misfit for misfit, _ in chosen)
     alike = [reading for misfit, reading in chosen if misfit <= max(AS_GOOD * best, search.fits)]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in alike), strict=True))
@@ -140,12 +140,12 @@ class Search:
 
     @property
     def fits(self) -> float:
-        """Misfit, m, up to which data fit as they stand."""
+        """Misfit, m, up to which data fit without a correction."""
         return FITS * self.size + ALLOWED
 
     @cached_property
     def misfit(self) -> float:
-        """Median distance of the data as they stand from the nominal model, m; infinite where that reaches few of them."""
+        """Median distance of the uncorrected data from the nominal model, m; infinite where the model reaches few of them."""
         return np.inf if self.lost else self._misfit(self.measured, self.poses, self.free)
 
     @cached_property
@@ -156,7 +156,7 @@ class Search:
 
     @property
     def suspicious(self) -> bool:
-        """Whether the data do not fit as they stand."""
+        """Whether the data do not fit without a correction."""
         return self.size > 0.0 and self.misfit > self.fits and self.misfit > self.accepted
 
     @cached_property
@@ -182,8 +182,8 @@ class Search:
         """All readings that can be compared with the model, each after its misfit, m."""
         found = list(self._in_frame(self.free))
         yield from found
-        # Another frame is tried after those: geometry within its tolerances moves poses in a similar way. A target that sits
-        # elsewhere is tried last: where the platform hardly turns, it moves poses as another frame does.
+        # Another frame is tried after those: geometry within its tolerances moves poses in a similar way. A target at another
+        # place is tried last: where the platform rotates little, it moves poses as another frame does.
         if self.strayed and not self.free and all(m > self.fits or r.mistakes > 1 for m, r in found):
             yield from self._in_frame(True)
             yield from (self._tried(reading, True) for reading in self._targets(True))
@@ -209,7 +209,8 @@ class Search:
         return (misfit if reading.looks else np.inf), reading
 
     def _measurements(self, turned: bool) -> Iterator[Reading]:
-        """Readings of what was measured: those of positions that come near the model, each with all of orientations."""
+        """Readings of the measured poses: ways to read positions that come near the model, each with all ways to read
+        orientations."""
         q, poses, rotation = self.measured.q, self.poses, self.rotation
         if self.lost:
             return
@@ -248,7 +249,7 @@ class Search:
                 yield Reading(command.columns, command.looks, command.hint, 1, self.all.take(there), poses[there])
 
     def _shifted(self, turned: bool) -> Iterator[Reading]:
-        """Readings by which all commands of one actuator are off by a constant."""
+        """Readings with all commands of one actuator shifted by a constant."""
         if self.lost:
             return
         kinematics, q = self.nominal.kinematics, self.measured.q

@@ -66,7 +66,7 @@ def poses_of(ids: npt.NDArray[np.object_]) -> str:
 
 
 def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
-    """Ids of an instrument of which most readings were set aside, in words."""
+    """Texts for warnings: ids of an instrument of which most readings were set aside."""
     rows, file = readings.rows, readings.rows.files[index]
     mine = rows.rows_of(index)
     for column in rows.tables[index].ids:

@@ -102,7 +102,7 @@ class _Linear:
         return _Linear(settled, whole / settled.excess**2, moment / settled.excess**2)
 
     def suspects(self) -> Iterator[Strain]:
-        """Everything that might be wrong, with its gain."""
+        """All assumptions that might be wrong, each with the gain in log marginal likelihood without it."""
         problem = self.settled.fit.problem
         p, names = problem.n_geometry, problem.start.geometry.names
         prior = np.zeros(len(self.b))
