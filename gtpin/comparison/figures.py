@@ -160,7 +160,7 @@ def write_comparison(
     carts, roaming
         Cart measurements, whose linearity is also shown; see :func:`along_and_across`.
     force
-        Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
+        Rename files of these names that gtpin has not written, or that were changed since (``NAME.old-1``).
 
     Raises
     ------
