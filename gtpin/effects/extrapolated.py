@@ -14,7 +14,7 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 MARGIN = 0.05
-"""Part of the range of the fit by which commands may leave it without a warning. Assumed; it changes no prediction."""
+"""Share of the fit's range by which commands may be outside it without a warning. Assumed; it changes no prediction."""
 
 
 def warn_of_extrapolation(effects: Iterable[ActiveEffect], robot: Robot, q: Floats) -> None:
