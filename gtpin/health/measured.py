@@ -21,7 +21,7 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 
 FEWEST = 3
-"""Fewest poses of a check: two poses have hardly more numbers than the six unknowns of an instrument's pose."""
+"""Fewest poses of a check: two measured positions have six numbers, as many as an instrument's pose has unknowns."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Which poses to measure: for a calibration, to tell effects apart, or to see whether a machine has changed."""
+"""Which poses to measure: for a calibration, to distinguish effects, or to see whether a machine has changed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Purpose = Literal["calibration", "discrimination", "health"]
 Place = Literal["robot", "free"]
 
 RANDOM = 20
-"""Number of random choices of as many poses with which a plan is compared."""
+"""Number of random plans, each with the same number of poses, with which a plan is compared."""
 VAGUE = 100.0
 """Prior variance of the effects that a check is to find, in units of the squared typical size: a sigma of ten typical sizes.
 For effects that are to be distinguished it is 1: the others are not larger than usual."""
