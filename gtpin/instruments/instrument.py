@@ -1,4 +1,4 @@
-"""The base class of instruments: what one reads of the robot, and what is unknown of it."""
+"""The base class of instruments: what an instrument reads of the robot, and its unknowns."""
 
 from __future__ import annotations
 
