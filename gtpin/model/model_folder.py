@@ -264,7 +264,7 @@ def _checked(rows: list[list[float]], order: list[int], column: str, n_parameter
         raise ModelError(f"the covariance is not {count} x {count}", column=column)
     covariance = np.array(rows)[np.ix_(order, order)]
     sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
-    # Coefficients of effects, at the end of a joint covariance, have units of their own.
+    # Coefficients of effects, at the end of a joint covariance, have other units.
     if (covariance.diagonal() < 0.0).any() or (sigma[:n_parameters] > MOST_UNCERTAIN).any():
         raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column=column)
     if (np.abs(covariance) > (1.0 + NOT_TURNED) * np.outer(sigma, sigma)).any():
