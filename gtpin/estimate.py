@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 WIDE = 1.96
-"""Standard deviations that a 95 % interval reaches to either side."""
+"""Half the width of a 95 % interval of a Gaussian, in standard deviations."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ def require(what: str, needed: float) -> None:
     what
         The work, with the number of rows.
     needed
-        Bytes that it takes in addition to what the process has already.
+        Bytes that it takes in addition to what the process has already allocated.
     """
     free = available()
     if needed > free:
@@ -39,15 +39,15 @@ def amount(size: float) -> str:
 
 
 def available() -> float:
-    """Bytes that this process can still allocate: the smallest by its limits, its control group and the machine.
+    """Bytes that this process can still allocate: the smallest of what its limits, its control group and the machine leave.
 
-    Infinite where the system does not tell (``/proc`` exists on Linux only).
+    Infinite where the system does not report them (``/proc`` exists on Linux only).
     """
     return min([*_of_limits(), *_of_groups(), *_of_machine()], default=float("inf"))
 
 
 def _of_limits() -> Iterator[float]:
-    """Bytes that remain by ``ulimit -v`` and ``ulimit -d``."""
+    """Bytes that remain under the limits of ``ulimit -v`` and ``ulimit -d``."""
     with contextlib.suppress(ImportError, OSError, ValueError, IndexError):
         import resource  # Unix only
 
@@ -60,7 +60,10 @@ def _of_limits() -> Iterator[float]:
 
 
 def _of_groups() -> Iterator[float]:
-    """Bytes that remain in the control group: of version 2, then of version 1. Its cached files count as free."""
+    """Bytes that remain in the process's control group (cgroup): of version 2, then of version 1.
+
+    Cached files that are not in use count as free.
+    """
     names = ("memory.max", "memory.current", "inactive_file")
     yield from _of_group(GROUPS, *names)
     with contextlib.suppress(OSError):
@@ -85,6 +88,6 @@ def _of_machine() -> Iterator[float]:
 
 
 def _field(file: Path, name: str) -> int:
-    """A number from a file of names and numbers; zero where it is not there."""
+    """The number after ``name`` in a file of names and numbers; zero where the name is not there."""
     found = [line.split()[1] for line in file.read_text().splitlines() if line.split()[:1] == [name]]
     return int(found[0]) if found else 0

@@ -10,12 +10,12 @@ SUFFIXES = (".urdf", ".xml", ".mjcf")
 
 
 def is_path(robot: str) -> bool:
-    """Whether a reference to a robot is a path: it has a separator or a suffix of such a file; else it is a name."""
+    """Whether a reference to a robot is a path: it has a separator or one of `SUFFIXES`. Otherwise it is a name."""
     return "/" in robot or "\\" in robot or os.sep in robot or robot.lower().endswith(SUFFIXES)
 
 
 def seen_from(robot: str, folder: Path) -> str:
-    """How a dataset in a folder names a robot: a path starts at the folder."""
+    """The reference to a robot in a dataset of ``folder``: a path is made relative to the folder, a name stays."""
     if is_path(robot):
         return Path(os.path.relpath(robot, folder)).as_posix()
     return robot

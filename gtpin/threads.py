@@ -1,4 +1,4 @@
-"""How many threads linear algebra takes: one, since the matrices are small and threads that wait for each other cost more."""
+"""Linear algebra in one thread: the matrices are small, so that waiting of threads for each other costs more than they save."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Result = TypeVar("Result")
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Limit BLAS and OpenMP to one thread within a block; what was allowed before comes back after it."""
-    import scipy.linalg  # noqa: F401  (it brings a BLAS of its own: only libraries that are loaded already are limited)
+    """Limit BLAS and OpenMP to one thread within a block; after it the previous limits hold again."""
+    import scipy.linalg  # noqa: F401  (it loads its own BLAS; a library that is loaded later would not be limited)
 
     with threadpool_limits(limits=1):
         yield
 
 
 def in_one_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The function within :func:`one_thread`."""
+    """Decorator: the function runs within :func:`one_thread`."""
 
     @wraps(function)
     def limited(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:

@@ -32,9 +32,9 @@ class _Path:
 def measured_tracks(robot: Robot, carts: CartMeasurements, *, orientations: bool = False) -> tuple[MeasuredTrack, ...]:
     """The measured track of every actuator, rotated to the base frame's axes.
 
-    The instrument may have stood elsewhere than for the TCP. The carts' paths are rotated so that their mean direction is that
-    of the nominal tracks, and about this direction so that their positions fit best. A calibration identifies the remaining
-    rotation.
+    The instrument may have stood elsewhere than for the TCP's poses. The carts' paths are rotated so that their mean direction
+    is that of the nominal tracks, and about this direction so that their positions fit best. A calibration identifies the
+    remaining rotation.
 
     Parameters
     ----------
@@ -87,12 +87,13 @@ def _path(robot: Robot, carts: CartMeasurements, actuator: int, orientations: bo
 
 
 def _towards_base(robot: Robot, paths: list[_Path], nominal: Floats) -> Floats:
-    """(3, 3) rotation from the instrument's frame to one turned like the base frame."""
+    """(3, 3) rotation from the instrument's frame to a frame that is approximately parallel to the base frame."""
     slopes = [np.polyfit(path.q, path.position, 1)[0] for path in paths]
     measured = _unit(np.sum([_unit(slope) for slope in slopes], axis=0))
     wanted = _unit(np.sum([actuator.axis for actuator in robot.actuators], axis=0))
     first = Rotation.align_vectors(wanted[None], measured[None])[0]
-    # About that direction the tracks' positions decide; target offsets on the carts are small compared with their distances.
+    # The rotation about that direction is found from the positions of the tracks: the unknown positions of the targets on the
+    # carts are small compared with the distances of the tracks.
     zero = np.array([path.at_zero() for path in paths])
     a, b = first.apply(zero - zero.mean(axis=0)), nominal - nominal.mean(axis=0)
     sine = np.einsum("i,ni->", wanted, np.cross(a, b))

@@ -1,4 +1,4 @@
-"""A first guess of where a target sits on the platform, by a closed-form fit of nominal and measured poses."""
+"""A first guess of a target's place on the platform, by a closed-form fit of nominal and measured poses."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ Floats = npt.NDArray[np.float64]
 POSITION, ROTATION = 0.05, 0.1
 """Tolerances, m and rad, of a free target about its first guess. The error of the guess is that of the robot: millimetres."""
 ANY_ROTATION = 2.0
-"""The same, rad, where orientations were not measured: any rotation is as good."""
+"""The same, rad, where orientations were not measured: then no rotation is preferred."""
 FEWEST, ROWS = 6, 100
-"""Poses that the order of quaternions is recognised from: at least and at most."""
+"""Smallest and largest number of poses from which the order of quaternions is determined."""
 ROUNDS = 30
-"""Alternating fits of the frame and the target, each with new weights."""
+"""Number of alternating fits of the frame and the target, each with new weights."""
 
 
 def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
@@ -39,8 +39,8 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     Raises
     ------
     DatasetError
-        If the robot has rods, whose platform carries no such parameters; if it has another number of actuators; or if the
-        measured quaternions fit no target as they stand, but do in another order.
+        If the robot has rods, for which these parameters do not exist; if it has another number of actuators; or if the
+        measured quaternions fit a target on the platform only in another order of their numbers.
     """
     if dataset.instrument.target != "free":
         return geometry
@@ -71,7 +71,7 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
 
 
 def _misplaced_order(predicted: Poses, measured: Measured, free_frame: bool) -> str | None:
-    """The order in which the numbers of quaternions stand, where it is not wxyz, by how well a target on the platform fits.
+    """The order of the numbers of quaternions, where it is not wxyz: that with which a target on the platform fits best.
 
     Distances are converted to angles by division by the size of the workspace. They are needed because, where the robot turns
     about one axis only, a free target can compensate an inverted rotation.
@@ -140,7 +140,7 @@ def target_on_platform(predicted: Poses, measured: Measured, *, free_frame: bool
 
 
 def _frame(at: Floats, T: Floats, w: Floats, known: Floats | None) -> tuple[Floats, Floats]:
-    """Rotation and shift of the instrument's frame: Kabsch, or with the rotation that orientations gave."""
+    """Rotation and shift, m, of the instrument's frame from positions (Kabsch); ``known``: the rotation, from orientations."""
     a, b = np.average(at, axis=0, weights=w), np.average(T, axis=0, weights=w)
     R = _nearest((w[:, None] * (T - b)).T @ (at - a)) if known is None else known
     return R, b - R @ a
@@ -153,7 +153,8 @@ def _nearest(matrix: Floats) -> Floats:
 
 
 def _turned(R: Floats, seen: Floats, free_frame: bool) -> tuple[Floats, Floats]:
-    """Rotations F and X with seen = F R X: from the nearest Kronecker product, then by alternating fits."""
+    """Rotations F and X with seen = F R X: from the nearest Kronecker product (Van Loan and Pitsianis 1993), then by
+    alternating fits."""
     F = np.eye(3)
     if free_frame:
         # vec(F R X) = (F kron X') vec(R), rows stacked: the matrix by least squares, its factors by a singular vector.
@@ -174,10 +175,14 @@ def _turned(R: Floats, seen: Floats, free_frame: bool) -> tuple[Floats, Floats]:
 
 
 def _bilinear(predicted: Poses, T: Floats) -> Floats:
-    """(3,) the target from positions: F and F t e' as if they were independent, then the nearest t."""
+    """(3,) first guess of the target t, TCP frame, m, from positions alone: T = F predicted.T + F predicted.R t + shift.
+
+    This is linear in F and in the products of the numbers of F and t. All are fitted as if they were independent, then t is
+    found from the products.
+    """
     rows = np.hstack([predicted.T, predicted.R.reshape(-1, 9), np.ones((len(T), 1))])
     found = np.asarray(np.linalg.lstsq(rows, T, rcond=None)[0].T, dtype=np.float64)
-    # (3, 13): for each row a of F its own three numbers, nine products with t, and the shift.
+    # (3, 13): for each row of F its three numbers, their nine products with t, and the shift.
     F = _nearest(found[:, :3])
     products = found[:, 3:12].reshape(3, 3, 3)
     return np.asarray(np.einsum("ab,abc->c", F, products) / 3.0)

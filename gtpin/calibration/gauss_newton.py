@@ -21,9 +21,9 @@ MAX_DAMPING = 1e12
 STEP = 1e-7
 """Step, in units of the tolerances, at which the fit has converged."""
 DECREASE = 1e-10
-"""Decrease of the cost that a step promises, per unit of cost, at which the fit has converged, by default."""
+"""Expected decrease of the cost by a step, as a fraction of the cost, at which the fit has converged, by default."""
 ROUNDING = 1e-6
-"""The same if no step lowers the cost because of rounding errors."""
+"""Expected decrease, as a fraction of the cost, at which it has converged if no step lowers the cost: rounding errors."""
 
 
 class LeastSquares(Protocol):
@@ -35,7 +35,7 @@ class LeastSquares(Protocol):
 
     @property
     def prior(self) -> Floats:
-        """(size,) weight of each x squared."""
+        """(size,) inverse of the prior variance of each unknown; 0 without a prior."""
 
     def point(self, x: Floats, near: Poses | None = None) -> Point:
         """The model at x and its poses, searched near others (base frame); NaN where a pose can't be reached."""
@@ -112,7 +112,7 @@ def fit(
     enough: int = MAX_ITERATIONS,
     left_out: float = 0.0,
 ) -> Fit[P]:
-    """Minimise the weighted squares of the whitened residuals plus the prior's.
+    """Minimise half the weighted sum of squares of the whitened residuals, plus half the sum of prior x^2.
 
     Parameters
     ----------
@@ -131,8 +131,8 @@ def fit(
     enough
         Number of steps after which the fit stops without an error, converged or not.
     left_out
-        Decrease of the cost that the whole step may promise where no step lowers the cost: for a problem whose derivative
-        leaves out small terms, so that its promise is not exact. 0: rounding errors only.
+        Expected decrease of the cost by the undamped step with which the fit still counts as converged, where no step lowers
+        the cost. It is for a problem whose derivative leaves out small terms. 0: rounding errors only.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from gtpin.kinematics.poses import Poses
 Floats = npt.NDArray[np.float64]
 
 STEPS = 12
-"""Steps of the fit."""
+"""Largest number of Gauss-Newton steps."""
 FARTHEST = 1e3
 """Largest deviation of unknowns, m and rad: readings that need more are not a robot's, and are compared at this limit."""
 
@@ -24,7 +24,8 @@ def with_unknowns(readings: Readings, poses: Poses) -> Readings:
     sigma = readings.sigma
     unit, prior = np.where(np.isfinite(sigma), sigma, FRAME_UNIT), np.isfinite(sigma).astype(float)
     each = np.where(np.isfinite(readings.row_sigma), readings.row_sigma, readings.usual[readings.group])
-    # Nominal geometry is off by its tolerances: with the instruments' noise alone, unknowns would follow it anywhere.
+    # The nominal geometry has errors of the size of its tolerances, about 1 mm and 1 mrad. With the instruments' noise alone,
+    # the unknowns would compensate these errors.
     each = np.hypot(each, 1e-3)
     start = readings.u
     for _ in range(STEPS):

@@ -22,9 +22,9 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 PASSES = 6
-"""Calibrations at most. What the effects do changes with the geometry only in second order: three passes are usual."""
+"""Largest number of passes. The motions by the effects change with the geometry in second order only: three are usual."""
 SETTLED = 1e-7
-"""Change, m and rad, of what the effects do to the poses, below which it is settled: far below any instrument's noise."""
+"""Change of the motions by the effects, m and rad, below which they have converged: far below any instrument's noise."""
 
 
 def with_kept_effects(
@@ -58,7 +58,7 @@ def with_kept_effects(
     ModelError
         If an effect's site is not one of the robot's, or the dataset does not have a covariate that an effect needs.
     ConvergenceError
-        If the motions do not settle.
+        If the motions do not converge.
 
     Warns
     -----
@@ -127,7 +127,7 @@ def _with_kept(
 
 
 def _without(dataset: Dataset, motions: Floats) -> Dataset:
-    """The dataset with motions (N, 6), m and rad, instrument's frame, taken from its poses."""
+    """The dataset with motions (N, 6), m and rad, instrument's frame, subtracted from its poses."""
     orientation = dataset.orientation
     if orientation is not None:
         orientation = to_quaternions(exp(-motions[:, 3:]) @ from_quaternions(orientation))

@@ -26,9 +26,9 @@ Mask = npt.NDArray[np.bool_]
 ENOUGH = 3000
 """Number of poses from which repeatability is estimated by residuals; more are slower, and hardly more accurate."""
 SETTLED = 1e-3
-"""Relative change of an estimated sigma at which it has settled."""
+"""Relative change of an estimated sigma below which it has converged."""
 NEAREST = 0.1
-"""Least distance, m, of an instrument from what it measures."""
+"""Smallest distance, m, of an instrument from the poses that it measures. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,11 @@ class NoiseEstimator:
     start
         The nominal model.
     measured, visits
-        The measured poses, and (N,) the index of each one's commands.
+        The measured poses, and (N,) the index of each one's commands: equal for repeated visits.
     instrument
-        What the dataset declares.
+        The dataset's description of the instrument.
     lacking
-        Whether the model leaves out known causes of deviations. Residuals of single visits then do not count as scatter of the
-        drives.
+        Whether the model leaves out known causes of deviations. Residuals of single visits then do not count as repeatability.
     """
 
     start: Model
@@ -83,14 +82,20 @@ class NoiseEstimator:
         ).at_least(SMALLEST)
 
     def estimate(self, noise: Noise, outcome: Fit[Problem], used: Mask, still: Mask, left: Floats, J: Floats) -> Noise:
-        """The undeclared part of the noise, from repeated visits or otherwise from the residuals.
+        """The noise, with its undeclared part estimated from repeated visits, or otherwise from the residuals.
 
         Parameters
         ----------
+        noise, outcome
+            The previous estimate, and the last fit.
         used
-            (N,) the poses that are not gross errors.
+            (N,) True for the poses that are not gross errors.
         still
-            Mask of these among the poses to which ``outcome`` was fitted.
+            The same for the poses to which ``outcome`` was fitted.
+        left
+            (N, c) residuals of all poses, m and rad, instrument's frame.
+        J
+            (N, 6, n) derivative of the measured poses by the commands, instrument's frame.
         """
         if noise.sight is not None:
             noise = replace(noise, range_ratio=range_ratio(noise.take(used), left[used, :3]))
@@ -101,13 +106,13 @@ class NoiseEstimator:
             repeated = replace(repeated, sight=noise.sight, reach=noise.reach)
             if all(self.declared) or repeated.repeatability > 0.0:
                 return repeated
-            # Few repeats estimate the noise roughly, all residuals well: use the latter unless it is larger.
+            # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless it is larger.
             fitted = self._from_residuals(noise, outcome, still)
             return repeated if _larger(fitted, repeated) else fitted
         if all(self.declared):
             return noise
         fitted = self._from_residuals(noise, outcome, still)
-        # With positions only, or with one declared sigma, drives' scatter is hardly distinguishable from the instrument's.
+        # With positions only, or with one declared sigma, repeatability and the instrument's noise look much alike.
         if any(self.declared) or self.lacking:
             return fitted
         return self._with_repeatability(fitted, outcome, used, left[used], J[used])
@@ -115,8 +120,8 @@ class NoiseEstimator:
     def _from_residuals(self, noise: Noise, outcome: Fit[Problem], still: Mask) -> Noise:
         """Undeclared sigmas from the residuals' squares and the degrees of freedom in each kind of component.
 
-        Only poses that are ``still`` used: a gross error in the fit would make the noise so large that it is accepted in the
-        next iteration, and rejected in the one after that.
+        Only poses that are ``still`` used count. With a gross error, the noise would be so large that the error is accepted in
+        the next iteration, and rejected in the one after that.
         """
         weight = outcome.weight * still
         taken, covariance = np.zeros(self.measured.components), outcome.covariance
@@ -140,11 +145,12 @@ class NoiseEstimator:
         )
 
     def _with_repeatability(self, noise: Noise, outcome: Fit[Problem], used: Mask, left: Floats, J: Floats) -> Noise:
-        """The same sigmas, or others with the machine's repeatability, if few poses were visited twice and residuals show it.
+        """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits.
 
         An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
         belong to the machine. They are scaled up for the degrees of freedom of the fit. They are repeatability only if they
-        are independent from pose to pose. What neighbouring poses share is a model error (``lack``), which weighs equally.
+        are independent from pose to pose. Where neighbouring poses have similar residuals, they are a model error (``lack``),
+        which enters the covariance in the same way.
         """
         some = np.arange(len(left))[:: 1 + len(left) // ENOUGH]
         whole = left[some] * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))

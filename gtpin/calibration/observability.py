@@ -10,9 +10,9 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 UNSEEN = 0.5
-"""A direction counts as unobservable if its variance reduction is below this value."""
+"""A direction counts as unobservable if its variance reduction is below this value. Assumed."""
 NAMED = 0.1
-"""Smallest weight of a parameter that is listed in a direction."""
+"""Smallest weight of a parameter that is listed in a direction. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +70,15 @@ def observability(factor: Floats, n_geometry: int, rows: int) -> Observability:
     Parameters
     ----------
     factor
-        (r, size) any matrix whose square is that of the whitened derivative of the data by the geometry, in tolerances, and
-        then by unknowns without a prior: the derivative itself, or its triangular factor.
+        (r, size) any matrix F with F'F = J'J, such as J or its triangular factor. J is the whitened derivative of the data by
+        the geometry, in units of the tolerances, and then by unknowns without a prior.
     n_geometry
         Number of columns of the geometry.
     rows
         Number of measured components.
     """
     free = factor.shape[1] - n_geometry
-    # The free frame absorbs a part of the information: its columns come first and are eliminated.
+    # Unknowns without a prior (a free frame) absorb a part of the information: their columns come first and are eliminated.
     triangular = np.asarray(np.linalg.qr(np.hstack([factor[:, n_geometry:], factor[:, :n_geometry]]), mode="r"))
     _, s, Vt = np.linalg.svd(triangular[free:, free:])
     s = np.concatenate([s, np.zeros(n_geometry - len(s))])

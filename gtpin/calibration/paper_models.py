@@ -85,7 +85,8 @@ def parallelogram(robot: Robot, R: Floats) -> Robot:
 
 
 def _clusters(robot: Robot, R: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int_]]:
-    """Simplified carts' joints (n, 3) at zero (eq. 3) and lengths (n,), and (k,) the cart of each rod."""
+    """For each cart of the reduced arm: its joint at the command 0 (n, 3), base frame, m (eq. 3), and the length of its rods
+    (n,), m; and (k,) the cart of each rod."""
     carrier = np.array([-1 if rod.carrier is None else rod.carrier for rod in robot.rods])
     folded = np.array([rod.C - R @ rod.P for rod in robot.rods])
     lengths = np.array([rod.L for rod in robot.rods])
@@ -94,7 +95,7 @@ def _clusters(robot: Robot, R: Floats) -> tuple[Floats, Floats, npt.NDArray[np.i
 
 
 def _meet(robot: Robot, C: Floats, L: Floats) -> Floats:
-    """(3,) where the simplified rods meet at zero, near the nominal home."""
+    """(3,) TCP of the reduced arm at commands 0, base frame, m: the point near the nominal home at which its rods meet."""
     home = robot.description.home
     T = np.zeros(3) if home is None else np.array(home.tcp_xyz)
     for _ in range(50):
@@ -117,7 +118,7 @@ def _mean_orientation(robot: Robot, dataset: Dataset) -> Floats:
 def _tracks(
     number: int, robot: Robot, dataset: Dataset, measured: Sequence[bool] | None, orientations: bool
 ) -> tuple[MeasuredTrack | None, ...]:
-    """By rod, its measured track or None."""
+    """For each rod, its measured track or None; empty where the model has none."""
     if number not in MEASURED:
         return ()
     if dataset.carts is None:
@@ -138,5 +139,5 @@ def _tracks(
 
 
 def _wide(tolerances: Mapping[str, float]) -> dict[str, float]:
-    """Tolerances of the reduced arm, whose joints stand for several that are off by as much each."""
+    """Tolerances of the reduced arm: one of its joints replaces several, whose deviations differ. The factor 5 is assumed."""
     return dict(tolerances) | {kind: 5.0 * tolerances[kind] for kind in ("link_length", "cart_joint")}

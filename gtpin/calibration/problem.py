@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 FARTHEST = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
 FRAME_UNIT = 1e-3
-"""Unit, m and rad, of the instrument's pose in x: about as large as tolerances, so that x is evenly scaled."""
+"""Unit, m and rad, of the instrument's pose in the fit's unknowns x: about a tolerance, so that all unknowns have one scale."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ class Measured:
         return in_frame(J, model.frame)[:, : self.components]
 
     def unknown_columns(self, model: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
-        """(N, c, k) measurements' derivatives by the instrument's unknowns in prior sigmas, and how many have no prior.
+        """(N, c, k) derivatives of the measurements by the instrument's unknowns, and how many of these have no prior.
 
-        Those are the last of them: shifts, m, and turns, rad, of a free frame about a pivot (3,), or the middle of the poses.
+        They are the six of a free frame: shifts, m, and rotations, rad, about ``pivot`` (3,); None: the middle of the poses.
         """
         if not free_frame:
             return np.zeros((len(self.T), self.components, 0)), 0
@@ -75,7 +75,7 @@ class Measured:
         return np.zeros(0)
 
     def taken(self, free_frame: bool) -> int:
-        """Number of unknowns without a prior: so many degrees of freedom they take."""
+        """Number of unknowns without a prior, which is the number of degrees of freedom that they take."""
         return 6 if free_frame else 0
 
     def minus(self, predicted: Poses) -> Floats:
@@ -159,8 +159,8 @@ class Problem:
         return np.asarray(np.clip(np.einsum("nij,nj->ni", self.whitening, values), -FARTHEST, FARTHEST))
 
     def noisier(self, factor: float) -> Problem:
-        """The same problem with the noise larger by a factor."""
-        if self.whitening.strides[0] == 0:  # one matrix for all
+        """The same problem with the noise multiplied by a factor."""
+        if self.whitening.strides[0] == 0:  # one matrix for all poses
             return replace(self, whitening=np.broadcast_to(self.whitening[0] / factor, self.whitening.shape))
         return replace(self, whitening=self.whitening / factor)
 
@@ -191,13 +191,13 @@ class Problem:
         return np.asarray(whitening @ J[:, : self.measured.components])
 
     def _frame_change(self, x: Floats) -> tuple[Floats, Floats]:
-        """Shift (3,), m, and rotation vector (3,), rad, of the instrument's view of the robot since the start."""
-        n = self.n_geometry  # what follows the instrument's pose belongs to a larger problem
+        """Shift (3,), m, and rotation vector (3,), rad, of the base frame in the instrument's frame, relative to the start."""
+        n = self.n_geometry  # x may have more numbers, which belong to a larger problem
         return FRAME_UNIT * x[n : n + 3], FRAME_UNIT * x[n + 3 : n + 6]
 
     @cached_property
     def _pivot(self) -> Floats:
-        """(3,) centre of the view's rotation: the middle of the poses, where shift and rotation are nearly independent."""
+        """(3,) centre of this rotation: the middle of the poses, about which shift and rotation are nearly independent."""
         return np.asarray(np.median(self.measured.T, axis=0))
 
     def _frame(self, x: Floats) -> Frame:

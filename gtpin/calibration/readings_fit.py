@@ -37,7 +37,8 @@ SETTLED = 1e-3
 """Relative change of a sigma below which it has converged."""
 
 WIDE = 1.5
-"""Size of residuals, in units of the noise, from which a fit that does not converge is repeated with noise of that size."""
+"""Size of residuals, in units of the noise, from which a fit that does not converge is repeated with noise of that size.
+Assumed."""
 
 
 @dataclass(frozen=True)
@@ -303,7 +304,7 @@ class RobustFit:
         for group in range(groups):
             own = contrast[of == group]
             if len(own):
-                # A gross error of one reading must not make the others' noise: limit each to four of their sigmas.
+                # A gross error of one reading must not enlarge the noise of the others: contrasts are limited to four sigmas.
                 limit = 4.0 * float(np.median(np.abs(own))) / 0.6745
                 squares[group], counts[group] = (np.clip(own, -limit, limit) ** 2).sum(), len(own)
         return squares, counts

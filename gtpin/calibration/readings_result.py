@@ -207,7 +207,7 @@ def readings_calibration(
 
 
 def _count(readings: Readings, used: npt.NDArray[np.bool_]) -> int:
-    """Number of rows of the tables."""
+    """Number of rows of the tables that are used; the components of one row count once."""
     return len(np.unique(np.column_stack([readings.rows.of[used], readings.rows.line[used]]), axis=0))
 
 

@@ -39,7 +39,7 @@ class Calibration(Shown):
     Parameters
     ----------
     model
-        Predicts poses with the identified geometry.
+        The model with the identified geometry. It predicts poses.
     covariance
         (p, p) posterior covariance of the geometry's parameters, m, rad and m/m, in the order of ``names``.
     observability

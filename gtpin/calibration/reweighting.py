@@ -38,9 +38,10 @@ PART = 20_000
 hundredth of a tolerance, so that one step on all poses is enough afterwards. Measured: docs/speed.md.
 """
 LOST = 100.0
-"""Ratio of residuals to noise above which a rough fit has failed: 1.5 mm for a tracker."""
+"""Ratio of residuals to noise above which a rough fit has failed: 1.5 mm for a tracker. Assumed."""
 COARSE = (1e-2, 1e-3)
-"""Sigmas, m and rad, of the coarse fits that then precede it: as large as the largest tolerances, then as usual ones."""
+"""Sigmas, m and rad, of the coarse fits that are made before a second rough fit: first those of the largest tolerances, then
+those of usual ones."""
 LACKING_FREEDOM = 7.0
 """Degrees of freedom of the t distribution by which gross errors are judged if the model is incomplete by design: the tails of
 its residuals are unknown, and longest at the workspace's edge. Assumed; of 50 poses, one whose residual is 14 times
@@ -58,16 +59,16 @@ class Reweighting:
     start
         The nominal model.
     measured, visits
-        The measured poses, and (N,) the index of each one's commands.
+        The N measured poses, and (N,) the index of each one's commands: equal for repeated visits.
     near
-        Nominal poses in the base frame.
+        (N) nominal poses, base frame.
     instrument
-        What the dataset declares.
+        The dataset's description of the instrument.
     progress
         Called with the name of the step, the iteration, and the RMS residual in units of the noise.
     lacking
         Whether the model leaves out known causes of deviations, as the paper's models do. Then residuals of single visits do
-        not count as scatter of the drives, and gross errors are judged by heavier tails.
+        not count as repeatability, and gross errors are judged by heavier tails.
     """
 
     start: Model
@@ -179,7 +180,7 @@ class Reweighting:
     def _left(self, outcome: Fit[Problem], used: Mask) -> tuple[Floats, Poses]:
         """(N, c) residuals of a fit at all poses, including rejected ones, and the model's poses in the base frame."""
         model, poses = outcome.point.model, outcome.point.poses
-        if len(poses) != np.count_nonzero(used):  # a part's
+        if len(poses) != np.count_nonzero(used):  # those of a part
             poses = model.kinematics.forward(self.measured.q, self.near)
         elif len(poses) < len(used):
             T, R = np.empty((len(used), 3)), np.empty((len(used), 3, 3))

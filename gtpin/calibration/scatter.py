@@ -26,11 +26,12 @@ Floats = npt.NDArray[np.float64]
 ENOUGH = 1000
 """Number of poses among which neighbours are searched; more are slower, and hardly more accurate."""
 CHANCE = 0.025
-"""Probability of calling independent scatter correlated; equal to that of accepting a repeatability that does not exist."""
+"""Probability of calling independent scatter correlated; equal to that of accepting a repeatability that does not exist.
+Assumed."""
 
 
 def independent(start: Model, point: Point, measured: Measured, noise: Noise, J: Floats, free_frame: bool) -> bool:
-    """Whether the residuals along the motions of single drives are as independent from pose to pose as scatter is.
+    """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def independent(start: Model, point: Point, measured: Measured, noise: Noise, J:
 
 
 def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
-    """Standard scores of the correlation of the drives' errors at neighbouring poses, by kind of neighbour."""
+    """Standard scores of the correlation of the drives' errors at neighbouring poses, one for each kind of neighbour."""
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
     c, k = B.shape[1:]
     y = problem.residual(point) + B @ point.x
@@ -84,9 +85,9 @@ def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
 
 
 def _neighbours(q: Floats) -> list[Floats]:
-    """By kind, (n, N, N) weight of each pair of poses for each drive: near in its own command, or in all commands.
+    """(n, N, N) weights of each pair of poses for each drive, for two kinds of neighbours: near in all commands, or in its own.
 
-    Two poses are near where their distance is not larger than the usual distance of a pose to its nearest neighbour.
+    A weight is a Gaussian of the distance, with the median distance of a pose to its nearest neighbour as standard deviation.
     """
     unit = q / np.maximum(np.std(q, axis=0), 1e-12)
     apart = cdist(unit, unit)

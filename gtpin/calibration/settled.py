@@ -1,4 +1,4 @@
-"""The converged state of a calibration's iterations, and how well its noise accounts for the residuals."""
+"""The converged state of a calibration's iterations, and whether its noise explains the residuals."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from gtpin.noise.noise import Noise
 Mask = npt.NDArray[np.bool_]
 
 CORE = 1.2
-"""Ratio of the residuals' core to the noise above which heavy tails count as a lack of fit too."""
+"""Ratio of the scale of the fitted t distribution to the noise, above which heavy tails count as a lack of fit too. Assumed."""
 LACK_OF_FIT = 1e-3
-"""p-value of chi-square below which the model counts as incomplete."""
+"""p-value of chi-square below which the model counts as incomplete. Assumed."""
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,11 @@ Floats = npt.NDArray[np.float64]
 POSES = 12
 """Number of poses, evenly distributed over those of the data, at which each measurement is tried."""
 RANGE, TOUCH, TILT, TRACKED = 2e-5, 1e-5, 5e-5, (2e-5, 5e-5)
-"""Usual noise, m and rad, of a draw wire or ball bar, a touch probe, a tilt sensor, and a laser tracker. Assumed;
-none decides but by orders of magnitude."""
+"""Usual noise, m and rad, of a draw wire or ball bar, a touch probe, a tilt sensor, and a laser tracker. Assumed; only the
+orders of magnitude matter."""
 STATION, HEIGHT, TILTED, MOUNT = 0.5, 5e-3, 5e-3, 1e-2
-"""Prior sigmas, m and rad, of what is unknown of them: the defaults of dataset.toml."""
+"""Prior sigmas, m and rad, of the unknowns of these instruments: coordinates of a station, height and tilts of a plane, and
+mounting of a tilt sensor. They are the defaults of dataset.toml."""
 ALONG = (
     ((1.0, 0.0, 0.0), "x"),
     ((0.0, 1.0, 0.0), "y"),
@@ -86,7 +87,7 @@ def remedies(fitted: Fit[ReadingsProblem], directions: Floats, up: Floats) -> tu
     rows = np.unique(np.linspace(0, count - 1, min(POSES, count)).astype(np.intp))
     poses = point.poses[rows]
     geometry = point.model.geometry
-    # Of the platform: measured joints, whose coordinates come after it, are read already.
+    # Only the six rows of the platform: the coordinates of measured joints are read already.
     J = point.model.kinematics.geometry_jacobian(problem.readings.q[rows], poses)[:, :6] * geometry.tolerance
     p = problem.n_geometry
     information = fitted.information + np.diag(problem.prior)

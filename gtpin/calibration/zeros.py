@@ -37,8 +37,8 @@ class Zero:
 def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]:
     """The equivalent zero of every actuator that carries joints of rods, by least squares over their motions.
 
-    A zero that is off by z moves joint i at command 0 by t_i z, with t_i the derivative of its place by the command: along the
-    track, or about the arm's axis. Of deviations c_i from nominal, z = sum t_i.c_i / sum t_i.t_i: for a track, the mean
+    A zero that is off by z moves joint i at command 0 by t_i z, with t_i the derivative of its position by the command: along
+    the track, or about the arm's axis. From deviations c_i from nominal, z = sum t_i.c_i / sum t_i.t_i: for a track, the mean
     deviation of the cart's joints along it.
 
     Parameters

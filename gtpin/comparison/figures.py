@@ -128,7 +128,7 @@ def position_errors(comparison: Comparison) -> Figure:
     for axis, (name, title) in zip(axes, columns.items(), strict=True):
         values = table[name].to_numpy(dtype=float)
         ends = np.array([interval[name] for interval in intervals], dtype=float)
-        # A resampled maximum never exceeds the one seen, nor need the figure lie amid its interval.
+        # A value can be outside its interval: a resampled maximum never exceeds the observed one. Bars are then not negative.
         bars = np.maximum(np.abs(ends - values[:, None]).T, 0.0)
         axis.bar(table["model"], values, yerr=bars, capsize=4, color=[COLORS[m] for m in table["model"]])
         axis.set_title(title, fontsize=10)
@@ -160,7 +160,7 @@ def write_comparison(
     carts, roaming
         Cart measurements, whose linearity is also shown; see :func:`along_and_across`.
     force
-        Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
+        Rename files of these names that gtpin has not written, or that were changed since (``NAME.old-1``).
 
     Raises
     ------

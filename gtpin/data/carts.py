@@ -18,12 +18,12 @@ from gtpin.data.table import Column, Floats
 
 @dataclass(frozen=True, eq=False)
 class CartMeasurements:
-    """M measured cart poses of a robot with n actuators, in any one frame.
+    """M measured cart poses of a robot with n actuators, all in one frame, which may be any.
 
     Parameters
     ----------
     cart
-        (M,) number of the cart, 1 .. n.
+        (M,) number of the cart, 1 .. n: cart i is moved by actuator i.
     q
         (M,) command of this cart, m.
     position

@@ -26,12 +26,12 @@ def number(text: str) -> float:
         value = float(text)
     except ValueError:
         return math.nan
-    # float() also takes Python's 1_000 and other scripts' digits, which nobody means in a table.
+    # float() also accepts Python's 1_000 and digits of other scripts, which are not numbers in a table.
     return value if math.isfinite(value) and "_" not in text and text.isascii() else math.nan
 
 
 def numbers(texts: Sequence[str]) -> Floats:
-    """Read many at once, (N,); see :func:`number`."""
+    """Read N numbers, (N,), each as :func:`number` does."""
     joined = "".join(texts)
     try:
         read = number if "_" in joined or not joined.isascii() else float
@@ -43,7 +43,7 @@ def numbers(texts: Sequence[str]) -> Floats:
 
 
 def is_missing(text: str) -> bool:
-    """Whether a cell means a missing or infinite number, and not a word."""
+    """Whether a cell marks a missing or an infinite number, and is no other word."""
     plain = text.strip().lower()
     return plain in _MISSING or plain.lstrip("+-") in _INFINITE
 

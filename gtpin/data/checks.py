@@ -16,13 +16,15 @@ from gtpin.data.table import Column, Floats
 from gtpin.errors import DatasetError
 
 _NORM_TOLERANCE = 1e-3
+"""Largest deviation of a quaternion's norm from 1. Assumed."""
 _SAME_COMMAND = 1e-12
+"""Largest difference, m or rad, of two commands that count as the same. Assumed."""
 LARGEST = 1e30
 """Largest value of a covariate: its tenth power is still a finite number, and no effect uses more than the fourth power."""
 
 
 def unnumbered() -> NDArray[np.int64]:
-    """Give the lines of rows that came from no file."""
+    """An empty array: line numbers of rows that were not read from a file. `Rows.of` numbers them."""
     return np.empty(0, dtype=np.int64)
 
 
@@ -35,7 +37,7 @@ def frozen(array: Column) -> Column:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Where rows came from: names the file and line of the i-th in every error."""
+    """File and lines, (N,), of N rows; its checks raise errors that name the file and line of the row."""
 
     file: Path | None
     line: NDArray[np.int64]
@@ -111,7 +113,7 @@ class Rows:
     def covariates(
         self, values: Mapping[str, ArrayLike], n_actuators: int, taken: re.Pattern[str]
     ) -> dict[str, Column]:
-        """Check covariates by name, none of them `taken`: sessions are ids, everything else N finite numbers."""
+        """Check covariates by name: sessions are ids, everything else N finite numbers. No name may match ``taken``."""
         result: dict[str, Column] = {}
         for name, column in values.items():
             try:

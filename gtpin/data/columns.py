@@ -32,7 +32,7 @@ def covariates(table: Table, taken: Collection[str]) -> dict[str, Column]:
 
 
 def warn_of_covariates(table: Table, taken: Collection[str]) -> None:
-    """Warn of columns that were left out for they hold words, and of names that only look like a known one."""
+    """Warn of columns that were left out because they hold words, and of names that look like a known one but differ."""
     names = [name for name in table.names if name not in taken]
     words = [name for name in names if name not in table.columns]
     if words:

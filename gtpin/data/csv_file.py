@@ -98,7 +98,7 @@ def _text(data: bytes) -> io.TextIOWrapper:
 
 
 def _cells(file: Path, lines: Iterator[str]) -> Iterator[Row]:
-    """The cells of each line; raises `DatasetError` where a quoted cell goes on in the next line or is followed by more."""
+    """The cells of each line; raises `DatasetError` where a quoted cell continues in the next line or has text after it."""
     reader = csv.reader(lines, strict=True)
     row = 0
     try:
@@ -130,7 +130,10 @@ def _rows(file: Path, data: bytes, width: int) -> Iterator[Row]:
 
 
 def _chunks(rows: Iterator[Row]) -> Iterator[list[Row]]:
-    """So many rows together, and those before a row that can't be read before its error."""
+    """Lists of up to `TOGETHER` rows.
+
+    Where a row can't be read, the rows before it come first, then its error: a bad number above that row is reported first.
+    """
     chunk: list[Row] = []
     try:
         for row in rows:
@@ -147,7 +150,7 @@ def _chunks(rows: Iterator[Row]) -> Iterator[list[Row]]:
 
 
 def _numbers(file: Path, names: list[str], chunk: list[Row], cells: dict[int, tuple[str, ...]]) -> dict[int, Column]:
-    """Columns that have to hold numbers, by their place; raises `DatasetError` for the first row where one does not."""
+    """Columns that have to hold numbers, by index of the column; raises `DatasetError` for the first bad cell."""
     found = {column: numbers(texts) for column, texts in cells.items()}
     bad = [(int(np.argmax(np.isnan(values))), column) for column, values in found.items() if np.isnan(values).any()]
     if bad:

@@ -200,7 +200,7 @@ class Dataset(Shown):
         )
 
     def in_order(self) -> Dataset:
-        """The dataset with rows sorted by pose, and visits to a pose by their values: independent of the input order."""
+        """The dataset with rows sorted by pose, and visits to a pose by their values: the same for any order of the input."""
         import pandas as pd
 
         keys = [pd.factorize(values, sort=True)[0] for values in self.covariates.values()]

@@ -30,11 +30,12 @@ class Section(BaseModel):
 
 
 class Instrument(Section):
-    """What measured the poses, and in which frame.
+    """The instrument that measured the poses.
 
-    Sigmas are per axis, m and rad, None where they are to be estimated; `station` is where it stands, m. A `frame` or a
-    `target` that is free is identified: where the robot's base is in the instrument's frame, and where the target sits on the
-    platform.
+    - `position_sigma`, `orientation_sigma`: standard deviation of its noise per axis, m and rad; None: it is estimated.
+    - `frame`: `free` where the pose of the base frame in the instrument's frame is identified; `robot` where both are the same.
+    - `target`: `free` where the target's pose on the platform is identified; `tcp` where the target is at the TCP.
+    - `station`: the instrument's own position in its frame, m; None where it is not known.
     """
 
     position_sigma: TomlPositive | None = None
@@ -45,7 +46,7 @@ class Instrument(Section):
 
 
 class Conditions(Section):
-    """What the commands and the nominal geometry refer to: the temperature in degC."""
+    """The reference temperature, degC: the nominal geometry is valid at it, and thermal effects are zero."""
 
     reference_temperature: TomlFinite = 20.0
 
@@ -62,8 +63,8 @@ class DriverTable(Section):
 class Description(Section):
     """The whole of dataset.toml.
 
-    `tcp` is the link whose pose is measured and `actuators` the joints that q1 .. qn command, None and empty where the robot's
-    own hold; `tolerance` holds 1-sigma tolerances by kind of parameter.
+    `tcp` is the link whose pose is measured; None: the robot's own TCP. `actuators` are the joints that q1 .. qn command;
+    empty: the robot's own. `tolerance` has standard deviations by kind of parameter, m, rad or m/m.
     """
 
     schema_: Literal["gtpin-dataset/1"] = Field(alias="schema")
@@ -138,7 +139,7 @@ def write_description(file: Path, description: Description) -> None:
 
 
 def _written(instrument: Instrument) -> dict[str, Any]:
-    """The keys of [instrument], without the target where it is at the TCP, which needs no saying."""
+    """The keys of [instrument]; a target at the TCP, the default, is omitted."""
     return instrument.model_dump(exclude_none=True, exclude={"target"} if instrument.target == "tcp" else None)
 
 

@@ -15,10 +15,10 @@ COARSE = 1e-5
 def counted_once(dataset: Dataset) -> Dataset:
     """The dataset without copies of rows: the same instrument and commands and, to the last digit, the same measurement.
 
-    A copy may have another pose id, time or temperature: an instrument never reads the same twice, and a table that is joined
-    with another one repeats its rows. Where positions are rounded to 10 micrometres or more, or where a row only says that
-    something was touched, visits can be equal by chance; then only a table in which every row occurs equally often, twice or
-    more, has copies.
+    A copy may have another pose id, time or temperature: noise makes no two readings equal, but joining a table with another
+    one repeats its rows. Where positions are rounded to 10 micrometres or more, or where a row has no number and only says that
+    something was touched, visits can be equal by chance. Then rows count as copies only in a table in which every row occurs
+    equally often, twice or more.
 
     Warns
     -----
@@ -63,7 +63,10 @@ def _copies(dataset: Dataset) -> NDArray[np.bool_]:
 def _repeated(
     numbers: list[NDArray[np.float64]], ids: NDArray[np.object_] | None, *, coarse: bool
 ) -> NDArray[np.bool_]:
-    """(N,) rows that repeat an earlier one of numbers, (N, k) each, and ids (N, m); of coarse ones where all are repeated."""
+    """(N,) whether a row of ``numbers``, (N, k) each, and ``ids``, (N, m), repeats an earlier row.
+
+    If ``coarse``, rows count as repeated only where each row of the table occurs equally often.
+    """
     import pandas as pd
 
     table = pd.concat([pd.DataFrame(part) for part in (*numbers, *([] if ids is None else [ids]))], axis=1)
@@ -76,6 +79,7 @@ def _repeated(
 
 
 def _coarse(position: NDArray[np.float64]) -> bool:
+    """Whether all numbers, m, are multiples of `COARSE`."""
     with np.errstate(over="ignore", invalid="ignore"):
         units = position / COARSE
         return bool((np.abs(units - np.round(units)) < 1e-3).all())

@@ -17,7 +17,7 @@ TOLERANCE = (1e-10, 10.0)
 STATION = 1e4
 """Farthest coordinate of an instrument, m, that can measure a robot; assumed."""
 FARTHEST = 1e12
-"""Median size of a coordinate of the positions, m, that no unit of length explains: a metre is 1e9 nm. Assumed."""
+"""Median absolute value of a coordinate, m, above which no wrong unit explains it: 1e12 nm are 1 km. Assumed."""
 TEMPERATURE = (-60.0, 150.0)
 """Lowest and highest reference temperature of a machine, degC. Assumed."""
 FAHRENHEIT = (59.0, 86.0)

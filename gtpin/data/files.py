@@ -19,9 +19,9 @@ from gtpin.output.results import writing
 UNFINISHED = ".gtpin-"
 """Prefix of the names of files that are being written."""
 READING = 40e6
-"""Bytes of memory that reading a table needs whatever its size: libraries' own."""
+"""Bytes of memory that the libraries need to read a table of any size."""
 READING_A_BYTE = 4.0
-"""The same for each byte of a table. Measured: 2.6 to 4.2 on CSV of 11 to 22 columns (docs/speed.md)."""
+"""Bytes of memory for each byte of a table, in addition. Measured: 2.6 to 4.2 on CSV of 11 to 22 columns (docs/speed.md)."""
 
 
 def read_bytes(file: Path) -> bytes:
@@ -65,7 +65,7 @@ def read_table(file: Path, ignore: Collection[str] = (), ids: Collection[str] = 
 
     Raises `GtpinError` where the file needs more memory than is free, and `DatasetError` for a Parquet file without pyarrow.
     """
-    with contextlib.suppress(OSError, ValueError):  # which reading names
+    with contextlib.suppress(OSError, ValueError):  # read_bytes reports these
         require(f"reading {file}", READING + file.stat().st_size * READING_A_BYTE)
     if file.suffix.lower() == ".parquet":
         _require_pyarrow(file)

@@ -14,7 +14,7 @@ from gtpin.errors import DatasetError, warn
 
 
 def tables_there(folder: Path) -> list[str]:
-    """Names of the tables that the instruments of a folder's dataset.toml may have; none where it lists none."""
+    """Names of the files that the tables of a folder's instruments may have by default; none where dataset.toml lists none."""
     try:
         found = read_toml(folder / "dataset.toml").get("instrument")
     except DatasetError:
@@ -24,7 +24,7 @@ def tables_there(folder: Path) -> list[str]:
 
 
 def file_of(path: Path, index: int, table: InstrumentTable) -> Path:
-    """The table's file."""
+    """File of the table of the instrument with this index; raises `DatasetError` where it is missing or outside the folder."""
     place = f"instrument.{index}.file"
     toml = path / "dataset.toml"
     if table.file is None:

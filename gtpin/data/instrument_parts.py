@@ -40,7 +40,7 @@ class Part:
 
 
 def filled(part: Part, name: str, parts: list[Part]) -> Column:
-    """A column of readings of one instrument; NaN, or "" of an id, where it has none."""
+    """(N,) column ``name`` of one instrument's readings; full of NaN, or "" for ids, where the instrument does not have it."""
     if name in part.readings:
         return part.readings[name]
     of = next(p.readings[name] for p in parts if name in p.readings)
@@ -52,7 +52,11 @@ def filled(part: Part, name: str, parts: list[Part]) -> Column:
 
 
 def covariates_of(toml: Path, parts: list[Part]) -> dict[str, Column]:
-    """Covariates of all rows: an instrument without a column has the values of other tables at the same poses."""
+    """Covariates of all rows, by name.
+
+    A table without the column takes the values of other tables at the same poses. Where those do not have all its poses, the
+    covariate is left out, with a warning.
+    """
     names = dict.fromkeys(name for part in parts for name in part.covariates)
     found: dict[str, Column] = {}
     lost: list[str] = []

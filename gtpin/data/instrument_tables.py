@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
 LARGEST = 1e12
-"""Largest number, m or rad, in a description or a reading: its fourth power is still a finite number."""
+"""Largest absolute value, m or rad, of a number in a description or a reading: its fourth power is still finite."""
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
@@ -73,7 +73,13 @@ class InstrumentTable(BaseModel):
 
 
 class TrackerTable(InstrumentTable):
-    """A laser tracker, a camera, or motion capture: positions, and orientations where it reads them."""
+    """A laser tracker, a camera, or motion capture: positions, and orientations where it reads them.
+
+    - ``target``: also ``tcp``, or ``free`` where the target's pose on the platform is identified.
+    - ``position_sigma``, ``orientation_sigma``: standard deviations per axis, m and rad; None where they are to be estimated.
+    - ``frame``: ``robot`` where its frame is the base frame, ``free`` where the pose of the base frame in it is identified.
+    - ``station``: (3,) the instrument's own position in its frame, m; None where it is not known.
+    """
 
     numbers: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     optional: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz", "sx", "sy", "sz", "srx", "sry", "srz")
@@ -88,13 +94,18 @@ class TrackerTable(InstrumentTable):
 
     @property
     def fixed_targets(self) -> dict[str, tuple[float, float, float]]:
-        """Targets by id; one of the id "" where there is one alone, at the TCP where it is free."""
+        """Targets by id, (3,) each, TCP frame, m; a single target has the id ``""``. A free one is declared at the TCP."""
         one = self.target if isinstance(self.target, tuple) else (0.0, 0.0, 0.0)
         return self.targets or {"": one}
 
 
 class RangeTable(InstrumentTable):
-    """Distances from stations: a ball bar, a draw wire, a laser tracer."""
+    """Distances from stations: a ball bar, a draw wire, a laser tracer.
+
+    - ``stations``: nominal centres by id, (3,) each, base frame, m.
+    - ``station_sigma``, ``offset_sigma``: standard deviations of the priors of each coordinate of a centre, and of the offset
+      that is added to all its ranges, m; 0 where they are exact.
+    """
 
     numbers: ClassVar[tuple[str, ...]] = ("range",)
     ids: ClassVar[tuple[str, ...]] = ("station", "target")
@@ -122,7 +133,12 @@ class PlaneOf(BaseModel):
 
 
 class PlaneTable(InstrumentTable):
-    """Touches of planes: a probe, a bed mesh, a dial gauge."""
+    """Touches of planes: a probe, a bed mesh, a dial gauge.
+
+    - ``planes``: nominal planes by id.
+    - ``plane_sigma``, ``normal_sigma``: standard deviations of the priors of a plane's shift along its normal, m, and of its
+      two tilts, rad; 0 where they are exact.
+    """
 
     optional: ClassVar[tuple[str, ...]] = ("height",)
     ids: ClassVar[tuple[str, ...]] = ("plane", "target")
@@ -134,7 +150,12 @@ class PlaneTable(InstrumentTable):
 
 
 class SocketTable(InstrumentTable):
-    """A ball in sockets, a pin in holes, a datum sphere: the target is at one point in all rows of one id."""
+    """A ball in sockets, a pin in holes, a datum sphere: the target is at one point in all rows of one id.
+
+    - ``sockets``: nominal points by id, (3,) each, base frame, m, where they are known.
+    - ``socket_sigma``: standard deviation of the priors of their coordinates, m.
+    - ``distances``: known distances, as two ids, the distance, m, and its standard deviation, m.
+    """
 
     ids: ClassVar[tuple[str, ...]] = ("socket", "target")
     needed: ClassVar[tuple[str, ...]] = ("socket",)
@@ -146,7 +167,10 @@ class SocketTable(InstrumentTable):
 
 
 class TiltTable(InstrumentTable):
-    """A tilt sensor on the platform: two components of the unit vector against gravity."""
+    """A tilt sensor on the platform: the x and y component, in its own frame, of the unit vector against gravity.
+
+    ``mount_sigma``: standard deviation of the prior of each component of the rotation vector of its mounting, rad.
+    """
 
     numbers: ClassVar[tuple[str, ...]] = ("tilt_x", "tilt_y")
 
@@ -155,7 +179,10 @@ class TiltTable(InstrumentTable):
 
 
 class EncoderTable(InstrumentTable):
-    """A measured joint that nothing drives."""
+    """An encoder of a passive joint, which no actuator drives.
+
+    ``joint``: name of the joint in the URDF. ``zero_sigma``: standard deviation of the prior of the encoder's zero, rad or m.
+    """
 
     numbers: ClassVar[tuple[str, ...]] = ("reading",)
 
@@ -183,7 +210,7 @@ TABLES: dict[str, type[InstrumentTable]] = {
     "tilt": TiltTable,
     "encoder": EncoderTable,
 }
-"""The kinds that gtpin knows, and what their tables may say."""
+"""The class of the ``[[instrument]]`` section of each kind that gtpin knows."""
 HINTS: dict[str, str] = {
     "name": "letters, digits, - and _: it is part of parameters' names",
     "kind": f"write kind = one of {', '.join(TABLES)}",
@@ -206,7 +233,7 @@ def declared_keys(table: type[InstrumentTable]) -> list[str]:
 
 
 def written(table: InstrumentTable) -> dict[str, Any]:
-    """The keys of an ``[[instrument]]`` as they are written: without what is left to the default."""
+    """The keys of an ``[[instrument]]`` as they are written: without those that have their default values."""
     return {
         key: value for key, value in table.model_dump(exclude_none=True, exclude_defaults=True).items() if value != {}
     } | {"kind": table.kind}

@@ -16,20 +16,20 @@ ORIENTATION = ("qw", "qx", "qy", "qz")
 IDS = ("pose", "session")
 
 _COVARIATE = re.compile(r"time|session|temp_frame|temp_link|payload|f[xyz]|(?:approach|speed)[1-9][0-9]*")
-# What else a table holds under a name that no covariate can have then.
+# Names of the columns of poses.csv and carts.csv that are no covariates.
 TAKEN_IN_POSES = re.compile(r"pose|q[0-9]+|[xyz]|q[wxyz]")
 TAKEN_IN_CARTS = re.compile(r"pose|cart|q|[xyz]|q[wxyz]")
 
 _PLAIN = ("time", "session", "temp_frame", "temp_link", "payload")
 LIKE = 0.8
-"""Share of their letters that names must have in common, in order, to look alike."""
+"""Share of letters that two names must have in common, in the same order, to look alike (``difflib``'s ratio). Assumed."""
 _NUMBERED = re.compile(r"(approach|speed)([0-9]+)")
 _COMMAND = re.compile(r"q([0-9]+)")
 _NUMBER = re.compile(r"q[0-9]*|[xyz]|q[wxyz]|cart|time|temp_frame|temp_link|payload|f[xyz]|(?:approach|speed)[0-9]+")
 
 
 def kind_of(name: str) -> Kind:
-    """Say what the cells of a column are: ids, numbers, or whatever is found there."""
+    """What the cells of a column must be: ids, numbers, or anything; a column of the last kind is kept if it has numbers."""
     if name in IDS:
         return "id"
     return "number" if _NUMBER.fullmatch(name) else "any"
@@ -46,7 +46,10 @@ def command_names(n_actuators: int) -> list[str]:
 
 
 def known_lookalike(name: str) -> str | None:
-    """Give the known covariate that a name is all but equal to: by case, spaces, dashes or a letter; None where it is none."""
+    """The known covariate that a name nearly equals: they differ in case, spaces, dashes or a few letters.
+
+    None where there is no such covariate, or where the name is itself a known one.
+    """
     plain = re.sub(r"[\s_-]+", "_", name.strip().lower())
     if plain == name and _COVARIATE.fullmatch(name):
         return None
@@ -58,7 +61,7 @@ def known_lookalike(name: str) -> str | None:
 
 
 def lookalikes(names: Collection[str]) -> dict[str, str]:
-    """Give the names that are nearly, but not quite, those of known covariates that are not there: each with the known one."""
+    """The names that nearly equal a known covariate, each with that covariate; without those whose covariate is there too."""
     found = {name: known_lookalike(name) for name in names}
     return {name: known for name, known in found.items() if known is not None and known not in names}
 
@@ -69,7 +72,7 @@ def is_approach(name: str) -> bool:
 
 
 def check_covariate_name(name: str, n_actuators: int, taken: re.Pattern[str]) -> None:
-    """Raise `DatasetError` for a name that no covariate of a robot with that many actuators can have."""
+    """Raise `DatasetError` for a name that no covariate of a robot with ``n_actuators`` actuators can have."""
     if not name.strip() or not name.isprintable():
         raise DatasetError("a covariate needs a printable name", column=repr(name))
     if taken.fullmatch(name):

@@ -1,4 +1,4 @@
-"""Rotations that were written by one convention and read by another: Euler angles, rotation vectors."""
+"""Rotations that were written in one convention and read in another: Euler angles, rotation vectors."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ Convention = Sequence | Literal["rotation vector"]
 
 VECTOR: Final = "rotation vector"
 BY_AXIS: tuple[Convention, ...] = (VECTOR, "xyz", "zyx", "yxz", "xzy", "yzx", "zxy")
-"""Three numbers, one about each of x, y and z; the turns in that order about fixed axes, or in reverse about moving ones."""
+"""Conventions in which the three numbers belong to x, y and z. An Euler sequence is the order of the rotations about fixed
+axes; about moving axes the reverse order gives the same rotation."""
 BY_ORDER: tuple[Sequence, ...] = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ")
-"""Three angles in the order of the turns: lower case about fixed axes, upper case about moving ones (SciPy's names)."""
+"""Conventions in which three angles stand in the order of the rotations: lower case about fixed axes, upper case about moving
+ones (SciPy's names)."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +80,10 @@ class Misread:
 
 
 def misread() -> Iterator[Misread]:
-    """All such mistakes."""
+    """All mistakes between two different conventions."""
     for meant, taken in permutations(BY_AXIS, 2):
         yield Misread(meant, taken, True)
     for meant, taken in permutations(BY_ORDER, 2):
         if meant.lower() == taken.lower() and len(set(meant)) == 3:
-            continue  # each number stays with its axis: as above
+            continue  # each number keeps its axis: one of the mistakes by axis
         yield Misread(meant, taken, False)

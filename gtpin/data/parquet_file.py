@@ -24,7 +24,7 @@ def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Col
     """
     try:
         table = pa.parquet.read_table(pa.BufferReader(data))
-        names = table.column_names  # decoded only here: damaged ones are no UTF-8
+        names = table.column_names  # names are decoded only here; damaged ones are not UTF-8
         # pandas keeps an index that is no plain range as a column of this name.
         table = table.select([i for i, name in enumerate(names) if not name.startswith("__index_level_")])
     except (pa.ArrowException, OSError, ValueError) as error:
@@ -86,6 +86,6 @@ def _values(column: pa.ChunkedArray) -> list[object]:
     try:
         values: list[object] = column.to_pylist()
     except (pa.ArrowException, ValueError, OverflowError):
-        # Times beyond what Python's datetime holds: words all the same.
+        # Times outside the range of Python's datetime: such a column counts as words.
         return ["?"] * len(column)
     return values

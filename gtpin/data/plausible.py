@@ -15,10 +15,11 @@ from gtpin.data.table import Floats
 from gtpin.errors import DatasetError, warn
 
 _NEARLY_ALL = 0.95
+"""Share of a column's values that must fit another unit for the message that they look like it. Assumed."""
 TURNS = 3.0
-"""Turns either way beyond which commands of a joint without limits look like degrees; assumed."""
+"""Turns from zero, in either direction, beyond which commands of a joint without limits look like degrees. Assumed."""
 _SEVERAL = 6
-"""Fewest rows of a column for the message that a part of them is in another unit."""
+"""Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
 
 
 def check_plausible(
@@ -50,13 +51,13 @@ def check_commands(
     Parameters
     ----------
     names
-        The actuators' names, in the order of q.
+        Names of the actuators for messages, in the order of q.
     lower, upper, revolute
         (n,) ends of each range, m or rad, and whether the actuator turns.
 
-    Raises `DatasetError` for another number of actuators, and for a command further outside its range than the
-    range is wide, saying which unit it looks like; also where most commands of a joint without limits are several turns
-    away from zero, as degrees are. Warns of poses that are a little outside.
+    Raises `DatasetError` for another number of actuators; for a command that is outside its range by more than the range's
+    width, with the unit that it looks like; and where most commands of a joint without limits are more than `TURNS` turns from
+    zero, as degrees are. Warns of poses that are outside by less.
     """
     low, high, turns = np.asarray(lower, float), np.asarray(upper, float), np.asarray(revolute, bool)
     if rows.n_actuators != len(names):
@@ -86,9 +87,9 @@ def check_measurements(
     Parameters
     ----------
     predicted_position, predicted_rotation
-        (N, 3) m and (N, 3, 3): the TCP by the nominal model in the base frame, NaN where it can't reach.
+        (N, 3) m and (N, 3, 3): pose of the TCP by the nominal model, base frame; NaN where it can't reach the commands.
     reach
-        Largest motion of the TCP by deviations of the geometry within its tolerances, m.
+        Largest displacement of the TCP that deviations of the geometry within its tolerances cause, m.
 
     Raises `DatasetError` for measurements that look like millimetres or quaternions in another order than qw qx qy qz,
     and where no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are accepted.
@@ -121,7 +122,10 @@ def misplaced(dataset: Dataset, order: str) -> DatasetError:
 
 
 def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDArray[np.bool_]) -> None:
-    """Refuse columns of turning joints without limits of which most commands are many turns, and few as degrees."""
+    """Refuse the commands of a joint without limits that look like degrees.
+
+    Most are more than `TURNS` turns from zero, and nearly all are within one turn when they are read in degrees.
+    """
     turn = 2.0 * np.pi
     for actuator in map(int, np.flatnonzero(endless)):
         q = np.abs(rows.q[:, actuator])
@@ -146,7 +150,7 @@ def _far_outside(
     right, other, factor = ("rad", "degrees", 180.0 / np.pi) if turns else ("m", "millimetres", 1000.0)
     q = rows.q[:, actuator]
     as_is, scaled = (float(np.mean((x >= low) & (x <= high))) for x in (q, q / factor))
-    # Where most commands fit as they stand, a few that do not are errors of their own and say nothing of units.
+    # Where most commands fit without a conversion, the others are separate errors, not a matter of units.
     looks = f", and the column looks like {other}" if scaled >= _NEARLY_ALL and as_is < 0.5 else ""
     what = f"{q[index]:g} is far outside the range of {name} ({low:g} to {high:g} {right})"
     hint = f"write commands in {right}" if looks else "correct the row, or leave it out"
@@ -167,13 +171,16 @@ def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, f
         off = np.median(np.linalg.norm(measured - predicted, axis=1))
         scaled = np.median(np.linalg.norm(measured / 1000.0 - predicted, axis=1))
         return bool(off > reach and scaled <= reach)
-    # Medians, so that a gross error in a few rows does not pass for a unit.
+    # Medians, so that a gross error in a few rows does not look like another unit.
     spread = [np.median(np.linalg.norm(x - np.median(x, axis=0), axis=1)) for x in (measured, predicted)]
     return bool(500.0 * spread[1] < spread[0] < 2000.0 * spread[1]) and _in_all_directions(measured, predicted)
 
 
 def _in_all_directions(measured: Floats, predicted: Floats) -> bool:
-    """Whether poses are spread far wider than predicted in every direction, and not along one axis alone."""
+    """Whether measured positions (N, 3) are spread far more widely than predicted ones in every direction.
+
+    One axis in millimetres spreads them along that axis only, and is another mistake.
+    """
     a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
     near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))
     wide, wider = (np.linalg.svd(x[near], compute_uv=False) for x in (a, b))

@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 _AS_NAMED = "wxyz"
 _OFF = 0.05
-"""Median angle, rad, up to which quaternions are taken as they stand."""
+"""Median angle, rad, up to which quaternions are used as they are. Assumed."""
 _FAR_BETTER = 4.0
-"""How many times nearer to the robot another order must come."""
+"""Factor by which the median angle of another order must be smaller than that of ``wxyz``. Assumed."""
 _AGREES = np.deg2rad(20.0)
-"""Median angle, rad, within which an order of the columns agrees with the robot."""
+"""Median angle, rad, within which an order of the columns agrees with the robot. Assumed."""
 _ALIKE = 0.01
-"""Orders whose median angles, rad, differ by less can't be distinguished."""
+"""Orders whose median angles, rad, differ by less can't be distinguished. Assumed."""
 
 
 def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> str | None:
-    """The actual content of the columns qw, qx, qy and qz, such as ``xyzw``; None where it is as named, or no order fits.
+    """The actual content of the columns qw, qx, qy and qz, such as ``xyzw``; None where it is ``wxyz``, or no order fits.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, F
     predicted
         (N, 3, 3) rotations of the nominal model, base frame.
     free
-        For a free frame: (N, 3) measured and predicted positions, m, from which its rotation is found; else None.
+        For a free frame: (N, 3) measured and predicted positions, m, from which the frame's rotation is found; else None.
     """
     from scipy.spatial.transform import Rotation
 
@@ -54,12 +54,12 @@ def order_that_fits(off: Callable[[str], float]) -> str | None:
     Parameters
     ----------
     off
-        Function that gives, for an order of the columns, the median angle, rad, between quaternions and robot.
+        Function that gives, for an order of the columns, the median angle, rad, between measured and nominal orientations.
     """
     as_named = off(_AS_NAMED)
     if as_named <= _OFF:
         return None
-    orders = ["xyzw", *("".join(order) for order in permutations(_AS_NAMED))]  # of orders alike, the usual one
+    orders = ["xyzw", *("".join(order) for order in permutations(_AS_NAMED))]  # the usual one is first, and wins a tie
     found = np.array([off(order) for order in orders])
     if found.min() > min(_AGREES, as_named / _FAR_BETTER):
         return None
@@ -67,29 +67,29 @@ def order_that_fits(off: Callable[[str], float]) -> str | None:
 
 
 def in_order(quaternion: Floats, order: str) -> Floats:
-    """(N, 4) quaternions wxyz, from columns that stand in an order."""
+    """(N, 4) quaternions wxyz, from columns that have the content ``order``, such as ``xyzw``."""
     return quaternion[:, [order.index(part) for part in _AS_NAMED]]
 
 
 def first_misplaced(order: str) -> str:
-    """Say of an order where the first of w, x, y, z stands that is not in its own column."""
+    """Text for a message: the first of w, x, y, z that is not in its own column, and its column."""
     part = next(part for part, there in zip(_AS_NAMED, order, strict=True) if part != there)
     return f"{part} were under q{_AS_NAMED[order.index(part)]}"
 
 
 def _off(quaternion: Floats, wanted: Floats, order: str) -> float:
-    """Median angle, rad, between wanted quaternions wxyz and measured ones, read in an order."""
+    """Median angle, rad, between wanted quaternions wxyz and measured ones whose columns have the content ``order``."""
     read = in_order(quaternion, order)
     # Medians, so that gross errors in a few rows decide nothing.
     return float(np.median(2.0 * np.arccos(np.minimum(np.abs((read * wanted).sum(axis=1)), 1.0))))
 
 
 def _turn(measured: Floats, predicted: Floats) -> Rotation | None:
-    """Rotation that takes predicted positions to measured ones; None where they lie so that they do not tell it."""
+    """Rotation that takes predicted positions to measured ones; None where they do not determine it, as on one line."""
     from scipy.spatial.transform import Rotation
 
     a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
-    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))  # a gross error would turn it
+    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))  # without gross errors
     if near.sum() < 3 or np.linalg.svd(a[near], compute_uv=False)[1] < 0.01:
         return None
     return Rotation.align_vectors(b[near], a[near])[0]

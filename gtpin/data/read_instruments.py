@@ -29,7 +29,10 @@ SIGMAS = ("sx", "sy", "sz", "srx", "sry", "srz")
 
 @dataclass(frozen=True)
 class InstrumentContents:
-    """A folder of schema 2: its description, and the rows of all tables."""
+    """A folder of schema 2: its description, and the N rows of all tables, one table after the other.
+
+    ``pose``: (N,) ids. ``q``: (N, n) commands, m or rad. ``covariates``: (N,) each, by name.
+    """
 
     description: SecondDescription
     pose: Ids
@@ -125,7 +128,7 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentCo
 
 
 def _part(file: Path, table: InstrumentTable, beside: set[str]) -> Part:
-    """The rows of a table, but for columns that other instruments read in the same file."""
+    """The rows of a table, without the columns ``beside`` that other instruments read in the same file."""
     read = read_table(file, ids=table.ids)
     line = read.row
     rows = Rows.of(file, line, len(line))
@@ -139,7 +142,7 @@ def _part(file: Path, table: InstrumentTable, beside: set[str]) -> Part:
 
 
 def _readings(read: Table, table: InstrumentTable, rows: Rows) -> dict[str, Column]:
-    """The columns that the instrument's kind has."""
+    """The columns of readings, by name, that a table of the instrument's kind has."""
     found: dict[str, Column] = {}
     for name in table.numbers:
         found[name] = rows.floats(read.column(name), [name])
@@ -170,7 +173,7 @@ def _check_tracker(read: Table, found: dict[str, Column], rows: Rows) -> None:
 
 
 def _warn_of_stations(toml: Path, tables: tuple[InstrumentTable, ...]) -> None:
-    """Warn of trackers' stations in data that are not those of one tracker, where nothing uses them."""
+    """Warn of trackers' stations that are not used, because the data are not those of one tracker alone."""
     names = [table.name for table in tables if isinstance(table, TrackerTable) and table.station is not None]
     if names:
         only = "only data of one tracker, at the TCP or a free target, use a station"

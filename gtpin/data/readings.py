@@ -20,12 +20,12 @@ UNITS = (
     ("micrometres", 1e-6),
     ("yards", 0.9144),
 )
-"""Units that lengths are usually written in, other than metres, and the metres in each."""
+"""Units, other than metres, in which lengths are written, and the length of each in metres."""
 AXES, VECTOR = ("x", "y", "z"), ("qx", "qy", "qz")
 
 
 class RotationReading(Protocol):
-    """A way to read rotations."""
+    """A way to read measured rotations: as they are, or with a mistake corrected."""
 
     @property
     def looks(self) -> str:
@@ -40,7 +40,7 @@ class RotationReading(Protocol):
         """Number of mistakes that it assumes."""
 
     def read(self, rotation: Rotation) -> Floats:
-        """(N, 3, 3) rotations as they would have been."""
+        """(N, 3, 3) rotations without the mistake, from those that were read."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Positions:
     Parameters
     ----------
     looks
-        Message texts: what the columns look like, and what the user should do; empty where nothing is changed.
+        Texts for a message: what the columns look like, and what the user should do; empty where nothing is changed.
     mistakes
         Number of mistakes that it assumes.
     axes
@@ -69,7 +69,10 @@ class Positions:
         return bool(np.linalg.det(self.axes) < 0.0)
 
     def words(self, turned: bool) -> tuple[str, str]:
-        """What positions alone look like, and what to do; they do not tell which axis is reversed where a frame is fitted."""
+        """``looks`` and ``hint`` where only positions are judged.
+
+        ``turned``: a rotation of the frame is fitted. Then positions do not show which axis is reversed, only that one is.
+        """
         if not (turned and self.mirrored):
             return self.looks, self.hint
         looks = self.looks.replace("x looks reversed", "the frame looks left-handed (an axis reversed, or two swapped)")
@@ -91,14 +94,14 @@ class Orientations:
     right: Floats
 
     def read(self, rotation: Rotation) -> Floats:
-        """(N, 3, 3) rotations as they would have been."""
+        """(N, 3, 3) rotations without the mistake, from those that were read."""
         wxyz = rotation.as_quat(scalar_first=True)
         wxyz[:, 1:] = wxyz[:, 1:] @ self.vector.T
         return np.asarray(self.left @ Rotation.from_quat(wxyz, scalar_first=True).as_matrix() @ self.right)
 
 
 def signed_permutations() -> list[Floats]:
-    """All 48 matrices that swap and reverse axes: the identity, its negative, the reversals of one axis, and so on."""
+    """All 48 matrices that swap and reverse axes: first the identity, then its negative, then the reversals of one axis."""
     found = [
         np.eye(3)[list(p)] * np.array(s)[:, None]
         for p in permutations(range(3))
@@ -109,7 +112,10 @@ def signed_permutations() -> list[Floats]:
 
 
 def position_readings(*, turned: bool) -> Iterator[Positions]:
-    """Ways to read x y z; of those that differ by a turn of the frame only one where a turn is fitted anyway (``turned``)."""
+    """Ways to read x y z.
+
+    ``turned``: a rotation of the frame is fitted as well. Then, of ways that differ by a rotation, only one is given.
+    """
     axes = [s for s in signed_permutations() if not turned or _plain(s)]
     for s in axes:
         for unit, factor in (("", 1.0), *UNITS):
@@ -128,7 +134,10 @@ def position_readings(*, turned: bool) -> Iterator[Positions]:
 
 
 def orientation_readings(positions: Positions, *, turned: bool) -> Iterator[Orientations]:
-    """Ways to read quaternions, given how positions are read; where a turn is fitted anyway (``turned``) without those."""
+    """Ways to read quaternions, given how positions are read.
+
+    ``turned``: a rotation of the frame is fitted as well. Then ways that only rotate the frame are left out.
+    """
     one = np.eye(3)
     handed = np.linalg.det(positions.axes) * positions.axes
     for vector in signed_permutations():
@@ -157,7 +166,7 @@ def orientation_readings(positions: Positions, *, turned: bool) -> Iterator[Orie
 
 
 def _plain(s: Floats) -> bool:
-    """Whether no axis, or one alone, is reversed, or two are swapped: the usual ways to another hand."""
+    """Whether no axis is changed, one is reversed, or two are swapped: the usual mistakes that make a frame left-handed."""
     return bool(
         s.trace() == 3.0
         or (s.trace() == 1.0 and (np.abs(s) == s).all())

@@ -14,13 +14,13 @@ from gtpin.errors import warn
 STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 """Steps that positions are rounded to, m, the coarsest first."""
 FEWEST = 10
-"""Fewest poses from which multiples of a step are not due to chance."""
+"""Fewest rows from which it is not due to chance that all are multiples of a step. Assumed."""
 EXACT = 1e-6
-"""Share of a step by which a number in decimals may miss a multiple of it."""
+"""Share of a step by which a number may differ from a multiple of it: binary numbers don't represent decimals exactly."""
 FARTHEST = 1e3
-"""Coordinate, m, beyond which a position is a gross error, whose digits tell nothing."""
+"""Coordinate, m, beyond which a position is a gross error, whose digits are not used. Assumed."""
 MATTERS = 1.05
-"""Growth of the noise by rounding from which it is counted."""
+"""Factor by which rounding must increase the noise to be taken into account. Assumed."""
 
 
 def with_rounding(dataset: Dataset) -> Dataset:

@@ -34,7 +34,8 @@ class Kind:
     marks
         Values that loggers write where they have no reading. They count as marks where no other value is near them.
     apart
-        Smallest distance of a mark from all other values, which must also be at least ``spans`` times the others' range.
+        Smallest distance of a mark from all other values, in the column's unit. It must also be at least ``spans`` times the
+        range of the other values.
     """
 
     names: re.Pattern[str]
@@ -47,7 +48,7 @@ class Kind:
 
 
 FASTEST = 20.0
-"""Speed, m/s or rad/s, that no actuator of a parallel robot has; assumed."""
+"""Speed, m/s or rad/s, above which no actuator of a robot moves. Assumed."""
 KINDS = (
     # 85 degC is a DS18B20's value at power-up, -127 degC is its library's error; 0 and -273.15 are 0 counts and 0 K.
     Kind(re.compile("temp.*"), "a temperature in degC", -60.0, 150.0, (0.0, 85.0, 127.0, -127.0, *_OVERFLOW), 5.0),
@@ -59,10 +60,10 @@ KINDS = (
 )
 """Kinds of columns; the first one whose pattern matches a column's name applies."""
 ROOM = (-40.0, 90.0)
-"""degC between which a shop floor's temperatures lie when they are read in kelvin."""
+"""A temperature column looks like kelvin where its median less 273.15 is in this range, degC. Assumed."""
 WARM, MILD, USUAL = 45.0, (10.0, 40.0), 25.0
-"""Temperatures look like Fahrenheit where their middle is above the first, between the next two when it is read so, and
-above the reference temperature by the last, K."""
+"""A temperature column looks like degrees Fahrenheit where its median is above `WARM`, is in the range `MILD`, degC, when it is
+converted from Fahrenheit, and is more than `USUAL`, K, above the reference temperature. Assumed."""
 
 
 def sane_rows(dataset: Dataset) -> Mask:
@@ -100,7 +101,7 @@ def sane_rows(dataset: Dataset) -> Mask:
 
 
 def _lacking(values: Floats, kind: Kind) -> Mask:
-    """(N,) values that can't be, and marks of loggers that lie far from everything else."""
+    """(N,) True for impossible values, and for marks of loggers that are far from all other values."""
     lacking = (values < kind.lowest) | (values > kind.highest)
     marked = np.isin(values, kind.marks) & ~lacking
     others = values[~lacking & ~marked]

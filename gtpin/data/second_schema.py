@@ -39,7 +39,7 @@ RESERVED = ("carts", "commands", "truth")
 
 
 class _Frame(Section):
-    """A dataset.toml of schema 2, its instruments unchecked."""
+    """A dataset.toml of schema 2, before its instruments are checked."""
 
     schema_: Literal["gtpin-dataset/2"] = Field(alias="schema")
     robot: TomlName
@@ -88,7 +88,7 @@ def describe_second(
         raise DatasetError("no instrument", file=file, column="instrument", hint="write [[instrument]] once for each")
     kinds = {**TABLES, **own}
     tables = tuple(_instrument(i, one, file, kinds) for i, one in enumerate(frame.instrument))
-    names = [table.name.lower() for table in tables]  # files' names, which some systems do not tell apart by case
+    names = [table.name.lower() for table in tables]  # names of files: some file systems ignore case
     for i, table in enumerate(tables):
         column, hint = f"instrument.{i}.name", "give each a name of its own"
         if names[i] in names[:i]:

@@ -15,8 +15,8 @@ Mask = NDArray[np.bool_]
 def by_session(dataset: Dataset) -> list[Mask]:
     """Give one (N,) mask of held-out rows for each session, in order of the session's id.
 
-    A pose visited in several sessions is held out, with all its visits, in the one that has most of them (of equals,
-    the first). Raises `DatasetError` where there is no column `session`, or fewer than two are left to tell apart.
+    A pose that was visited in several sessions is held out, with all its visits, in the session that has most of them (of
+    equals, the first). Raises `DatasetError` where there is no column `session`, or where fewer than two sessions hold a pose.
     """
     import pandas as pd
 
@@ -32,7 +32,7 @@ def by_session(dataset: Dataset) -> list[Mask]:
 def by_region(dataset: Dataset, blocks: int) -> list[Mask]:
     """Give (N,) masks of held-out rows, one for each of ``blocks`` compact blocks of the measured positions.
 
-    Blocks are made by repeated division of the longest side, and their numbers of poses differ by one at most.
+    Blocks are made by repeated division across the longest side. Their numbers of poses differ by one at most.
     Raises `DatasetError` for fewer than 2 blocks or more than there are poses.
     """
     _check_number(dataset, blocks)

@@ -36,7 +36,7 @@ class Table:
         return len(self.row)
 
     def column(self, name: str) -> Column:
-        """Give one column, (N,); raises `DatasetError` with a guess at the reason where it is missing."""
+        """Give one column, (N,); raises `DatasetError` where it is missing, with a likely reason."""
         if name not in self.columns:
             if name in self.names:
                 hint = "write plain numbers in SI units, without their unit"

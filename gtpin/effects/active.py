@@ -168,6 +168,8 @@ def _summed(found: Sequence[_Moved]) -> dict[int, Floats]:
 
 @dataclass(frozen=True)
 class _Moved:
+    """Displacements by one effect: the fields of :class:`~gtpin.effects.basis.Basis` times its coefficients."""
+
     command: tuple[int, Floats] | None
     carrier_joints: Floats | float
     length: Floats | float

@@ -73,12 +73,12 @@ class CartCompliance(Effect):
         force = pull.sum(axis=1)
         lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
         moment = np.cross(lever, pull).sum(axis=1)
-        # Against the fit's own load, so that a pose does not depend on which others are predicted with it.
+        # Relative to the load of the fit, so that a prediction does not depend on which poses are predicted together.
         mean, spread = at.references.force
         usual = max(float(np.sqrt((mean[rods] ** 2 + spread[rods] ** 2).sum())), 1e-9)
         harder = np.linalg.norm(force, axis=1) / usual - 1.0
         softer = [(wave(at.travel[:, j], k), MODULATION.places / k) for k in range(1, PLACES + 1)]
-        # Less, and over longer stretches: tipping that changes along the track at will would pass for a track's own twist.
+        # Smaller, and with long waves only: otherwise the effect could be confused with a twist of the track.
         tips_softer = [(place, MODULATION.tipping * share) for place, share in softer[:2]]
         came = approach(at, j)
         columns, sizes = [], []

@@ -49,7 +49,8 @@ def joint_frame(at: Situation, site: str) -> JointFrame:
 def of_joint(at: Situation, site: str, ways: Floats, columns: Floats, sigma: Floats) -> Basis:
     """Basis of motions of a joint's placement frame, with w c coefficients: w directions of motion times c functions each.
 
-    ways (6, w) are unit twists in the frame's axes. columns (N, w, c) are their amplitudes, m or rad.
+    ways (6, w) are unit twists in the frame's axes. columns (N, w, c) are their amplitudes, m or rad. sigma (w c,) are the
+    typical sizes of the coefficients.
     """
     frame = joint_frame(at, site)
     twist = np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1)
@@ -62,8 +63,8 @@ def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Ba
     carried = [(link, _target(at, link).actionInverse @ twist) for link, twist in found]
     if not at.robot.constraints:
         return Basis(sigma, placements=tuple((link.tip, twist) for link, twist in carried))
-    # A link of a loop may carry more than one joint, or a loop's anchor. All of it moves with the tip: as good as if the
-    # link's own placement frame moved.
+    # A link of a loop may carry more than one joint, or a loop's anchor. All of them move with the tip, as if the link's own
+    # placement frame moved.
     own = ((index_of(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
     return Basis(sigma, placements=tuple(own))
 
@@ -86,7 +87,7 @@ def _tip_from_joint(at: Situation, link: MovingLink) -> tuple[Floats, Floats]:
 
 
 def _tip_on_link(at: Situation, link: MovingLink) -> pin.SE3:
-    """The same frame on the link itself."""
+    """Placement, on the link, of the frame that ``Bodies`` has at the link's tip."""
     assert isinstance(at.kinematics, ChainKinematics)
     robot = at.kinematics.robot
     last = link.tip == robot.model.njoints - 1
@@ -121,7 +122,7 @@ def tip_loads(at: Situation, link: MovingLink) -> Floats:
     """(N, 6) force, N, and moment, N m, on a link's tip, in the tip's axes.
 
     They are the load of everything beyond the tip, and ``OWN_WEIGHT`` times the weight of the link itself. In a robot with
-    loops, everything that the link carries counts, other joints and loops' anchors as well.
+    loops, all loads on the link count, also those at other joints and at loops' anchors.
     """
     model = at.robot.model
     weight = OWN_WEIGHT * float(model.inertias[link.joint_id].mass) * model.gravity.linear
@@ -133,7 +134,10 @@ def tip_loads(at: Situation, link: MovingLink) -> Floats:
 
 
 def _carried(at: Situation, link: MovingLink) -> Floats:
-    """(N, 6) what a link carries beside itself, about and in the axes of the frame that ``Bodies`` has at its tip."""
+    """(N, 6) load on a link without its own weight, N and N m, about the origin and in the axes of the frame at its tip.
+
+    That frame is the one that ``Bodies`` has.
+    """
     own, inertia = index_of(link.joint_id), at.robot.model.inertias[link.joint_id]
     R, T = _tip_from_joint(at, link)
     centre = T + R @ _tip_on_link(at, link).actInv(np.array(inertia.lever))

@@ -28,8 +28,8 @@ SINGLE, PAIR, OWN = 5, 4, 1
 along the own joint. What couples joints (gears that pass through each other, belts, cables) lies between two or three of them,
 so there are no products of three. Assumed."""
 DECAY, STEEP = 1.5, 2.0
-"""The power p: the size of a product with the sum of orders k is proportional to k^-p; the second for ``SINGLE`` and ``PAIR``,
-because so many products would otherwise be most of f."""
+"""The power p: the size of a product with the sum of orders k is proportional to k^-p. The second value holds with ``SINGLE``
+and ``PAIR``: otherwise the many products of high order would be the largest part of f."""
 
 
 class CrossCoupling(Effect):
@@ -85,7 +85,7 @@ class CrossCoupling(Effect):
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Change of the mean of f from the lower to the upper end of each other actuator's range."""
         chosen = _with_count(len(coefficients))
-        # A wave of odd order falls from 1 to -1, one of even order ends where it began.
+        # A wave of odd order falls from 1 to -1; a wave of even order has the same value at both ends.
         single = coefficients[: chosen.others * chosen.single].reshape(chosen.others, -1)
         return {f"end_to_end[{k + 1}]": (-2.0 * float(own[::2].sum()), "m") for k, own in enumerate(single)}
 
@@ -140,6 +140,6 @@ def _products(others: int, rods: bool) -> _Products:
 
 
 def _with_count(coefficients: int) -> _Products:
-    """The products of a robot with so many coefficients: no two numbers of other actuators have the same count."""
+    """The products of a robot with this number of coefficients: it is different for each number of other actuators."""
     found = (_products(others, rods) for others in count(1) for rods in (True, False))
     return next(chosen for chosen in found if chosen.count == coefficients)

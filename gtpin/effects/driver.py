@@ -54,7 +54,7 @@ class DriverEffect(Effect):
         self.remedy = "Use the corrected model with this column recorded, or take away what it measures."
         self.coefficient = (self.drivers[0].motion, "")
         counts = {len(self._at(site)) for site in self._places}
-        # Where sites have as many motions each, it is known which coefficients modulate.
+        # The core's indices are the same at all sites only where all sites have the same number of motions.
         self.core = tuple(range(0, 2 * counts.pop(), 2)) if len(counts) == 1 else ()
 
     @property

@@ -81,7 +81,7 @@ def moved(
 
 
 def _of_cart(at: Situation, site: str, twist: Floats, sigma: Floats) -> Basis:
-    """A cart's joints move together, and turn about their mean."""
+    """Basis of motions of a cart: its joints shift together and rotate about their mean; ``twist`` (N, 6, m), base frame."""
     rods = rods_of(at, site)
     lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
     turned = np.cross(twist[:, None, 3:], lever[..., None], axisa=2, axisb=2, axisc=2)
@@ -91,9 +91,9 @@ def _of_cart(at: Situation, site: str, twist: Floats, sigma: Floats) -> Basis:
 
 
 def _placement(robot: Robot, site: str) -> tuple[tuple[int, Floats], ...] | None:
-    """Placement frames that move with a link, and (6, 6) of each: its twist by that of the site's frame.
+    """Placement frames that move with a link, each with the (6, 6) matrix that transforms a twist of the site's frame to it.
 
-    None where none does.
+    None where no placement frame moves with it.
     """
     model = robot.model
     frame = next((f for f in model.frames if f.name == site and f.type == pin.FrameType.BODY), None)

@@ -37,7 +37,7 @@ FALL = 2.0
 """The power p: above ``SLOWEST_LINE``, parts with f periods per turn are smaller by (``SLOWEST_LINE`` / f)^p. Assumed: a
 function that looks smooth has some of its power there."""
 LEAST_ORDERS = 3
-"""Smallest number of half waves of a smooth deviation."""
+"""Smallest number of half waves of a smooth deviation. Assumed."""
 
 
 def smooth_orders(at: Situation, j: int, most: int) -> int:
@@ -63,7 +63,7 @@ def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floa
 
 
 def _turns(at: Situation, j: int) -> float:
-    """Periods per turn of a half wave over the range of a joint's commands: k half waves have k times as many."""
+    """Periods per turn of the joint of a half wave over the range of its commands: k half waves have k times as many."""
     lower, upper = (float(ends[j]) for ends in at.references.commands)
     return float(np.pi / (upper - lower))
 

@@ -14,13 +14,13 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 MARGIN = 0.05
-"""Part of the range of the fit by which commands may leave it without a warning. Assumed; it changes no prediction."""
+"""Share of the fit's range by which commands may be outside it without a warning. Assumed; it changes no prediction."""
 
 
 def warn_of_extrapolation(effects: Iterable[ActiveEffect], robot: Robot, q: Floats) -> None:
     """Warn of effects of an actuator's travel at commands q (N, n), m or rad, outside the range of their fit.
 
-    Fitted effects of robots with rods do not have this range; there is no warning for them.
+    For robots with rods this range is not stored, and there is no warning.
     """
     for active in effects:
         low, high = active.references.commands

@@ -55,7 +55,7 @@ class JointRunout(Effect):
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Root mean square of f, and its largest coefficient."""
-        # A cosine's mean square is a half, a product's of two a quarter.
+        # The mean square of a cosine is 1/2, that of a product of two cosines 1/4.
         square = np.array([0.25 if m and n else 0.5 for m, n in ORDERS])
         rms = float(np.sqrt(square @ coefficients**2))
         return {"rms": (rms, "m"), "largest_wave": (float(np.abs(coefficients).max()), "m")}

@@ -6,9 +6,9 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.robot.robot import Robot
 
 OF_ITS_DAY = frozenset(("session", "time"))
-"""Covariates that say nothing of another day."""
+"""Covariates on which an effect of the instrument does not hold on another day."""
 
 
 def lasts(active: ActiveEffect, robot: Robot) -> bool:
-    """Whether an effect is more than a drift of the instrument, or a shift of it between sessions."""
+    """Whether an effect is neither a drift of the instrument nor a shift of it between sessions."""
     return not (active.site == "frame" and bool(OF_ITS_DAY & set(active.effect.covariates(robot, active.site))))

@@ -131,7 +131,8 @@ class LinkCompliance(Effect):
 
 
 FLEXIBILITY, MEDIUM = 1e-5, 15.0
-"""Typical size of a beam's flexibility in bending, 1/(N m^2), and mass times length, kg m, below which robots have more."""
+"""Typical flexibility of a beam in bending, 1/(N m^2), and mass times length of a robot, kg m, below which it is larger: see
+:class:`LinkCompliance`."""
 BEAM = ("bending", "torsion", "stiffening")
 
 

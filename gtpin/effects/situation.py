@@ -185,7 +185,7 @@ class Situation:
 
     @cached_property
     def command_jacobian(self) -> Floats:
-        """(N, 6, n) motion of the TCP per change of each command, base frame, m and rad per m or rad."""
+        """(N, 6 + j, n) motion of the TCP, base frame, and of the j measured joints, per change of each command."""
         if isinstance(self.kinematics, ChainKinematics):
             return self.kinematics.by_commands(self.bodies)
         return self.kinematics.command_jacobian(self.q, self.poses)
@@ -215,7 +215,7 @@ class Situation:
     @cached_property
     def _tool(self) -> tuple[Floats | None, Floats | None]:
         """(N, 3) force on the tool, base frame, N, and (N,) payload, kg, where they are given."""
-        # Loads that the fit knew must be given; one that it did not know counts where it is given.
+        # Loads that were recorded for the fit must be given. Other loads count where they are given.
         given = {name: self.covariate(name) for name in _TOOL if self.has(name) or name in self.covariates}
         payload = given.pop("payload", None)
         none = np.zeros(len(self))
@@ -308,10 +308,10 @@ def _measured_angles(q: Floats, revolute: npt.NDArray[np.bool_]) -> npt.NDArray[
 
 
 LIGHT = np.repeat([1.0, 0.1], 3)
-"""Spread of a load, N and N m, that is divided by where the robot itself carries nothing: its URDF has no masses."""
+"""Smallest spread of a load: of forces, N, and of moments, N m. It is used for robots whose URDF has no masses. Assumed."""
 LEAST_SPREAD = 0.02
 """Smallest spread of a load, relative to the largest load of its kind (force or moment) on any joint. A joint without a load
-in the fit may have a load in a later prediction."""
+in the fit may have a load in a later prediction. Assumed."""
 
 
 def _least_spread(loads: Floats) -> Floats:

@@ -46,7 +46,7 @@ class Axes:
 
 
 class Bench:
-    """Gains in log evidence of every hypothesis alone, for many drawn residuals at once."""
+    """Gains in log evidence, nats, of every hypothesis alone, for many drawn residuals at once."""
 
     def __init__(self, hypotheses: HypothesisSet) -> None:
         """Take the hypotheses of a check."""
@@ -74,7 +74,10 @@ class Bench:
 
 
 def threshold(bench: Bench, false_alarm: float, draws: int, rng: np.random.Generator) -> float:
-    """The gain in log evidence that the best of all hypotheses exceeds by chance with a probability of ``false_alarm``."""
+    """The gain in log evidence, nats, that the best of all hypotheses exceeds by chance with the probability ``false_alarm``.
+
+    ``draws``: number of simulated checks of an unchanged machine.
+    """
     if not bench.axes:
         return np.inf
     found = bench.largest(unchanged(bench.hypotheses.design, draws, rng))

@@ -29,7 +29,7 @@ class Tested(HypothesisSet):
 
     @property
     def proxies(self) -> tuple[Proxy, ...]:
-        """Empty."""
+        """Empty: a check has no proxies."""
         return ()
 
     def at_threshold(self, threshold: float, scope: Scope) -> Tested:

@@ -40,12 +40,13 @@ from gtpin.threads import in_one_thread
 Floats = npt.NDArray[np.float64]
 
 FALSE_ALARM, POWER = 0.01, 0.95
-"""Probability of an alarm where nothing has changed; and of an alarm by each smallest change that is reported."""
+"""Probability of an alarm where nothing has changed; and of an alarm by each smallest change that is reported. Assumed."""
 DRAWS, POWER_DRAWS = 10_000, 800
-"""Number of draws for the alarm's threshold: the probability 1 % has a standard error of 0.1 %; and for each smallest change:
-95 % with 0.8 %."""
+"""Numbers of draws: for the alarm's threshold, with which a probability of 1 % has a standard error of 0.1 %; and for each
+smallest change, with which 95 % have a standard error of 0.8 %."""
 REGIONS, TOGETHER = 4, 3
-"""Most regions of the workspace, and fewest poses in each."""
+"""Largest number of regions of the workspace that ``where`` distinguishes, and fewest poses in each (but there are two regions
+at least). Assumed."""
 
 
 @in_one_thread
@@ -160,7 +161,7 @@ def _result(
     seed: int,
     rng: np.random.Generator,
 ) -> HealthCheck:
-    """The result with all that is reported."""
+    """The result, with everything that reports show."""
     design, hypotheses, data = tried.design, tried.hypotheses, tried.data
     named: Sequence[Hypothesis] = list(found.classes)
     model, active = updated(earlier, design, named, [found.scale[c] for c in named], tried.columns())

@@ -1,4 +1,4 @@
-"""Choice of the poses that determine some effects best, where everything else is unknown too."""
+"""Choice of the poses that determine some effects best; all other unknowns are nuisance parameters."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 WORTH = 1e-6
-"""Smallest gain, nats, for which poses are exchanged."""
+"""Smallest increase of the score for which poses are exchanged."""
 PASSES = 2
-"""Most rounds of exchanges."""
+"""Largest number of rounds of exchanges."""
 
 
 class Choice:
@@ -39,7 +39,7 @@ class Choice:
     def covariance(self, rows: Sequence[int] | Rows) -> Floats:
         """(D, D) covariance of all unknowns after the poses with the indices ``rows`` are measured."""
         J = self.J[np.asarray(rows, dtype=np.intp)].reshape(-1, self.J.shape[2])
-        # By the prior's side of the matrix inversion lemma: few rows, many unknowns.
+        # By the matrix inversion lemma: there are fewer rows than unknowns.
         CJ = self.prior[:, None] * J.T
         return np.asarray(np.diag(self.prior) - CJ @ np.linalg.solve(np.eye(len(J)) + J @ CJ, CJ.T))
 

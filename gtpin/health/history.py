@@ -109,7 +109,7 @@ def read_history(files: HistoryFiles) -> tuple[Entry, ...]:
     Raises
     ------
     GtpinError
-        If a line is damaged, or the lines are missing beside their page.
+        If a line is damaged, or the page is there and the file of lines is missing.
     """
     file = files.folder / files.lines
     if not file.exists():

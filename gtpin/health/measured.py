@@ -21,7 +21,7 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 
 FEWEST = 3
-"""Fewest poses of a check: two poses have hardly more numbers than the six unknowns of an instrument's pose."""
+"""Fewest poses of a check: two measured positions have six numbers, as many as an instrument's pose has unknowns."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,10 @@ def usable(dataset: Dataset, model: Model) -> Usable:
 
 
 def noise_of(dataset: Dataset, model: Model) -> Noise:
-    """The noise of a check: declared sigmas, else those of the model's fit, and the scatter of the drives in the model's fit.
+    """The noise of a check: the instrument's declared sigmas, else those of the model's fit; and the actuators' in that fit.
 
-    All of it is multiplied by the ratio of residuals to noise in the model's fit, where that is larger than 1.
+    The actuators' noise is at least :func:`least_scatter`. All sigmas are multiplied by the fit's ratio of residuals to noise,
+    ``misfit``.
     """
     declared, known = dataset.instrument, model.fit
     position, turns = declared.position_sigma, declared.orientation_sigma
@@ -86,7 +87,7 @@ def noise_of(dataset: Dataset, model: Model) -> Noise:
 
 
 def least_scatter(model: Model) -> float:
-    """Smallest scatter of each drive, m or rad, that a check expects."""
+    """Smallest noise of each actuator, m or rad, that a check expects."""
     least = PRIORS.least_scatter
     return least / RIM if not model.robot.rods and bool(np.any(model.robot.revolute)) else least
 

@@ -1,4 +1,4 @@
-"""Which poses to measure: for a calibration, to tell effects apart, or to see whether a machine has changed."""
+"""Which poses to measure: for a calibration, to distinguish effects, or to see whether a machine has changed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Purpose = Literal["calibration", "discrimination", "health"]
 Place = Literal["robot", "free"]
 
 RANDOM = 20
-"""Number of random choices of as many poses with which a plan is compared."""
+"""Number of random plans, each with the same number of poses, with which a plan is compared."""
 VAGUE = 100.0
 """Prior variance of the effects that a check is to find, in units of the squared typical size: a sigma of ten typical sizes.
 For effects that are to be distinguished it is 1: the others are not larger than usual."""
@@ -276,7 +276,10 @@ def _wanted(possible: Changes, words: Sequence[str], model: Model) -> list[Hypot
 
 
 def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Choice:
-    """The choice of poses that determines the cores of some effects, with a prior variance; everything else is unknown too."""
+    """The choice of poses that determines the cores of some effects; everything else is unknown too.
+
+    ``variance``: prior variance of the cores' coefficients, in units of the squared typical size.
+    """
     N, c = len(design.whitening), design.components
     columns, prior, groups = [design.B], [np.ones(design.B.shape[1])], []
     place = design.B.shape[1]
@@ -324,7 +327,7 @@ def _commands(some: Candidates, rows: npt.NDArray[np.intp], purpose: str) -> Com
 
 
 def _short_way(q: Floats) -> npt.NDArray[np.intp]:
-    """Order of commands: the next is always the nearest one left."""
+    """Order of commands (N, n) in which the next is always the nearest of those that are left."""
     span = np.maximum(np.ptp(q, axis=0), 1e-12)
     left, order = list(range(1, len(q))), [0]
     while left:

@@ -13,9 +13,9 @@ from gtpin.health.alarm import Axes, Bench, unchanged
 Floats = npt.NDArray[np.float64]
 
 LARGEST = 1e3
-"""Size of a change, over its typical size, at which the search for the smallest one ends."""
+"""Size of a change, over its typical size, at which the search for the smallest one ends. Assumed."""
 STEPS = 12
-"""Halvings of the logarithm of the size: to 0.4 %."""
+"""Number of bisections of the logarithm of the size, from 1e-3 to `LARGEST`: they determine the size to 0.4 %."""
 NAMED = 60
 """Number of random shapes for the median of a parameter."""
 

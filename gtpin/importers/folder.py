@@ -25,9 +25,9 @@ from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 
 PLANE = "A"
-"""Name of the plane: a file of touches has one."""
+"""Name of the only plane of a file of touches."""
 DIGITS = 9
-"""Decimals of the plane's point, m: it is known to millimetres."""
+"""Decimals to which the plane's point, m, is written: nanometres, far below the width of its prior."""
 
 
 def write_touches(
@@ -75,7 +75,7 @@ def write_touches(
     n = _vector(normal, "normal")
     if not n.any():
         raise DatasetError("the normal has no direction", column="normal", hint="give three numbers, not all zero")
-    n = n / np.abs(n).max()  # whose square may be beyond the largest number
+    n = n / np.abs(n).max()  # first of all, because the square of a large number overflows
     n = n / np.linalg.norm(n)
     if sigma is not None and not 0.0 < sigma < np.inf:
         raise DatasetError(f"sigma = {sigma:g} can't be", column="sigma", hint="a length in m, above 0")
@@ -126,7 +126,7 @@ def write_instrument(
         with writing(folder, DatasetError):
             there = [name for name in sorted(os.listdir(folder)) if not was_moved_aside(name)]
             refuse_foreign(folder, there, force, DatasetError)
-    # A table of a dataset that was there before would have no instrument.
+    # Tables of the dataset that is replaced are removed: the new dataset has no instrument for them.
     tables = {name for name in recorded(folder).keys() - alone_in(folder) if name.endswith((".csv", ".parquet"))}
     table = f"{name}.csv"
     with results_folder(folder, {*FILES, *tables, table}, force=force, kind=DatasetError) as new:

@@ -2,7 +2,7 @@
 
 The form is that of Klipper's klippy/configfile.py: an INI file, comments after ``#`` and ``;``, options as ``name: value`` or
 ``name = value``, indented lines that continue a value, ``[include FILES]``, and at its end the lines that SAVE_CONFIG wrote,
-each after ``#*#``. An option that is also in the first part has the value of the first part (``_strip_duplicates`` there).
+each after ``#*#``. An option that is in both parts has the value of the first part (``_strip_duplicates`` in configfile.py).
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ class Option:
 
     @property
     def file(self) -> Path:
-        """Where it begins."""
+        """File of its first line."""
         return self.lines[0].file
 
     @property
     def row(self) -> int:
-        """Its line."""
+        """Number of its first line, from 1."""
         return self.lines[0].row
 
     @property
     def text(self) -> str:
-        """Its lines as one."""
+        """Its lines, joined by spaces."""
         return " ".join(line.text for line in self.lines).strip()
 
     def number(self) -> float:
@@ -73,7 +73,7 @@ Sections = Mapping[str, Mapping[str, Option]]
 
 
 def read_config(file: Path) -> Sections:
-    """Read a configuration with the files that it includes; raises `DatasetError` for a line that is not a configuration's."""
+    """Read a configuration with the files that it includes; raises `DatasetError` for a line of another format."""
     found: dict[str, dict[str, Option]] = {}
     _read(file, found, 0)
     return found
@@ -109,7 +109,7 @@ def _read(file: Path, found: dict[str, dict[str, Option]], depth: int) -> None:
         text = _COMMENT.sub("", line).rstrip()
         if not text.strip():
             continue
-        if text[0].isspace() and section is not None and last:  # goes on with the value above
+        if text[0].isspace() and section is not None and last:  # the line continues the value above
             option = into[section][last]
             into[section][last] = Option(last, (*option.lines, Line(text.strip(), file, row)))
             continue

@@ -22,9 +22,9 @@ Floats = npt.NDArray[np.float64]
 
 TOWERS = ("stepper_a", "stepper_b", "stepper_c")
 ANGLES = (210.0, 330.0, 90.0)
-"""Klipper's angles of the towers where the file has none, degrees."""
+"""Klipper's default angles of the towers about the middle of the bed, from the x axis, degrees."""
 FULL_STEPS = 200.0
-"""Klipper's full steps per turn where the file has none."""
+"""Klipper's default number of full steps per turn."""
 
 _HEIGHT = re.compile(r"height(\d+)")
 _OTHER = re.compile(r"(?:manual_height|distance)\d+")
@@ -68,7 +68,7 @@ def read_klipper_delta(file: Path | str) -> Touches:
 
 
 def _step(sections: Sections, tower: str, file: Path) -> float:
-    """Travel per step, mm: see parse_step_distance in klippy/stepper.py."""
+    """Travel of a drive per step, mm: see parse_step_distance in klippy/stepper.py."""
     options = sections.get(tower, {})
     if "step_distance" in options:  # Klipper's configurations until 2021
         return _positive(options["step_distance"])
@@ -79,7 +79,7 @@ def _step(sections: Sections, tower: str, file: Path) -> float:
 
 
 def _ratio(option: Option) -> float:
-    """A gear ratio as 80:20, or several between commas."""
+    """A gear ratio such as 80:20; several, separated by commas, are multiplied."""
     ratio = 1.0
     for pair in option.text.split(","):
         values = [decimal(text, option.file, option.row, option.name) for text in pair.split(":")]
@@ -99,7 +99,7 @@ def _positive(option: Option) -> float:
 
 
 def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Floats, Floats]:
-    """The radius, and of each tower the arm, the place of the end stop, mm, and the angle, degrees.
+    """The delta's radius, mm, and (3,) for the towers: arm length, mm; position of the end stop, mm; angle, degrees.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Flo
     arms, ends, angles = np.empty(3), np.empty(3), np.empty(3)
     for i, tower in enumerate(TOWERS):
         options = sections.get(tower, {})
-        # What a later tower leaves out is as on the first.
+        # Lengths that are not given for a later tower are those of the first, as in Klipper.
         first = needed(sections, TOWERS[0], "arm_length", file), needed(sections, TOWERS[0], "position_endstop", file)
         arms[i] = _positive(options.get("arm_length", first[0]))
         ends[i] = options.get("position_endstop", first[1]).number()
@@ -124,12 +124,12 @@ def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Flo
 
 
 def _positions(sections: Sections, travel: Floats, file: Path, rows: npt.NDArray[np.int64]) -> Floats:
-    """(N, 3) nozzle, mm, by the geometry of the file: the lower of the two points at arm's length from three carriages."""
+    """(N, 3) nozzle, mm, by the geometry of the file: the lower of the two points at arm's length from the three carriages."""
     radius, arms, ends, angles = tower_dimensions(sections, file)
     foot = radius * np.column_stack([np.cos(np.radians(angles)), np.sin(np.radians(angles))])
     height = ends + np.sqrt(arms**2 - radius**2) - travel
     center = np.concatenate([np.broadcast_to(foot, (*travel.shape, 2)), height[:, :, None]], axis=2)
-    # Differences of the three spheres are two planes; their line is cut by the first sphere.
+    # Differences of the equations of the three spheres are two planes. Their line intersects the first sphere in two points.
     normal = center[:, 1:] - center[:, :1]
     squares = arms**2 - (center**2).sum(axis=2)
     right = 0.5 * (squares[:, :1] - squares[:, 1:])

@@ -1,9 +1,9 @@
 """Klipper's bed mesh, as SAVE_CONFIG writes it into printer.cfg: ``[bed_mesh default]`` with ``points`` on a grid.
 
 Source: klippy/extras/bed_mesh.py of github.com/Klipper3d/klipper. The first line of ``points`` is at ``min_y``, its first
-number at ``min_x``. Each is the nozzle's command, mm, at which the nozzle itself would touch the bed: it includes the probe's
-offset. On a round bed Klipper fills the corners of the grid with the outermost probed number of their line; these points are
-left out.
+number at ``min_x``. Each number is the nozzle's command in z, mm, at which the nozzle itself would touch the bed: it includes
+the probe's offset. On a round bed Klipper fills the corners of the grid with the outermost probed number of their line; these
+points are left out.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gtpin.importers.lines import decimal
 from gtpin.importers.touches import Touches, touched
 
 ROUNDING = 1e-3
-"""Largest distance, mm, of a point of the edge outside the radius, by rounding of the file."""
+"""Largest distance, mm, by which a point at the edge of a round bed can be outside its radius, because the file is rounded."""
 
 
 def read_klipper_mesh(
@@ -79,7 +79,7 @@ def read_klipper_mesh(
 
 
 def _round(sections: Sections) -> tuple[float, list[float]]:
-    """Radius and middle of a round bed, mm; an infinite radius of any other."""
+    """Radius and middle of a round bed, mm; for any other bed the radius is infinite."""
     options = sections["bed_mesh"]
     radius = options["mesh_radius"].number() if "mesh_radius" in options else np.inf
     return radius, options["mesh_origin"].numbers(2) if "mesh_origin" in options else [0.0, 0.0]

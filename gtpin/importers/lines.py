@@ -1,4 +1,4 @@
-"""The lines of a text file, and numbers in them; what can't be read is an error with its line."""
+"""The lines of a text file, and numbers in them; an error names the line that can't be read."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def text_lines(file: Path) -> list[str]:
     if b"\0" in data:
         raise DatasetError("the file is not text", file=file, hint="give the text file that the program wrote")
     try:
-        # Only these end a line: splitlines() also cuts at form feeds and other signs inside of one.
+        # Only these characters end a line. str.splitlines() would also split at form feeds and other control characters.
         return data.decode().replace("\r\n", "\n").replace("\r", "\n").split("\n")
     except UnicodeDecodeError as error:
         row = data[: error.start].count(b"\n") + 1
@@ -52,5 +52,5 @@ def decimal(
 
 
 def decimals(texts: list[str], file: Path, row: int) -> list[float]:
-    """Read several; see :func:`decimal`. The column is counted from 1."""
+    """Read several numbers, each as :func:`decimal` does. Errors count the columns from 1."""
     return [decimal(text, file, row, str(place)) for place, text in enumerate(texts, 1)]

@@ -26,15 +26,15 @@ def matched(
     time: Floats | None = None,
     within: float | None = None,
 ) -> npt.NDArray[np.intp]:
-    """(N,) the row of the commands of each reading.
+    """(N,) index, in the table of commands, of the command of each reading.
 
     Parameters
     ----------
     commands
-        The table.
+        The table of commands.
     by
-        ``pose``: the command with the same id; ``row``: the command with the same number, both tables being of equal
-        length; ``time``: the nearest in time.
+        ``pose``: the command with the same id. ``row``: the command in the same row; both tables must have the same length.
+        ``time``: the command that is nearest in time.
     file, row
         File of the readings, and the (N,) line of each.
     pose, time

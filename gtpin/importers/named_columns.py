@@ -1,4 +1,4 @@
-"""Tables of text without names of their own: the user names the columns, the separator and the units."""
+"""Tables of text without a header of names: the user gives the names of the columns, the separator and the units."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def read_named_columns(
 
 
 def _wanted(names: list[str], separator: Separator, decimal_comma: bool) -> dict[str, int]:
-    """The place of each column by its name."""
+    """Index, from 0, of each column that is used, by its name."""
     found: dict[str, int] = {}
     for place, name in enumerate(names):
         if name == IGNORED:
@@ -126,7 +126,7 @@ def _wanted(names: list[str], separator: Separator, decimal_comma: bool) -> dict
 
 
 def _hint(text: str, *, first: bool) -> str:
-    """What to do where a number can't be read."""
+    """The hint for a text that is not a number; ``first``: it is in the first row."""
     if "," in text and not math.isnan(number(text.replace(",", ".", 1))):
         return "if numbers have a comma for the point, say so (decimal-comma)"
     return (

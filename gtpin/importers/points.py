@@ -1,4 +1,4 @@
-"""Lists of points or poses, as metrology programs export them: SpatialAnalyzer's ASCII points, and any like it.
+"""Lists of points or poses, as metrology programs export them: SpatialAnalyzer's ASCII points, and similar ones.
 
 SpatialAnalyzer's user manual, "Exporting ASCII Formatted Points": a line for each point, ``Collection Group Target x y z`` or
 fewer names, between spaces or commas, in the working frame and the working unit; comments after ``//``. Neither unit nor

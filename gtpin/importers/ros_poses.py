@@ -1,8 +1,8 @@
 """Poses of a ROS topic as CSV, as ``rostopic echo -p`` writes them: PoseStamped, Odometry, one AprilTag detection.
 
 The header names each field of the message: ``%time, field.header.seq, ..., field.pose.position.x, ...,
-field.pose.orientation.w``. Positions are metres (REP 103) and times are nanoseconds. The names tell the order of the
-quaternion, which is x, y, z, w in ROS's messages.
+field.pose.orientation.w``. Positions are metres (REP 103) and times are nanoseconds. The parts of the quaternion, in the order
+x, y, z, w in ROS's messages, are found by their names.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def read_ros_poses(
 
 
 def _place(file: Path, names: list[str], suffix: str, prefix: str | None) -> int:
-    """The place of the one column of a part of the pose."""
+    """Index of the only column that holds a part of the pose."""
     wanted = [f"{prefix}.{suffix}"] if prefix else [name for name in names if name.endswith(f".{suffix}")]
     found = [at for at, name in enumerate(names) if name in wanted]
     if len(found) == 1:

@@ -35,7 +35,8 @@ class RrfDelta:
     radius
         R of M665.
     arms, angles, ends
-        (3,) for each tower: L of M665; direction; H of M665 with the adjustment by M666.
+        (3,) for the towers: L of M665, mm; angle about the middle of the bed from the x axis, degrees; H of M665 plus the
+        tower's adjustment by M666, mm.
     steps
         (3,) steps per mm of M92.
     """

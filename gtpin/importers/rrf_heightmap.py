@@ -2,8 +2,8 @@
 
 Source: src/Movement/BedProbing/Grid.cpp of github.com/Duet3D/RepRapFirmware (HeightMap::SaveToFile and LoadFromFile). A
 line with the version, a line with names in one of three forms, a line with the grid, then the heights, mm, first line at
-the least Y, first number at the least X. A height is the command of Z, bed compensation off, at which the nozzle itself
-would touch the bed: the firmware has subtracted the trigger height. A ``0`` without decimals was not probed.
+the smallest Y, first number at the smallest X. A height is the command of Z, without bed compensation, at which the nozzle
+itself would touch the bed: the firmware has subtracted the trigger height. At a ``0`` without decimals nothing was probed.
 """
 
 from __future__ import annotations

@@ -24,9 +24,9 @@ FARTHEST = 1e3
 ASIDE = (0.1, 500.0)
 """Smallest and largest distance, mm, of a probe from the axis of the nozzle: smaller ones look like metres. Assumed."""
 TIP = 2.0
-"""Distance of a target from the TCP, m, that no probe has: it looks like millimetres. Assumed."""
+"""Distance of a target from the TCP, m, above which it looks like millimetres. Assumed."""
 FREE, WHOLE = 3, 6
-"""Actuators with which positions alone, or positions with an orientation, determine the commands."""
+"""Numbers of actuators: with the first, positions determine the commands; with the second, positions and orientations do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ def check_size(values: Floats, file: Path, row: npt.NDArray[np.int64]) -> None:
 
 
 def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[float, float, float]) -> Touches:
-    """Touches of a probe that is mounted beside the nozzle, from millimetres.
+    """Touches of a probe that is mounted beside the nozzle, from a file in millimetres.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ from gtpin.errors import DatasetError
 Floats = npt.NDArray[np.float64]
 
 ALIKE = 0.05
-"""Largest difference of commands of the nominal geometry from the travel, as a share of the travel. It is smaller where the
-dimensions are known to a few per cent; for wrongly assigned drives it is about 1."""
+"""Largest root mean square (rms) difference of the nominal robot's commands from the recorded travel, over the rms travel. It
+is smaller where the dimensions are known to a few per cent; for wrongly assigned drives it is about 1. Assumed."""
 FEWEST = 3
 """Fewest touches from which order and sign of the drives are determined."""
 

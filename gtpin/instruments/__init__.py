@@ -11,6 +11,6 @@ from gtpin.instruments.tilt import Tilt
 from gtpin.instruments.tracker import Tracker
 
 BUILT_IN: dict[str, type[Instrument]] = {kind.kind: kind for kind in (Tracker, Range, Plane, Socket, Tilt, Encoder)}
-"""The kinds that gtpin knows."""
+"""The classes of the kinds of instruments that gtpin knows, by kind."""
 
 __all__ = ["BUILT_IN", "Component", "Encoder", "Instrument", "Plane", "Range", "Socket", "Tilt", "Tracker", "Unknown"]

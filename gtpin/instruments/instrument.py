@@ -1,4 +1,4 @@
-"""The base class of instruments: what one reads of the robot, and what is unknown of it."""
+"""The base class of instruments: what an instrument reads of the robot, and its unknowns."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ class Instrument(ABC):
         return None
 
     def counted(self) -> Floats:
-        """(M, c) what each number counts in the degrees of freedom: 1 by default, less where rows share one measurement."""
+        """(M, c) degrees of freedom that each number counts as: 1 by default, less where several rows share one measurement."""
         return np.ones((self.read.count, len(self.components)))
 
     @abstractmethod

@@ -67,7 +67,7 @@ class Plane(Instrument):
         return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, 6) derivative by the TCP's pose: n . (motion of the target)."""
+        """(M, 1, 6) derivative by the TCP's pose: component of the target's motion along the normal n."""
         t, _, tilts = self._split(u)
         return np.asarray(self._normals(tilts)[self.plane][:, None] @ self.targets.by_pose(poses, t))
 
@@ -90,7 +90,7 @@ class Plane(Instrument):
         return found
 
     def _normals(self, tilts: Floats) -> Floats:
-        """(K, 3) the planes' normals."""
+        """(K, 3) unit normals of the K planes, base frame."""
         return np.asarray(np.einsum("kij,kj->ki", exp(np.einsum("ki,kij->kj", tilts, self.axes)), self.normal))
 
     def _split(self, u: Floats) -> tuple[Floats, Floats, Floats]:

@@ -104,7 +104,7 @@ def as_seen(model: Model) -> tuple[Model, str | None]:
 
 
 def _blank(fitted: FittedInstrument, count: int) -> dict[str, Floats]:
-    """Columns of readings that an instrument's rows need, without a meaning."""
+    """Columns of readings that an instrument's class needs; their values have no meaning."""
     numbers = {name: np.ones(count) for name in (*fitted.table.numbers, *fitted.columns)}
     for name in ("qx", "qy", "qz"):
         if name in numbers:

@@ -25,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 VAGUE = 1.0
-"""Sigma, m and rad, of the prior of an unknown that has none."""
+"""Sigma, m and rad, that is used for an unknown without a prior: so wide that the prior has no influence. Assumed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +108,10 @@ class Readings:
 
     @property
     def alike(self) -> list[Indices]:
-        """Indices of the rows in each group whose residuals are compared: rows of one instrument; where c = 1, of one sigma.
+        """Groups of rows whose residuals are compared with each other to find outliers: indices of the rows of each group.
 
-        Groups are separate because, before a fit, residuals in sigmas can be much larger for positions than for orientations.
+        A group has the rows of one instrument; where c = 1, those of one noise sigma. Groups are separate because, before a
+        fit, residuals over their sigmas can be much larger for positions than for orientations.
         """
         first = self.group[:, 0]
         return [np.flatnonzero(first == group) for group in np.unique(first)]
@@ -141,7 +142,7 @@ class Readings:
 
     @cached_property
     def counted(self) -> Floats:
-        """(N, c) what each number counts in the degrees of freedom: see :meth:`Instrument.counted`."""
+        """(N, c) degrees of freedom that each number counts as: see :meth:`Instrument.counted`."""
         return self._each(lambda _, one: one.counted())
 
     @cached_property
@@ -158,8 +159,8 @@ class Readings:
         return self._each(lambda i, one: one.minus(poses[self._rows[i]], self.u[self._own[i]]))
 
     def by_motion(self, poses: Poses) -> Floats:
-        """(N, c, 6 + k) derivative of the readings by a shift, m, and a turn, rad, of the platform, base frame, and by the
-        coordinates, rad or m, of the robot's k measured joints.
+        """(N, c, 6 + j) derivative of the readings by a shift, m, and a rotation vector, rad, of the platform, base frame, and
+        by the coordinates, rad or m, of the robot's j measured joints.
         """
 
         def own(i: int, one: Instrument) -> Floats:
@@ -185,11 +186,11 @@ class Readings:
         return self.minus(poses)
 
     def scatter(self, J: Floats, model: Model, poses: Poses) -> Floats:
-        """(N, c, n) derivative of the readings by the commands; J (N, 6 + k, n) is that of the poses, base frame."""
+        """(N, c, n) derivative of the readings by the commands, from that of the poses and measured joints, J (N, 6 + j, n)."""
         return self.seen(J, model, poses)
 
     def seen(self, J: Floats, _: Model, poses: Poses) -> Floats:
-        """(N, c, m) change of the readings by m motions J (N, 6 + k, m) of the poses, base frame, and of k measured joints."""
+        """(N, c, m) change of the readings by m motions J (N, 6 + j, m) of the poses, base frame, and of j measured joints."""
         return np.asarray(self.by_motion(poses) @ J)
 
     def unknown_columns(self, _: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
@@ -209,7 +210,7 @@ class Readings:
         return replace(self.take(rows), q=q)
 
     def own(self, index: int) -> Floats:
-        """Deviations of the unknowns of the instrument with the index ``index``."""
+        """Deviations of the unknowns of the instrument with the index ``index``, m or rad."""
         return self.u[self._own[index]]
 
     @property
@@ -265,8 +266,10 @@ class Readings:
         return tuple(int(n) for n in np.cumsum([0, *(len(one.declared) for one in self.instruments)]))
 
     def _each(self, values: Callable[[int, Instrument], npt.NDArray[np.generic]]) -> Floats:
-        """(N, c, ...) values that a function gives for each instrument's rows; only the component that a row has, where c =
-        1."""
+        """(N, c, ...) values of all rows, from a function that gives those of one instrument.
+
+        Where each row is one component (c = 1), only the values of that component are kept.
+        """
         found: Floats | None = None
         for i, one in enumerate(self.instruments):
             mine = np.asarray(values(i, one), dtype=np.float64)

@@ -16,14 +16,14 @@ from gtpin.kinematics.poses import Poses
 Floats = npt.NDArray[np.float64]
 
 SHOWN = 10
-"""Names that an error has."""
+"""Largest number of sockets that an error message lists."""
 
 
 class Socket(Instrument):
-    """Position p of the target less the point s of its socket, base frame: the reading is 0. Known distances |s1 - s2|, m.
+    """Position p of the target less the point s of its socket, base frame, m, which is 0; also known distances |s1 - s2|, m.
 
     A known distance between two sockets is assigned to K rows, each with the sigma of the distance times sqrt(K). Together they
-    carry the information of one number; a fit without some of these rows still has most of it.
+    carry the information of one number. A fit without some of these rows still has most of this information.
 
     Unknown: each socket's point (prior: mean ``sockets``, standard deviation ``socket_sigma``; none where one of them is not
     given), and the targets (``target_sigma``).
@@ -68,9 +68,9 @@ class Socket(Instrument):
         return self.table.socket_sigma if self._known[i] and self.table.socket_sigma else np.inf
 
     def _links(self) -> tuple[npt.NDArray[np.intp], Floats]:
-        """(M,) index of the distance that a row carries, -1 for none, and (D,) number of rows that share each."""
+        """(M,) index of the known distance that is assigned to a row, -1 for none; (D,) number of rows of each distance."""
         distances = self.table.distances
-        if "link" in self.read.numbers:  # as all rows that were read share them
+        if "link" in self.read.numbers:  # `single` has assigned them, from all rows that were read
             link = np.nan_to_num(self.read.numbers["link"], nan=-1.0).astype(np.intp)
             own = (link >= 0) & np.isin(self.read.component, (-1, 3))
             return link, np.array([max(1.0, float((own & (link == i)).sum())) for i in range(len(distances))])
@@ -99,7 +99,7 @@ class Socket(Instrument):
 
     @property
     def declared(self) -> tuple[float | None, ...]:
-        """Declared sigma per axis, m; and 1, which is not used: rows declare the sigma of a distance themselves."""
+        """Declared sigma per axis, m; and 1, which is not used: :meth:`row_sigmas` gives those of distances."""
         return (self.table.sigma, 1.0)
 
     def row_sigmas(self) -> Floats | None:

@@ -22,11 +22,14 @@ TURNS = ("rx", "ry", "rz")
 
 
 class Tracker(Instrument):
-    """Position F p + f of a target p, and where measured its orientation F R, in the instrument's frame.
+    """Position F p + f of a target p, and where measured its orientation F R M, in the instrument's frame.
 
-    p and R: the target's position and the platform's orientation in the base frame; F, f: the base frame in the instrument's
-    frame. Cameras and motion capture are trackers too. Unknown: F and f for ``frame = "free"``, without a prior; the targets
-    (``target_sigma``); for ``target = "free"`` also the target's orientation on the platform, both without a prior.
+    p and R: the target's position and the platform's orientation, base frame. F and f: the base frame's orientation and origin
+    in the instrument's frame. M: the target's orientation on the platform. Cameras and motion capture are trackers too.
+
+    Unknown, in brackets the standard deviation of the prior: the targets' points on the platform (``target_sigma``). For
+    ``target = "free"``: these points and M, without a prior; otherwise M is the identity. For ``frame = "free"``: F and f,
+    without a prior.
     """
 
     kind, Table = "tracker", TrackerTable
@@ -60,7 +63,7 @@ class Tracker(Instrument):
 
     @property
     def declared(self) -> tuple[float | None, ...]:
-        """Declared sigma of the position, m, and where it is measured of the orientation, rad; None if to be estimated."""
+        """Declared sigma of the position, m, and of the orientation, rad, if that is measured; None: it is estimated."""
         both = (self.table.position_sigma or self.table.sigma, self.table.orientation_sigma)
         return both if self.turned else both[:1]
 
@@ -76,7 +79,7 @@ class Tracker(Instrument):
         return np.hstack([self._T, np.zeros((len(self._T), len(self.components) - 3))])
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c) in the instrument's frame: position, m, and rotation vector, rad, of predicted less measured orientation."""
+        """(M, c) in the instrument's frame: position, m, and rotation vector, rad, from measured to predicted orientation."""
         t, mount, shift, turn = self._split(u)
         F = exp(turn)
         positions = self.targets.positions(poses, t) @ F.T + shift
@@ -95,7 +98,10 @@ class Tracker(Instrument):
         return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c, 6) derivative, in the instrument's frame, by the TCP's position (m) and rotation vector (rad), base frame."""
+        """(M, c, 6) derivative, in the instrument's frame, by the TCP's position (m) and rotation vector (rad), base frame.
+
+        For the orientation it is that at a residual of 0; residuals are small.
+        """
         t, _, _, turn = self._split(u)
         F = exp(turn)
         moved = F @ self.targets.by_pose(poses, t)
@@ -106,7 +112,7 @@ class Tracker(Instrument):
         return np.concatenate([moved, turned], axis=1)
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c, k) derivative by the targets, their orientations on the platform, and the frame."""
+        """(M, c, k) derivative by the targets, their orientations on the platform, and the frame; see :meth:`by_pose`."""
         t, mount, _, turn = self._split(u)
         F = exp(turn)
         found = np.zeros((len(poses), len(self.components), len(u)))

@@ -1,4 +1,4 @@
-"""The pose of a frame that fits poses to measured ones best, robust against gross errors."""
+"""The pose of a frame from the best fit of poses to measured ones, robust against gross errors."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from gtpin.kinematics.poses import Poses
 Floats = npt.NDArray[np.float64]
 
 ALIGNMENTS = 20
-"""Number of reweighted fits."""
+"""Number of fits, each with new weights of the poses. Assumed."""
 
 
 def alignment(poses: Poses, T: Floats, R: Floats | None) -> tuple[Floats, Floats]:
     """Position (3,), m, and rotation (3, 3) of the frame of poses in the frame of measured positions and rotations.
 
-    By the best fit of the positions T (N, 3) (Kabsch), or of the rotations R (N, 3, 3) where the positions lie on a line.
-    Gross errors have little weight.
+    By least squares from a singular value decomposition (Kabsch 1976), of the positions T (N, 3), m, and, where given, of the
+    rotations R (N, 3, 3). Gross errors have little weight.
     """
     far = np.linalg.norm(T - np.median(T, axis=0), axis=1)
     weight = (far <= 10.0 * np.median(far)).astype(float)

@@ -15,16 +15,18 @@ from gtpin.robot.chain import Chain
 Floats = npt.NDArray[np.float64]
 
 NEAR = 0.02
-"""Gap of the loops, m, and distance from the home that the URDF names, m and rad, from which Newton's method converges."""
+"""Distance of the loops' anchors, m, and of the platform from the URDF's home, m and rad, from which Newton's method converges.
+Assumed."""
 ATTEMPTS = 20
+"""Largest number of starts: from zero, then from random coordinates. Assumed."""
 
 
 def assemble(robot: Chain) -> Floats:
     """(nq,) configuration at the home commands whose loops are closed to within some millimetres.
 
     The pose in the URDF's ``<home>`` selects the assembly mode. A floating platform is placed at this pose, and the other
-    passive joints are moved until the rods meet their anchors. Otherwise all passive joints are moved until the loops close
-    with the platform as near to this pose as possible. Without a ``<home>`` the first closure that is found is used.
+    passive joints are moved until the loops close. If the platform does not float, all passive joints are moved until the loops
+    close with the platform as near to this pose as possible. Without a ``<home>`` the first closure that is found is used.
     """
     start = robot.with_commands(robot.neutral, robot.home_q)
     free = np.arange(robot.model.nv)[robot.passive]
@@ -66,7 +68,7 @@ def _home_of_platform(robot: Chain) -> Any:
 
 
 def _from(wanted: Any, robot: Chain) -> Floats:
-    """(6,) shift, m, and rotation vector, rad, of the platform from where it is wanted, for the data as last computed."""
+    """(6,) shift, m, and rotation vector, rad, from the wanted pose of the platform to the one in Pinocchio's data."""
     here = robot.data.oMi[robot.home_joint]
     return np.concatenate([here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
 

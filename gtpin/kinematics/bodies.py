@@ -1,4 +1,4 @@
-"""Motion of the TCP by displaced joints and tool, pose by pose, from Pinocchio's regressors and constraint Jacobians."""
+"""Motion of the TCP by displacements of joints and tool, pose by pose: from Pinocchio's regressors and constraint Jacobians."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bodies:
-    """N postures of a robot, J Pinocchio joints (the universe not counted), to first order.
+    """First-order motion at N postures of a robot with J Pinocchio joints (Pinocchio's "universe" is not counted).
 
     A joint's *placement frame* is its frame on its parent, before its own motion. Joint j has the index j - 1; the TCP, on
     the body that carries it, the index J; the 2 L anchors of L loops have the indices J + 1 to J + 2 L.
@@ -56,7 +56,7 @@ def bodies(robot: Robot, q: Floats) -> Bodies:
 
 
 def responses(robot: Robot, q: Floats) -> Floats:
-    """The response of :class:`Bodies` alone, which takes half the time."""
+    """The response of :class:`Bodies` alone, without the frames, in less time."""
     response = _unknown(robot, q)
     for _ in _responses(robot, q, response):
         pass

@@ -28,14 +28,14 @@ class ChainKinematics:
     Parameters
     ----------
     geometry
-        Geometry whose parameters are deviations of joint placements and of the TCP on its body.
+        Geometry whose parameters are displacements of joints, of the TCP on its body, and of the loops' anchors.
     """
 
     geometry: Geometry
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its joints and TCP where the geometry puts them."""
+        """The robot with the displaced joints, anchors and TCP of the geometry."""
         robot = self.geometry.robot
         placements = self.geometry.deviations("placement", "joint", (robot.model.njoints, 6))
         anchors = self.geometry.anchors
@@ -125,7 +125,7 @@ class ChainKinematics:
             start = self._home
         except ClosureError:
             if not np.any(self.geometry.deviation):
-                raise  # not these commands are at fault but the URDF
+                raise  # the URDF is wrong, not the commands
             return
         count = self.robot.model.njoints - 1
         for i, row in enumerate(q):
@@ -149,7 +149,7 @@ class ChainKinematics:
 
 
 def _contracted(response: Floats, twists: Floats) -> Floats:
-    """(N, 6 + k, m) motion of the TCP and the k measured joints by twists (J + 1, 6, m), the same at all postures."""
+    """(N, 6 + k, m) motion of the TCP and the k measured joints by twists (J + 1 + 2 L, 6, m), the same at all postures."""
     n, width, count, _ = response.shape
     flat = response.reshape(n * width, count * 6) @ twists.reshape(count * 6, -1)
     return np.asarray(flat).reshape(n, width, -1)

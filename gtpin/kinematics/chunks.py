@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 CHUNK = 4096
-"""Number of poses in a chunk: so many that the loop takes little time, and so few that they fit in a processor's cache."""
+"""Number of poses in a chunk: large enough that the loop takes little time, small enough for a processor's cache."""
 
 
 def chunks(count: int) -> list[slice]:

@@ -18,6 +18,7 @@ MAX_STEPS = 12
 CONTRACTION = 0.25
 """As for the single posture: see :mod:`gtpin.kinematics.newton`."""
 SMALLEST_STRIDE = 1.0 / 256.0
+"""Smallest step as a fraction of the path; a pose that needs a smaller one is given up. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class RodEnds:
 
 
 def between(before: RodEnds, after: RodEnds, s: Floats, rows: Rows) -> RodEnds:
-    """Rods at fractions s (m,) of the way from one set of ends to another, for pose numbers (m,)."""
+    """Rods at fractions s (m,) of the way from one set of ends to another, for the poses with the indices ``rows`` (m,)."""
     one, two = before.take(rows), after.take(rows)
     if (s == 1.0).all():
         return two
@@ -108,7 +109,7 @@ def newton(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, npt.NDArray
             rows, d, RP, gap, last_step = rows[~done], d[~done], RP[~done], gap[~done], last_step[~done]
         step = solve_each(pose_jacobian(d, RP), -gap)
         length = np.linalg.norm(step, axis=1)
-        # Below the square root of rounding steps no longer shrink, and the gap decides alone.
+        # Steps below the square root of rounding errors no longer shrink; there only the closure residual decides.
         good = (length <= 1e-8) | (length <= CONTRACTION * last_step)
         if not good.all():
             rows, step, length = rows[good], step[good], length[good]
@@ -122,11 +123,11 @@ def solve_each(matrices: Floats, right: Floats) -> Floats:
     """(N, k) solutions of N square systems (N, k, k), (N, k); NaN where a matrix is singular."""
     try:
         return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
-    except np.linalg.LinAlgError:  # numpy gives up on all of them when one is singular
+    except np.linalg.LinAlgError:  # numpy solves none of the systems if one is singular
         solution = np.full(right.shape, np.nan)
         regular = np.asarray(
             np.isfinite(matrices).all(axis=(1, 2))
-        )  # the rank of what is not finite can't be had either
+        )  # matrix_rank fails for all of them where one number is not finite
         regular[regular] = np.linalg.matrix_rank(matrices[regular]) == matrices.shape[-1]
         solution[regular] = np.linalg.solve(matrices[regular], right[regular][..., None])[..., 0]
         return solution
@@ -135,13 +136,13 @@ def solve_each(matrices: Floats, right: Floats) -> Floats:
 def follow(path: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Poses:
     """Solve the closures at the end of a path, in the assembly mode of its beginning.
 
-    Each pose follows the path in steps so short that Newton's method contracts; one step where possible. With several steps,
-    the determinant of the closures' Jacobian must also keep its sign: it changes where assembly modes meet.
+    Each pose follows the path in steps so short that Newton's method contracts: one step where that is possible. With several
+    steps, the determinant of the closures' Jacobian must also keep its sign, which changes where assembly modes meet.
 
     Parameters
     ----------
     path
-        Gives the rods at fractions s (m,) in [0, 1] of the way, for pose numbers (m,).
+        Gives the rods at fractions s (m,) in [0, 1] of the way, for the poses with the indices (m,).
     start
         (N) closed poses at s = 0.
     size

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 Floats = npt.NDArray[np.float64]
 
 LEAST_TILT = 0.02
-"""Sine of beta below which alpha and gamma are angles about nearly the same axis, and not well defined."""
+"""Sine of beta below which alpha and gamma are angles about nearly the same axis, and not well defined. Assumed."""
 
 
 def well_defined(R: Floats) -> bool:
@@ -34,7 +34,7 @@ def zyz_rates(R: Floats) -> Floats:
     It is unbounded near beta = 0 and pi, where the angles are singular.
     """
     alpha, beta, _ = zyz(R).T
-    axes = np.zeros((len(R), 3, 3))  # columns: what alpha, beta and gamma turn about
+    axes = np.zeros((len(R), 3, 3))  # columns: the axes of the rotations alpha, beta and gamma
     axes[:, 2, 0] = 1.0
     axes[:, 0, 1], axes[:, 1, 1] = -np.sin(alpha), np.cos(alpha)
     axes[:, 0, 2], axes[:, 1, 2], axes[:, 2, 2] = (

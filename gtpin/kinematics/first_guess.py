@@ -16,10 +16,10 @@ from gtpin.kinematics.rotations import exp, log
 Floats = npt.NDArray[np.float64]
 
 MOST_TERMS = 120
-"""Most terms of a polynomial: more take more time than the Newton step that they save."""
+"""Largest number of terms of a polynomial: more terms take more time than the Newton step that they save."""
 NODES_PER_TERM = 3
 USABLE = 0.02
-"""Largest error, m or rad, at the nodes of a guess that is used."""
+"""Largest error at the nodes, m or rad, of a guess that is used. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class FirstGuess:
     coefficients
         (terms, 6) coefficients of position, m, and rotation vector, rad.
     R
-        (3, 3) rotation relative to which the rotation vectors are.
+        (3, 3) reference rotation: a rotation vector w means the rotation exp(w) R.
     error
         Largest error at the nodes of the fit, m or rad.
     """
@@ -49,7 +49,10 @@ class FirstGuess:
 
     @staticmethod
     def fit(lower: Floats, upper: Floats, solve: Callable[[Floats], Poses], R: Floats) -> FirstGuess | None:
-        """Fit to poses that ``solve`` finds at nodes; None where a range has no limits or the fit is too inaccurate."""
+        """Fit to poses at nodes, which ``solve`` computes from commands (N, n); R: the reference rotation (3, 3).
+
+        None where a range has no limits, where too few nodes can be reached, or where the fit is too inaccurate.
+        """
         if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
             return None
         from scipy.stats import qmc
@@ -59,7 +62,7 @@ class FirstGuess:
         powers = [e for e in product(range(degree + 1), repeat=n) if sum(e) <= degree]
         exponents = np.array(sorted(powers, key=sum))
         uniform = qmc.Halton(n, scramble=False).random(NODES_PER_TERM * len(exponents) + 1)[1:]
-        x = -np.cos(np.pi * uniform)  # dense at the ends, where polynomials of high degree go astray
+        x = -np.cos(np.pi * uniform)  # dense at the ends, where polynomials of high degree oscillate
         poses = solve(lower + (x + 1.0) / 2.0 * (upper - lower))
         if poses.reached.sum() < 2 * len(exponents):
             return None
@@ -78,7 +81,7 @@ class FirstGuess:
 
 
 def _terms(x: Floats, exponents: npt.NDArray[np.int_]) -> Floats:
-    """(terms, N) products of powers of scaled commands (N, n), each from an earlier one by a single factor."""
+    """(terms, N) products of powers of scaled commands (N, n): each is an earlier one times one command."""
     place = {tuple(e): i for i, e in enumerate(exponents.tolist())}
     factors = np.ascontiguousarray(x.T)
     terms = np.ones((len(exponents), len(x)))

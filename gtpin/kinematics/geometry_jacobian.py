@@ -61,7 +61,18 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
 
 
 class Regressors:
-    """Motion of the TCP, of each loop's gap, and of measured joints, by twists of joint placements."""
+    """Motion of the TCP and of measured joints by twists of joint placements.
+
+    A loop's *gap* is the vector from its first anchor to its second, m, in the frame of the first.
+
+    Attributes
+    ----------
+    tcp, closed
+        (6, 6 J) motion of the TCP, base frame, by twists of the J joints in their own axes: at constant joint coordinates, and
+        with passive joints that close the loops again.
+    measured
+        (k, 6 J) motion of the coordinates of the k measured joints, rad or m, with closed loops.
+    """
 
     def __init__(self, posture: ClosedPosture) -> None:
         robot = posture.robot
@@ -70,7 +81,7 @@ class Regressors:
         for i, constraint in enumerate(robot.constraints):
             first = self._regressor(posture, constraint.joint1_id, constraint.joint1_placement)
             second = self._regressor(posture, constraint.joint2_id, constraint.joint2_placement)
-            # A gap that play takes up (across a planar loop) turns with the first anchor, in whose frame it is.
+            # The gap across a planar loop, where the joints have play, is not zero: it rotates with the first anchor.
             turning = np.cross(first[3:], _gap(posture, i), axis=0)
             gaps[3 * i : 3 * i + 3] = to_gap(posture, i, second[:3] - first[:3] - turning)
         gaps = robot.closing(gaps)
@@ -120,7 +131,7 @@ def _gap(posture: ClosedPosture, loop: int) -> Floats:
 
 
 def to_gap(posture: ClosedPosture, loop: int, motion: Floats) -> Floats:
-    """The change of a loop's gap, in the first anchor's frame, by a motion (3, ...) of its second anchor in the base frame."""
+    """(3, ...) change of a loop's gap, in the first anchor's frame, by a motion (3, ...) of its second anchor, base frame."""
     constraint = posture.robot.constraints[loop]
     rotation = posture.robot.data.oMi[constraint.joint1_id].rotation @ constraint.joint1_placement.rotation
     return np.asarray(rotation.T @ motion)
@@ -144,7 +155,7 @@ def _length(posture: ClosedPosture, _: Regressors, __: Geometry, p: Parameter) -
         else (constraint.joint2_id, constraint.joint2_placement)
     )
     along = (robot.data.oMi[joint] * tip).translation - robot.data.oMi[rod.joint_id].translation
-    # Lengthening the rod moves its own end, which opens the gap the other way round than moving the seat.
+    # A longer rod moves its own end: the gap changes with the opposite sign to that of a motion of the carrier joint.
     return -_seat(posture, p.owner, along / np.linalg.norm(along))
 
 
@@ -157,7 +168,7 @@ def _platform_joint(posture: ClosedPosture, regressors: Regressors, _: Geometry,
 
 
 def _at_zero(posture: ClosedPosture, rod_index: int) -> Floats:
-    """(3, 3) rotation, base frame, of a rod's carrier since its command was zero."""
+    """(3, 3) rotation, base frame, of a rod's carrier from its orientation at the command 0."""
     robot = posture.robot
     carrier = robot.rods[rod_index].carrier
     if carrier is None or not robot.actuators[carrier].revolute:
@@ -180,13 +191,13 @@ def _direction(posture: ClosedPosture, regressors: Regressors, geometry: Geometr
     assert carrier is not None
     actuator = robot.actuators[carrier]
     turn = rotation_axes(actuator.axis)[p.component]
-    if p.per == "rod":  # no joint of the tree turns: the rod's own seat strays from the common track
+    if p.per == "rod":  # only this rod's carrier joint leaves the common track
         constraint = robot.constraints[robot.rods[p.owner].loop]
         seat = _seat_position(posture, constraint, robot.rods[p.owner].rod_end)
         motion = np.cross(turn, seat - actuator.origin)
         motion -= _at_zero(posture, p.owner) @ np.cross(turn, robot.rods[p.owner].C - actuator.origin)
         return _seat(posture, p.owner, motion)
-    # The joint's placement turns, and the seats turn back as they were at zero: only the direction has changed.
+    # The joint's placement rotates, and the carrier joints rotate back to their places at the command 0.
     placement = robot.model.jointPlacements[actuator.joint_id]
     result = regressors.twist(actuator.joint_id, np.concatenate([np.zeros(3), placement.rotation.T @ turn]))
     for i in moved:

@@ -36,7 +36,7 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
     Returns
     -------
     posture
-        With the TCP at T (and R).
+        A posture with the TCP at T, and with the rotation R where it is given.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
         if np.linalg.norm(new) < np.linalg.norm(error):
             posture, error, stride = trial, new, min(1.0, 2.0 * stride)
         elif np.abs(error).max() <= 100.0 * TOLERANCE * posture.robot.size:
-            return posture  # as near as rounding lets it come
+            return posture  # rounding errors prevent a smaller error
         else:
             stride /= 2.0
     where = ", ".join(f"{value:.6g}" for value in T)
@@ -103,7 +103,7 @@ def commands_for(
     Returns
     -------
     q, poses
-        (N, n) commands, m or rad, and the (N) poses at them, base frame; both NaN where Newton's method does not get there.
+        (N, n) commands, m or rad, and the (N) poses at them, base frame; both NaN where Newton's method does not converge.
 
     Raises
     ------

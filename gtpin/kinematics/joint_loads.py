@@ -16,12 +16,12 @@ Floats = npt.NDArray[np.float64]
 
 
 def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: Floats | None = None) -> Floats:
-    """Wrenches that the bodies beyond each joint exert on it, at rest: Pinocchio's ``rnea`` with external forces.
+    """Static wrenches that the bodies beyond each joint exert on it: Pinocchio's ``rnea`` with external forces.
 
     Parameters
     ----------
     q
-        (N, n) commands.
+        (N, n) commands, m or rad.
     force
         (N, 3) force on the tool at the URDF's TCP, base frame, N.
     payload
@@ -74,7 +74,10 @@ def _in(frame: pin.SE3, vector: Floats) -> Floats:
 
 
 def _postures(robot: Robot, q: Floats, tool: Floats) -> list[tuple[Floats | None, Floats]]:
-    """Configurations, and (loops, 3) the force of each loop on its second anchor's body, base frame, N."""
+    """For each row: the configuration (nq,), None where the loops can't be closed; and the forces of the loops.
+
+    The force (L, 3) is that of each of the L loops on the body of its second anchor, base frame, N.
+    """
     if not robot.constraints:
         return [(configuration, np.zeros((0, 3))) for configuration in configurations(robot, q)]
     start = home(robot)

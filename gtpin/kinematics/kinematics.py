@@ -1,4 +1,4 @@
-"""The kinematics that fit a robot: arrays or Pinocchio where it has rods, Pinocchio pose by pose where it has none."""
+"""The kinematics of a robot: in arrays or by Pinocchio if it has rods, by Pinocchio if it has none."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Kinematics(Protocol):
 
     @property
     def geometry(self) -> Geometry:
-        """The geometry whose kinematics these are."""
+        """The geometry of these kinematics."""
 
     @property
     def home(self) -> Poses:
@@ -58,7 +58,7 @@ def kinematics(geometry: Geometry, solver: Solver = "arrays") -> Kinematics:
     Raises
     ------
     ModelError
-        If there is no such solver, or Pinocchio can't carry the geometry: see
+        If there is no such solver, or the solver ``pinocchio`` can't represent the geometry: see
         :class:`~gtpin.kinematics.pinocchio_rods.PinocchioRods`.
     """
     if solver not in ("arrays", "pinocchio"):

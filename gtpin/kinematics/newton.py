@@ -44,7 +44,9 @@ class Closing:
 
 
 def constraint_error(robot: Chain) -> Floats:
-    """(m,) gap between the anchors of each loop, m, in the first anchor's frame, for the data as last computed.
+    """(m,) components of the vectors between the anchors of each loop, m, in the first anchor's frame.
+
+    They are at the configuration for which ``robot.data`` was computed last.
 
     For planar loops only the components in their plane: see :meth:`~gtpin.robot.chain.Chain.closing`.
     """
@@ -58,8 +60,7 @@ def constraint_error(robot: Chain) -> Floats:
 
 
 def constraint_jacobian(robot: Chain) -> Floats:
-    """(m, nv) derivative of :func:`constraint_error`, for the data as last computed; joints that follow others (``<mimic>``)
-    move with them."""
+    """(m, nv) derivative of :func:`constraint_error`; joints that follow others (``<mimic>``) move with them."""
     if not robot.constraints:
         return np.zeros((0, robot.model.nv))
     for constraint, data in robot.constraint_elements:
@@ -87,7 +88,7 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
         Bound on the ratio of successive steps.
     """
     model, passive = robot.model, robot.passive
-    # Coordinates of a few metres are rounded to a few 1e-16 m each, and a loop adds a dozen of them.
+    # Coordinates of a few metres have rounding errors of a few 1e-16 m each, and a loop is a sum of about ten of them.
     rounding = ROUNDING * robot.size
     last_step = np.inf
     jacobian: Floats | None = None
@@ -99,7 +100,7 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
         jacobian = constraint_jacobian(robot)
         velocity = robot.velocity(None, solve(jacobian[:, passive], -error))
         step = math.sqrt(velocity @ velocity)
-        # Below the square root of rounding, steps no longer shrink; the error decides alone.
+        # Steps below the square root of rounding errors no longer shrink; there only the closure error decides.
         if not math.isfinite(step) or (step > 1e-8 and step > contraction * last_step):
             break
         last_step = step
@@ -108,16 +109,17 @@ def close(robot: Chain, configuration: Floats, contraction: float = CONTRACTION)
 
 
 class Passive:
-    """The constraints' derivative (m, p) by the passive coordinates, inverted.
+    """The inverse of the derivative (m, p) of the closure constraints by the passive coordinates.
 
     Attributes
     ----------
     inverse : (p, m) array
-        The pseudo-inverse where there are more equations than coordinates; NaN where there is none.
+        The pseudo-inverse where there are more equations than coordinates; NaN where the matrix is singular.
     amplification : float
-    Frobenius norm of the inverse: motion of the passive coordinates by unit gaps; infinite where there is no inverse.
+        Frobenius norm of the inverse: motion of the passive coordinates by unit closure errors; infinite where the matrix is
+        singular.
     orientation : float
-        Sign of the determinant, which is constant on an assembly mode; 1 where the matrix is not square.
+        Sign of the determinant, which is constant within an assembly mode; 1 where the matrix is not square.
     """
 
     def __init__(self, matrix: Floats) -> None:
@@ -133,7 +135,7 @@ class Passive:
                 self.inverse = np.full(matrix.shape, np.nan)
                 self.orientation, self.amplification = 0.0, np.inf
                 return
-            # LAPACK by hand: numpy would factor once for the determinant and again for the inverse.
+            # LAPACK is called directly: numpy would factorise once for the determinant and again for the inverse.
             self.inverse = lapack.dgetri(lu, pivots)[0]
             negative = np.count_nonzero(lu.diagonal() < 0.0) + np.count_nonzero(pivots != np.arange(len(pivots)))
             self.orientation = -1.0 if negative % 2 else 1.0

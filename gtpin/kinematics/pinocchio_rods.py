@@ -25,10 +25,9 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PinocchioRods:
-    """The kinematics of a robot with rods, from the URDF that carries its geometry.
+    """The kinematics of a robot with rods, computed by Pinocchio from a URDF that is written with the values of the geometry.
 
-    Poses, and their derivatives by commands and by parameters, are computed by Pinocchio from a URDF with the values of the
-    geometry. Drive scales multiply the commands.
+    Drive scales, which a URDF can't hold, multiply the commands.
 
     Parameters
     ----------
@@ -96,7 +95,7 @@ class PinocchioRods:
 
     @cached_property
     def _at_nominal(self) -> Geometry:
-        """The same parameters of the URDF's robot, all at its nominal values; of a direction, its turns about both axes."""
+        """The parameters of the robot of the written URDF, at its own nominal values. A direction has both a and b."""
         found = {}
         for p in self.geometry.parameters:
             for one in (replace(p, component=0), replace(p, component=1)) if p.kind == "direction" else (p,):
@@ -105,7 +104,10 @@ class PinocchioRods:
 
     @cached_property
     def _chain(self) -> Floats:
-        """(p', p) derivative of what the URDF's robot counts from its own axes and travel by the geometry's parameters."""
+        """(p', p) derivative of the p' parameters of the written URDF's robot by the p parameters of the geometry.
+
+        They differ in directions and scales, which are relative to the axes and the travel of their own robot.
+        """
         found = np.zeros((len(self._at_nominal.parameters), len(self.geometry.parameters)))
         count = self.geometry.robot.n_actuators
         turns = self.geometry.deviations("direction", "actuator", (count, 3))

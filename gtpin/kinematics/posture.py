@@ -17,12 +17,14 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 HOME_OFF = 0.1
-"""Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode."""
+"""Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode. Assumed."""
 HOME_TURNED = 0.2
-"""The same as an angle, rad. Assumed: far larger than rounding, and smaller than the difference of assembly modes."""
+"""Angle, rad, from the home in the URDF, beyond which they count so too. Assumed: both are far larger than rounding errors,
+and smaller than the difference of assembly modes."""
 SMALLEST_STEP = 1.0 / 256.0
+"""Smallest step as a fraction of the line to the target; where a smaller one is needed, the target is given up. Assumed."""
 SINGULAR = 1e3
-"""A posture counts as near a singularity where closing the loops amplifies an error this many times more than at home."""
+"""Ratio of a posture's amplification to that of home, above which it counts as near a singularity. Assumed."""
 
 
 class ClosedPosture:
@@ -137,7 +139,7 @@ class ClosedPosture:
 
     @cached_property
     def passive_response(self) -> Floats:
-        """(6, m) motion of the TCP, m and rad, base frame, that closes a gap of 1 m in each loop equation, commands held."""
+        """(6, m) motion of the TCP, m and rad, base frame, that closes a gap of 1 m in each loop equation, commands fixed."""
         return _frozen(-self.tcp_jacobian[:, self.robot.passive] @ self.passive_inverse)
 
     @cached_property
@@ -196,7 +198,7 @@ class ClosedPosture:
         return posture
 
     def _ahead(self, q: Floats) -> Floats:
-        """Configuration at other commands, the passive coordinates moved along the tangent."""
+        """(nq,) configuration at other commands, with passive coordinates to first order: the next start of Newton's method."""
         robot = self.robot
         gaps = self._nearby[:, robot.driven] @ (q - self.q)
         velocity = robot.velocity(q - self.q, -self._passive.inverse @ gaps)

@@ -96,7 +96,7 @@ class RodJoint:
         return float(np.arctan2(sine, cosine)), float(np.hypot(cosine, sine)), level
 
     def _beyond(self, x2: Floats) -> Floats:
-        """(N, 3) the rod in the first joint's frame, before that turns."""
+        """(N, 3) unit vectors along the rod in the first joint's placement frame, at x1 = 0."""
         return np.asarray(np.einsum("nij,j->ni", exp(x2[:, None] * self.a2), self.t) @ self.B.T)
 
 
@@ -125,7 +125,7 @@ def motion(joint: RodJoint, poses: Poses, P: Floats, C: Floats, moved: Floats, d
 
 
 def _passive_chain(robot: Robot, rod: Rod) -> list[int]:
-    """Pinocchio's joints from the platform to a rod's end that nothing drives."""
+    """Pinocchio's joints from the platform to a rod's end, without the driven ones."""
     driven = {actuator.joint_id for actuator in robot.actuators}
     chain = list(robot.model.supports[_tip(robot, rod)[0]])
     return [int(j) for j in chain[chain.index(rod.joint_id) :] if j not in driven]

@@ -222,7 +222,8 @@ class RodKinematics:
         d, RP = rod_vectors(poses, ends)
         slots = self._slots
         gradient = self._gradient(q, poses, ends, d, slots)
-        # A parameter opens the gaps of its own rods only: the response to each gap times the gap, summed by parameter.
+        # A parameter changes the closures of its own rods only. Its derivative is a sum over these rods: the response of the
+        # pose to the rod's closure, times the derivative of the closure by the parameter.
         response = -np.linalg.inv(pose_jacobian(d, RP))
         columns, rods = np.array(slots).T
         first = np.flatnonzero(np.diff(columns, prepend=-1))
@@ -236,7 +237,7 @@ class RodKinematics:
         return np.concatenate([moved, self._joints_by_geometry(q, poses, ends, moved)], axis=1)
 
     def _joints_by_geometry(self, q: Floats, poses: Poses, ends: RodEnds, moved: Floats) -> Floats:
-        """(N, j, p) derivative of the measured joints by the parameters, of which ``moved`` (N, 6, p) moves the platform."""
+        """(N, j, p) derivative of the measured joints by the parameters; ``moved``: that of the platform's pose, (N, 6, p)."""
         found = np.empty((len(q), len(self._measured), moved.shape[2]))
         for row, one in enumerate(self._measured):
             i, dC, dP = one.rod, np.zeros((len(q), 3, moved.shape[2])), np.zeros((3, moved.shape[2]))
@@ -256,7 +257,7 @@ class RodKinematics:
         return found
 
     def closures(self, q: Floats, poses: Poses) -> Floats:
-        """(N, k) the closures (|d|^2 - L^2) / 2 at any poses, base frame, m^2: zero at the robot's own."""
+        """(N, k) the closures (|d|^2 - L^2) / 2 at any poses, base frame, m^2: zero at the poses of :meth:`forward`."""
         ends = self.ends(q)
         d, _ = rod_vectors(poses, ends)
         return np.asarray((np.einsum("nki,nki->nk", d, d) - ends.L**2) / 2.0)
@@ -273,12 +274,12 @@ class RodKinematics:
 
     @cached_property
     def _slots(self) -> list[tuple[int, int]]:
-        """Pairs of a parameter and a rod that it moves."""
+        """Pairs of indices: a parameter, and a rod whose closure it changes."""
         parameters = self.geometry.parameters
         return [(column, i) for column, p in enumerate(parameters) for i in self._owned(p.per, p.kind, p.owner)]
 
     def _gradient(self, q: Floats, poses: Poses, ends: RodEnds, d: Floats, slots: list[tuple[int, int]]) -> Floats:
-        """(N, s) derivative of one rod's closure by one parameter, for pairs of parameter and rod."""
+        """(N, s) derivative of one rod's closure by one parameter, for the s pairs of parameter and rod in ``slots``."""
         travel = self._travel(q)
         by_travel = self._by_travel(ends, d, travel)
         along = d @ poses.R  # the rods in the TCP frame
@@ -342,7 +343,7 @@ class RodKinematics:
 
     @cached_property
     def _turns(self) -> Floats:
-        """(k, 3) rotations a, b and about the track itself of each rod's path, rad."""
+        """(k, 3) rotations of each rod's path, rad: a, b, and about the track itself."""
         return self._deviations("direction", 3)
 
     @cached_property
@@ -370,7 +371,7 @@ class RodKinematics:
         return [i for i in range(self._k) if self._driver[i] == owner]
 
     def _ends_that_close(self, poses: Poses, q: Floats) -> RodEnds:
-        """Rods of the present geometry but of the lengths that the poses imply: they close there by construction."""
+        """Rods of this geometry, with the lengths at which their closures hold at ``poses``."""
         ends = self.ends(q)
         d, _ = rod_vectors(poses, ends)
         return RodEnds(ends.P, ends.C, np.linalg.norm(d, axis=2))

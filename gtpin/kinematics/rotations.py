@@ -57,8 +57,8 @@ def left_jacobian(vector: Floats) -> Floats:
 def twist_jacobian(twist: Floats) -> Floats:
     """(6, 6) matrix that takes a change of a twist (6,), m and rad, to the twist of the change, in the moved frame's axes.
 
-    The series sum_k (-ad)^k / (k + 1)! (Lynch and Park, Modern Robotics, 2017, ch. 3): closed forms lose half of the digits at
-    turns of less than a milliradian, as deviations of placements are.
+    The series sum_k (-ad)^k / (k + 1)! (Lynch and Park, Modern Robotics, 2017, ch. 3). Closed forms lose half of the digits at
+    rotations below a milliradian, which deviations of placements have.
     """
     ad = np.zeros((6, 6))
     ad[:3, :3] = ad[3:, 3:] = skew(twist[3:])

@@ -25,7 +25,7 @@ class CarrierJoint(Protocol):
         """(N, 3) derivative of the position by the travel."""
 
     def by_joint(self, travel: Floats, component: int) -> Floats:
-        """(N, 3) derivative of the position by a base-frame component of the joint's place at zero."""
+        """(N, 3) derivative of the position by a component, base frame, of the joint's position at the command 0."""
 
     def by_turn(self, travel: Floats, component: int) -> Floats:
         """(N, 3) derivative of the position by a small rotation (a, b, or about the track itself) of the carrier's path."""
@@ -33,14 +33,14 @@ class CarrierJoint(Protocol):
 
 @dataclass(frozen=True)
 class Turned:
-    """A direction turned by small rotations.
+    """A rotation by three small angles.
 
     Parameters
     ----------
     axes
-        (3, 3) unit vectors about which a, b and the third rotation turn.
+        (3, 3) unit vectors, one per row: the axes of the angles a, b and c.
     angles
-        (3,) the rotations, rad: the turn is the exponential of their sum.
+        (3,) angles a, b and c, rad. The rotation is the exponential of the rotation vector ``angles @ axes``.
     """
 
     axes: Floats
@@ -48,11 +48,11 @@ class Turned:
 
     @cached_property
     def R(self) -> Floats:
-        """(3, 3) the turn."""
+        """(3, 3) the rotation."""
         return exp(self.angles @ self.axes)
 
     def rate(self, component: int) -> Floats:
-        """(3,) rotation vector, in the fixed frame, that a unit of one of the rotations adds."""
+        """(3,) derivative of the rotation by one of the angles, as a rotation vector in the fixed frame."""
         return np.asarray(left_jacobian(self.angles @ self.axes) @ self.axes[component])
 
 
@@ -128,7 +128,7 @@ class ArmJoint:
         return self._turn(travel)[:, :, component]
 
     def by_turn(self, travel: Floats, component: int) -> Floats:
-        # Turning the axis turns the arm about its origin, less the same turn of the arm at zero.
+        # A rotation of the axis rotates the arm about ``origin``. The arm at the command 0 stays, so its rotation is undone.
         rate = self.turned.rate(component)
         undone = self._turn(travel) @ np.cross(rate, self.C0 - self.origin)
         return np.asarray(np.cross(rate, self.position(travel) - self.origin) - undone)
@@ -136,7 +136,7 @@ class ArmJoint:
 
 @dataclass(frozen=True)
 class MeasuredJoint:
-    """A joint on a cart whose path, and perhaps turning, was measured along its guideway (eq. 4)."""
+    """A joint on a cart whose path, and where known its rotation, was measured along its guideway (eq. 4)."""
 
     C0: Floats
     track: MeasuredTrack
@@ -162,7 +162,7 @@ class MeasuredJoint:
 
     def by_travel(self, travel: Floats) -> Floats:
         along = self.track.slope(travel) @ self.turned.R.T
-        # Cart turns are fractions of a milliradian: the rate of the vector is the rate of the rotation.
+        # Carts rotate by fractions of a milliradian: the derivative of the rotation vector is taken for that of the rotation.
         return np.asarray(along + np.cross(self.track.turn_slope(travel) @ self.turned.R.T, self._lever))
 
     def by_joint(self, travel: Floats, component: int) -> Floats:

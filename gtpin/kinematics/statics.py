@@ -48,7 +48,7 @@ def static_forces(
 
     The balance of the passive coordinates, J' lambda = g - J_tcp' w, gives the forces lambda in the loops, with J the
     constraint Jacobian, g the generalized gravity, J_tcp the Jacobian of the TCP and w force and moment on it. The balance of
-    the driven coordinates then gives the actuators' forces. A planar loop holds no force across its plane.
+    the driven coordinates then gives the actuators' forces. A planar loop transmits no force across its plane.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def static_forces(
 
 
 def _from_gap(posture: ClosedPosture, loop: int, multiplier: Floats) -> Floats:
-    """Force on a loop's second anchor, base frame, of a multiplier in the first anchor's frame."""
+    """(3,) force on a loop's second anchor, base frame, N, from the Lagrange multipliers (3,) in the first anchor's frame."""
     return to_gap(posture, loop, np.eye(3)).T @ multiplier
 
 
@@ -109,7 +109,7 @@ def _axial(posture: ClosedPosture, loops: Floats) -> Floats:
         u = along / np.linalg.norm(along)
         on_rod = loops[rod.loop] if rod.rod_end == 0 else -loops[rod.loop]
         stretch = 0.0 if rod.extension is None else float(posture.q[rod.extension])
-        # Between its middle and its seat the rod's own weight adds to the pull, over the part of its mass there.
+        # Between the carrier joint and the middle, the axial force changes by the weight that the carrier supports.
         on_carrier = _rod_mass(robot, i).on_carrier(np.array(stretch), np.asarray(np.linalg.norm(along)))
         forces[i] = on_rod @ u + float(on_carrier) * (robot.model.gravity.linear @ u)
     return forces
@@ -163,7 +163,8 @@ def rod_forces(
 ) -> Floats:
     """Axial forces f at the middle of the k rods for many poses, from the platform's balance J' f = w.
 
-    J is the derivative of the closures by the platform's pose, w the wrench on the platform.
+    J is the derivative of the distances between the rods' ends by the platform's pose. w is the wrench on the platform about
+    the TCP: its weight, its share of the rods' weight, the payload's weight, and the force on the tool.
 
     Parameters
     ----------

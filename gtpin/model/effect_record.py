@@ -59,7 +59,7 @@ class DirectionRecord(Record):
 
 
 class CommandsRecord(Record):
-    """Least and largest commands in a fit, m or rad; ``measured``: for each joint, the parts of a turn that had commands."""
+    """Smallest and largest commands in a fit, m or rad; ``measured``: for each joint, the parts of a turn that had commands."""
 
     lower: list[Finite]
     upper: list[Finite]
@@ -72,7 +72,7 @@ class CommandsRecord(Record):
 
 
 class JointsRecord(Record):
-    """Mean and spread of what each joint and the TCP carry in a fit, N and N m."""
+    """Mean and spread of the load (force, N, and moment, N m) on each joint and on the TCP in a fit."""
 
     mean: list[Annotated[list[Finite], Field(min_length=6, max_length=6)]]
     spread: list[Annotated[list[Positive], Field(min_length=6, max_length=6)]]
@@ -92,7 +92,7 @@ class ReferencesRecord(Record):
 
     @model_serializer(mode="wrap")
     def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The keys of robots without rods are written for these alone."""
+        """Leave out the keys that only robots without rods have, for other robots."""
         return {key: value for key, value in write(self).items() if value is not None}
 
 
@@ -119,7 +119,10 @@ class ColumnRecord(Record):
 
 
 class EffectRecord(Record):
-    """An effect at a site with its coefficients; see :class:`~gtpin.effects.active.ActiveEffect`."""
+    """An effect at a site with its coefficients; see :class:`~gtpin.effects.active.ActiveEffect`.
+
+    ``setting`` is the value of its nonlinear parameter, and ``further_settings`` are further values where it acts with several.
+    """
 
     effect: str
     site: str

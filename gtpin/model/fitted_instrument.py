@@ -17,8 +17,8 @@ class FittedInstrument:
     table
         Its ``[[instrument]]`` section of dataset.toml.
     columns
-        Names of the columns of numbers in its table of rows. They say what is predicted: an orientation only where it was
-        measured.
+        Names of the columns of numbers in its table of rows. They determine what is predicted: an orientation only where it
+        was measured.
     known
         By name of a column of ids (``station``, ``target``, ...): the ids in it.
     unknowns

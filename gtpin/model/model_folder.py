@@ -48,7 +48,7 @@ FILES = ("model.json", "robot.urdf", "nominal.urdf")
 NOT_TURNED = 1e-9
 """Largest accepted error of a rotation matrix's orthogonality, and of a correlation above 1."""
 MOST_UNCERTAIN = 1e3
-"""Standard deviation, m or rad, above which a file is refused: tolerances of geometric parameters are millimetres."""
+"""Standard deviation, m or rad, above which a file is refused: tolerances of geometric parameters are millimetres. Assumed."""
 
 
 def calibrated_urdf(model: Model) -> str:
@@ -250,18 +250,21 @@ def _joint(geometry: Geometry, content: ModelFile) -> npt.NDArray[np.float64] | 
 
 
 def _order(geometry: Geometry, content: ModelFile) -> list[int]:
-    """Places of the geometry's parameters among the file's, in whose order covariances are written."""
+    """Indices of the geometry's parameters among those of the file; the file's covariances are in its own order."""
     return [list(content.parameters).index(name) for name in geometry.names]
 
 
 def _checked(rows: list[list[float]], order: list[int], column: str, n_parameters: int) -> npt.NDArray[np.float64]:
-    """A covariance from a file, with rows and columns in an order, the geometry's parameters first."""
+    """A covariance from a file, with its rows and columns rearranged by the indices ``order``; raises `ModelError` if invalid.
+
+    The first ``n_parameters`` are parameters of the geometry.
+    """
     count = len(order)
     if len(rows) != count or any(len(row) != count for row in rows):
         raise ModelError(f"the covariance is not {count} x {count}", column=column)
     covariance = np.array(rows)[np.ix_(order, order)]
     sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
-    # Coefficients of effects, at the end of a joint covariance, have units of their own.
+    # Coefficients of effects, at the end of a joint covariance, have other units.
     if (covariance.diagonal() < 0.0).any() or (sigma[:n_parameters] > MOST_UNCERTAIN).any():
         raise ModelError(f"a variance that is not between 0 and {MOST_UNCERTAIN:g} squared", column=column)
     if (np.abs(covariance) > (1.0 + NOT_TURNED) * np.outer(sigma, sigma)).any():

@@ -43,7 +43,7 @@ def draws(mean: Floats, covariance: Floats, n: int, rng: np.random.Generator) ->
     """(n, m) draws of a normal distribution with mean (m,) and covariance (m, m), which may be singular."""
     sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
     size = np.where(sigma > 0.0, sigma, 1.0)
-    # Parameters have units of their own: the eigenvalues are those of the correlations.
+    # Parameters have different units: the eigenvalues are those of the correlations.
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     return np.asarray(mean + rng.standard_normal((n, len(mean))) @ root.T)

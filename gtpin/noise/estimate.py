@@ -26,7 +26,7 @@ first estimates. The likelihood has several maxima: repeatability much smaller t
 MOST = (100.0, 5.0)
 """Upper bounds of both; the logs are also bounded below, by minus the second."""
 RESTARTS = 5
-"""Most times that the maximisation starts again where it stopped: it can stop early where the likelihood is badly scaled."""
+"""Largest number of restarts from where the maximisation stopped: it can stop early where the likelihood is badly scaled."""
 SETTLED = 1e-3
 """Gain in log likelihood by another start below which the maximisation has converged."""
 
@@ -45,16 +45,16 @@ def likeliest(
     errors
         (N, c) measured less predicted, m and rad.
     command_jacobian
-        (N, 6, n) derivative of the poses by the commands.
+        (N, 6, n) derivative of the poses by the commands, in the frame of the errors.
     declared
         Whether the position's and the orientation's sigma are known.
     weight
-        (N,) factors of the rows' squared errors, as for heavy tails; 1 where left out.
+        (N,) factors of the rows' squared errors, for heavy tails; None: 1.
     """
     J, c = command_jacobian, errors.shape[1]
     open_ = [i for i in range(2) if not declared[i] and (i == 0 or c == 6)]
     counted = np.ones(len(errors)) if weight is None else weight
-    # A unit of repeatability: what would move the TCP by the position's noise.
+    # The unit of repeatability: it moves the TCP by as much as the position's noise.
     gain = float(np.sqrt((J[:, :3] ** 2).sum(axis=(1, 2)).mean() / 3.0))
     unit = noise.position_sigma / max(gain, 1e-12)
 
@@ -114,7 +114,7 @@ def likeliest_of(trial: Callable[[Floats], N], free: int, errors: Floats, by_com
 
 
 def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[float, float]]) -> Floats:
-    """The x of least cost that is found from a start; the search starts again where it stopped until it gains nothing."""
+    """The x of smallest cost that is found from a start; the search is repeated from where it stopped while it gains."""
     found = minimize(cost, start, bounds=bounds, method="L-BFGS-B")
     for _ in range(RESTARTS):
         again = minimize(cost, found.x, bounds=bounds, method="L-BFGS-B")

@@ -12,9 +12,9 @@ from gtpin.kinematics.chunks import chunks
 Floats = npt.NDArray[np.float64]
 
 SMALLEST = 1e-6
-"""Smallest sigma of noise that is estimated, m and rad. Displacements of 1 m are 1e6 of it; their squares, 1e12, leave four of
-a number's sixteen digits to what geometry does not explain. With 1e-7 the inner products of effects were not positive definite
-for 1,000 computed poses of an arm. Derived. No tracker measures better than 1 um."""
+"""Smallest sigma of noise that is estimated, m and rad. Derived: displacements of 1 m are 1e6 times this sigma. Their squares,
+1e12, leave four of a float's sixteen digits to the part that the geometry does not explain. With 1e-7 the matrices of inner
+products of effects were not positive definite for 1,000 computed poses of an arm. No tracker measures better than 1 um."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +35,16 @@ class Noise:
     reach
         (N,) distance from the instrument to each pose, divided by the mean distance; None where ``sight`` is None.
     range_ratio
-        Noise along the line of sight divided by noise across it, at the mean distance. source Where the instrument's sigmas
-        come from: ``declared``, ``repeats`` or ``residuals``.
+        Noise along the line of sight divided by noise across it, at the mean distance.
+    source
+        Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
     dof
         Degrees of freedom of the estimate of the sigmas; infinite where they are declared.
     estimated
         Whether ``position_sigma`` and ``orientation_sigma`` were estimated from the data.
     lack
         Standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain. They are
-        equal at neighbouring poses, so they are no scatter, but ``covariance`` treats them like ``repeatability``.
+        similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
     """
 
     position_sigma: float

@@ -115,7 +115,7 @@ def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, 
     """
     present = np.bincount(noise.group[~np.isfinite(noise.row_sigma)], minlength=len(noise.sigma)) > 0
     open_ = np.flatnonzero(noise.estimated & present)
-    # A unit of repeatability: what would move the readings by their noise.
+    # The unit of repeatability: it moves the readings by as much as their noise.
     moved = np.sqrt((by_command**2).sum(axis=2))
     some = moved > 0.0
     unit = float(np.median(noise.each[some] / moved[some])) if some.any() else 0.0

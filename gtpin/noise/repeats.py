@@ -14,7 +14,7 @@ from gtpin.noise.noise import SMALLEST, Noise
 Floats = npt.NDArray[np.float64]
 
 LEAST_CONTRASTS = 8
-"""Fewest repeated visits, beyond the first of each pose, from which noise is estimated."""
+"""Fewest repeated visits, beyond the first of each pose, from which noise is estimated. Assumed."""
 
 
 def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
@@ -37,7 +37,7 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
     begins = np.flatnonzero(np.diff(visits[order], prepend=-1))
     counts = np.diff(begins, append=len(order))
     found, rows = [np.zeros((0, values.shape[1]))], [np.zeros(0, dtype=np.intp)]
-    for count in np.unique(counts[counts > 1]):  # poses of as many visits at once
+    for count in np.unique(counts[counts > 1]):  # all poses with the same number of visits together
         visit = order[begins[counts == count, None] + np.arange(count)]
         j = np.arange(1.0, count)[:, None]
         earlier = np.cumsum(values[visit[:, :-1]], axis=1) / j

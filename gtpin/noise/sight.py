@@ -24,7 +24,7 @@ def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
     Gross errors of position are left out of the mean, and their quotient is ``FARTHEST`` at most.
     """
     sight = position - station
-    size = np.abs(sight).max(axis=1, keepdims=True)  # the square of a gross error need not be a number
+    size = np.abs(sight).max(axis=1, keepdims=True)  # the square of a gross error may overflow
     unit = sight / size
     length = np.linalg.norm(unit, axis=1)
     distance = length * size[:, 0]
@@ -42,7 +42,7 @@ def range_ratio(noise: Noise, residual: Floats) -> float:
         trial = replace(noise, range_ratio=float(np.exp(log_ratio)))
         shape = trial.shape(len(residual))
         mahalanobis = np.einsum("ni,nij,nj->n", residual, np.linalg.inv(shape), residual).sum()
-        # The level is profiled out, so that a lack of fit does not pose as a ratio.
+        # The overall size is maximised out, so that a lack of fit does not change the ratio.
         return float(1.5 * len(residual) * np.log(mahalanobis) + 0.5 * np.linalg.slogdet(shape)[1].sum())
 
     found = minimize_scalar(cost, bounds=(np.log(0.05), np.log(3.0)), method="bounded")

@@ -13,11 +13,11 @@ from gtpin.distributions import chi2, f
 Floats = npt.NDArray[np.float64]
 
 REJECTION = 1e-3
-"""Probability that any good pose of a dataset is set aside, for Gaussian noise."""
+"""Probability that any good pose of a dataset is set aside, for Gaussian noise. Assumed."""
 ABSURD = 10.0
-"""Norm of a residual, in units of the residuals' robust scale, beyond which a pose has weight zero."""
+"""Norm of a residual, in units of the residuals' robust scale, beyond which a pose has weight zero. Assumed."""
 TAIL_Z = 4.0
-"""Standard errors by which the fourth moment must be larger than a Gaussian's for tails to count as heavy."""
+"""Standard errors by which the fourth moment must be larger than a Gaussian's for tails to count as heavy. Assumed."""
 FREEDOMS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0)
 """Degrees of freedom of the t distributions that are tried."""
 
@@ -88,7 +88,7 @@ class Tails:
         typical = np.median(norms) / chi2.median(c)
         if typical <= 0.0:
             return Tails()
-        # Mardia's kurtosis, with the largest values cut off: one gross error is no tail.
+        # Mardia's kurtosis (1970), with the largest values limited: one gross error does not make the tails heavy.
         limit = chi2.isf(0.5 / count, c)
         cut = np.minimum(norms / max(1.0, typical), limit)
         grid = chi2.ppf((np.arange(2000) + 0.5) / 2000, c)

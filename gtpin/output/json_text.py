@@ -10,7 +10,7 @@ from gtpin.errors import GtpinError
 
 
 def json_text(content: object) -> str:
-    """A result as JSON; floats so that they read back bit by bit.
+    """A result as JSON, from which exactly the same floats are read.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def json_text(content: object) -> str:
 
 
 def _not_finite(content: object, key: str) -> Iterator[str]:
-    """Keys of numbers that are not finite, as ``gap.interval.0``."""
+    """Keys of numbers that are not finite, such as ``gap.interval.0``."""
     if isinstance(content, dict):
         for name, value in content.items():
             yield from _not_finite(value, f"{key}.{name}" if key else str(name))

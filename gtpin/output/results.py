@@ -53,7 +53,7 @@ def results_folder(
         If, before the block begins, a file that gtpin did not write has one of the names; another run is writing there; or the
         folder can't be written.
     """
-    # A relative path may begin with ~, which is a letter like others, but not to all that write.
+    # A relative path may begin with ~, which some libraries expand to the home folder; an absolute path does not.
     given, target = target, target.absolute()
     if os.path.lexists(target) and not os.path.isdir(target):
         what = "a link that leads nowhere" if os.path.islink(target) and not os.path.exists(target) else "a file"
@@ -116,7 +116,7 @@ def writing(target: Path, kind: type[GtpinError] = GtpinError) -> Iterator[None]
 
 
 def _as_given(folder: Path, target: Path) -> Path:
-    """A folder in, at or above a target as it is named where the target's own name is relative."""
+    """A folder in, at or above a target, named relative to the working folder where the target is."""
     for given, whole in zip((target, *target.parents), (target.absolute(), *target.absolute().parents), strict=False):
         if folder.is_relative_to(whole):
             return given / folder.relative_to(whole)
@@ -124,6 +124,6 @@ def _as_given(folder: Path, target: Path) -> Path:
 
 
 def _is_of(target: Path, file: Path) -> bool:
-    """Whether a file is what is written, or lies in it, or above it."""
+    """Whether a file is the target of writing, in it, or above it."""
     file = file.absolute()
     return NAME in str(file) or file == target or target in file.parents or file in target.parents

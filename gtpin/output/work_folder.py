@@ -54,7 +54,7 @@ def work_folder(folder: Path, key: str = "") -> Iterator[Path]:
 
 @contextlib.contextmanager
 def placing_lock(folder: Path) -> Iterator[None]:
-    """Wait until nobody else moves results into a folder: its marker is read, and written anew."""
+    """Wait until no other run moves results into a folder, because moving reads the folder's marker and writes it again."""
     work = folder / f"{NAME}-placing"
     held = _hold(work, time.monotonic() + MOVING)
     if held is None:
@@ -88,9 +88,9 @@ def _hold(work: Path, until: float) -> int | None:
         try:
             held = os.open(work / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         except FileNotFoundError:
-            continue  # whoever held it has taken it away meanwhile
+            continue  # the run that held it has deleted it meanwhile
         except PermissionError:
-            busy = True  # another user's
+            busy = True  # it is another user's
         else:
             busy = not _locked(held, made)
             if not busy and _is_there(held, work / LOCK):
@@ -108,7 +108,7 @@ def _is_own(work: Path) -> bool:
         return not work.is_symlink() and {*os.listdir(work)} <= {LOCK, NEW, READY, OLD}
     except NotADirectoryError:
         return False
-    except (FileNotFoundError, PermissionError):  # another run's that has just ended; another user's
+    except (FileNotFoundError, PermissionError):  # it is that of a run that has just ended, or another user's
         return True
 
 
@@ -117,13 +117,13 @@ def _locked(held: int, made: bool) -> bool:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    except OSError:  # a file system without locks: to have made the folder is the lock
+    except OSError:  # a file system without locks: the run that has made the folder holds it
         return made
     return True
 
 
 def _is_there(held: int, file: Path) -> bool:
-    """Whether an open file is still the one of that name: whoever held it before may have taken it away."""
+    """Whether an open file still has that name: the run that held it before may have deleted it."""
     try:
         return os.path.samestat(os.fstat(held), file.stat())
     except FileNotFoundError:

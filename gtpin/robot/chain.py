@@ -1,4 +1,4 @@
-"""The closed chain as Pinocchio sees it: a tree, point-anchor constraints, and what drives it."""
+"""A robot's chains as a Pinocchio model: a tree of joints, point-anchor constraints that close loops, and actuators."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Chain:
         self.model: Any = moving_model(description, [element.joint for element in elements])
         self.model.gravity.linear = np.array(description.gravity)
         self.data: Any = self.model.createData()
-        """Scratch memory of the kinematics; one thread at a time."""
+        """Scratch memory of the kinematics, for one thread at a time."""
         self.neutral: Floats = neutral(self.model, description)
         self.followers = followers(self.model, description.tree.mimics)
         pin.computeJointJacobians(self.model, self.data, self.neutral)
@@ -137,7 +137,7 @@ class Chain:
         self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
         self.place_anchors([self._placement(anchor) for anchor in self._anchor_elements])
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
-        """Magnitude of the coordinates, m: what rounding is relative to."""
+        """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
         self._check_freedom()
         self.planes = self._planes()
         self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
@@ -145,7 +145,7 @@ class Chain:
     def place_anchors(self, anchors: Sequence[tuple[int, Any]]) -> None:
         """Set where the loops' anchors are: the joint that carries each, and its placement (``pinocchio.SE3``) on this joint.
 
-        The first and the second anchor of the first loop, then of the next.
+        Their order: the first and the second anchor of the first loop, then those of the next loop.
         """
         self.anchors = tuple(anchors)
         pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
@@ -225,7 +225,7 @@ class Chain:
         return changed
 
     def velocity(self, commands: Floats | None, passive: Floats) -> Floats:
-        """(nv,) Pinocchio velocity of the commands' (n,), none where they rest, and the passive coordinates' (p,)."""
+        """(nv,) Pinocchio velocity, from velocities of the commands (n,), None for 0, and of the passive coordinates (p,)."""
         velocity = np.zeros(self.model.nv)
         if commands is not None:
             velocity[self.driven] = commands
@@ -235,30 +235,31 @@ class Chain:
         return velocity
 
     def folded(self, derivative: Floats) -> Floats:
-        """A derivative (..., nv) by Pinocchio velocities, its driven and passive columns with what their followers do."""
+        """A derivative (..., nv) by Pinocchio velocities, in which the columns of masters include the motion of followers."""
         return folded(derivative, self.followers)
 
     def closing(self, gaps: Floats) -> Floats:
-        """Of gaps (3 k, ...) of k loops, or of their derivatives, the part (m, ...) that closure equations are made of.
+        """Values (m, ...) of the closure equations, from the vectors (3 k, ...) between the anchors of k loops.
 
-        All of it, but for planar loops, which close in their plane alone: see :mod:`~gtpin.robot.planar_loops`.
+        Or their derivatives, from those of the vectors. All three components of a vector are equations; for a planar loop,
+        those in its plane: see :mod:`~gtpin.robot.planar_loops`.
         """
         return gaps if self._in_planes is None else self._in_planes @ gaps
 
     def spread(self, multipliers: Floats) -> Floats:
-        """Forces (3 k, ...) along the gaps of k loops, of the closure equations' multipliers (m, ...).
+        """Forces (3 k, ...) at the anchors of k loops, from the Lagrange multipliers (m, ...) of the closure equations.
 
-        The transpose of :meth:`closing`: a planar loop holds no force across its plane, where play takes up its gap.
+        The transpose of :meth:`closing`: a planar loop transmits no force across its plane, where its joints have play.
         """
         return multipliers if self._in_planes is None else self._in_planes.T @ multipliers
 
     def check_commands(self, q: Floats) -> None:
-        """Refuse commands of another shape than (N, n).
+        """Check the shape of commands.
 
         Raises
         ------
         ModelError
-            If they are.
+            If it is not (N, n).
         """
         if q.ndim != 2 or q.shape[1] != self.n_actuators:
             raise ModelError(
@@ -363,8 +364,11 @@ class Chain:
 
 
 def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
-    """(6, nv) derivative of a joint's frame by Pinocchio velocities, base frame, of data whose Jacobians are computed."""
-    # Pinocchio gives the matrix of a model with a single coordinate as a vector.
+    """(6, nv) derivative of a joint's frame (position, then rotation) by Pinocchio velocities, base frame.
+
+    The joint Jacobians in ``data`` must have been computed.
+    """
+    # For a model with a single coordinate Pinocchio gives the matrix as a vector.
     return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
 
 
@@ -377,7 +381,7 @@ def joint_axis(model: Any, joint_id: int) -> Floats:
 
 
 def _as_slice(indices: npt.NDArray[np.int_]) -> slice | npt.NDArray[np.int_]:
-    """Indices as a slice where they are contiguous, which takes columns of a matrix ten times as fast."""
+    """Contiguous indices as a slice, with which NumPy selects columns of a matrix without a copy; others as they are."""
     if len(indices) and indices[-1] - indices[0] + 1 == len(indices):
         return slice(int(indices[0]), int(indices[-1]) + 1)
     return indices

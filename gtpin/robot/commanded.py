@@ -12,8 +12,8 @@ from gtpin.robot.description import Description, parse_xml
 def with_actuators(description: Description, names: Sequence[str]) -> Description:
     """The description with these joints as actuators, in this order; without names, the description itself.
 
-    The ``<actuator>`` elements of its text are replaced, so that whatever is written from it has them too. Sites and scales of
-    those that stay are kept. Joints that are left out and in no loop rest at neutral.
+    The ``<actuator>`` elements of its text are replaced, so that files that are written from it have them too. Actuators that
+    stay keep their sites and scales. Joints that are left out and in no loop stay at Pinocchio's neutral configuration.
 
     Raises
     ------

@@ -23,15 +23,16 @@ Vector = tuple[float, ...]
 Kind = Literal["urdf", "mjcf"]
 
 MOST_JOINTS = 300
-"""Joints of a URDF at most: its parser in C++ goes down the tree by recursion, and a chain of thousands overflows its stack."""
+"""Largest number of joints of a URDF. The parser in C++ is recursive, and a chain of thousands overflows its stack."""
 
 LINK_COMPLIANCE = 4e-8
-"""m/N: two metres of steel or carbon tube with a ball joint at either end give by as much, about."""
+"""Typical compliance of a link, m/N, where the URDF gives none: about that of two metres of steel or carbon-fibre tube with a
+ball joint at each end. Assumed."""
 
 
 @dataclass(frozen=True)
 class Anchor:
-    """A point fixed to a link: its place (m) and orientation (rad, roll pitch yaw) in the link's frame."""
+    """A frame fixed to a link: its position (m) and orientation (rad, roll pitch yaw) in the link's frame."""
 
     link: str
     xyz: Vector
@@ -49,7 +50,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class ActuatorElement:
-    """A driven joint, the name of the site that it moves, and whether its scale is known but for its tolerance, or unknown."""
+    """A driven joint, the name of the site that it moves, and whether its drive scale is declared unknown."""
 
     joint: str
     site: str
@@ -58,7 +59,7 @@ class ActuatorElement:
 
 @dataclass(frozen=True)
 class RodElement:
-    """A rod: the link that carries the loop's end of it, the loop that ends it, and its site."""
+    """A rod: the link that has its end at the carrier joint, the loop that closes there, and its site."""
 
     link: str
     loop: str
@@ -69,7 +70,7 @@ class RodElement:
 class Home:
     """The assembly mode: commands, and the TCP's pose (m, rotation vector in rad) in the base frame.
 
-    ``link`` is the link whose pose that is, where it is not the TCP that the URDF names.
+    ``link`` is the link that has this pose; None: the TCP that the URDF names.
     """
 
     q: Vector
@@ -95,7 +96,7 @@ class Description:
     tree
         Its joints and links in document order.
     link_compliance
-        By how much such a machine's links usually stretch, m/N: the size that an effect of that kind is expected to have.
+        Typical compliance of such a machine's links, m/N: the typical size of the effect ``link_compliance``.
     """
 
     kind: Kind
@@ -136,7 +137,7 @@ class Description:
 
     @staticmethod
     def parse(xml: str, source: str = "URDF", kind: Kind = "urdf") -> Description:
-        """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind`` is what the text was written as at first."""
+        """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind``: format of the file that the text came from."""
         root = parse_xml(xml, source)
         if root.tag == "mujoco":
             with_includes(root, Path(source).parent, parse_xml)
@@ -188,7 +189,7 @@ class Description:
 
 
 def parse_xml(xml: str, source: str) -> Element:
-    """Parse XML from outside, safely.
+    """Parse XML from an untrusted file safely.
 
     Raises
     ------
@@ -209,7 +210,7 @@ def parse_xml(xml: str, source: str) -> Element:
 
 @dataclass(frozen=True)
 class _Reader:
-    """Attributes of the elements, checked."""
+    """Reads and checks attributes of the URDF's elements; its errors name the file ``source``."""
 
     source: str
 

@@ -1,4 +1,4 @@
-"""A geometry written back into its robot's URDF."""
+"""Writes a geometry into the URDF of its robot."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ Floats = npt.NDArray[np.float64]
 
 
 def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, home: tuple[Floats, Floats]) -> str:
-    """URDF of a robot with rods, with its joints where a geometry puts them.
+    """URDF of a robot with rods, with the positions of its joints from a geometry.
 
-    Every link keeps its name, its shape and its inertia, and the URDF's zero stays its home if it was. Drive scales have no
-    place in a URDF, nor have directions of single rods: a carrier gets the mean of its rods'.
+    Every link keeps its name, shape and inertia. Where the URDF's zero configuration was the home posture, it is so again. A
+    URDF can't hold drive scales, and has one direction for each carrier: the mean of those of its rods.
 
     Parameters
     ----------
     geometry
         What to write.
     P, C0, L0, v
-        Joints on the platform (TCP frame) and on the carriers (base frame, commands zero), m, lengths, m, and directions
-        of the carriers of the rods: :class:`~gtpin.kinematics.rod_kinematics.RodKinematics` has them.
+        Of the k rods: joints on the platform (k, 3), TCP frame, m; carrier joints (k, 3), base frame, commands zero, m;
+        lengths (k,), m; unit directions of their carriers (k, 3), base frame. They are attributes of
+        :class:`~gtpin.kinematics.rod_kinematics.RodKinematics`.
     home
         The TCP's position (3,), m, and rotation (3, 3) at the home commands, base frame.
     """
@@ -59,9 +60,10 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
 
 
 def placements_to_urdf(geometry: Geometry) -> str:
-    """URDF of a robot without rods, with its joints' placements and its TCP moved.
+    """URDF of a robot without rods, with the placements of its joints, its anchors and its TCP from a geometry.
 
-    The TCP moves with the fixed joint of its link; where it has none, it gets a link of its own, which ``<platform>`` names.
+    The TCP's displacement is written into the fixed joint of its link. Where its link has no fixed joint, the TCP gets a new
+    link, which ``<platform>`` names.
     """
     robot = geometry.robot
     root = parse_xml(robot.description.xml, robot.description.source)
@@ -69,7 +71,7 @@ def placements_to_urdf(geometry: Geometry) -> str:
     twists = geometry.deviations("placement", "joint", (robot.model.njoints, 6))
     for joint_id in robot.moving_joints:
         element = joints[robot.model.names[joint_id]]
-        # The URDF's origin starts at its parent link, Pinocchio's placement at its parent joint: fixed links lie between.
+        # The URDF's origin is relative to the parent link, Pinocchio's placement to the parent joint; fixed links are between.
         parent = _parent_placement(robot, element)
         moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
         _set_origin(element, moved)
@@ -108,7 +110,7 @@ def _move_tcp(robot: Robot, root: Element, moved: pin.SE3) -> None:
 
 
 def _name_what_was_found(robot: Robot, root: Element) -> None:
-    """Name in the URDF what is not seen from a geometry that is off: the TCP, and the planes of planar loops."""
+    """Write into the URDF what a reader could not find again, because the geometry has deviations: TCP, planes of loops."""
     description = robot.description
     planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if n is not None}
     named_tcp = description.tcp or description.platform or description.tree.tip
@@ -149,7 +151,7 @@ def _parent_placement(robot: Robot, joint: Element) -> pin.SE3:
 
 
 def _hang(robot: Robot, joint: Element, joint_id: int, P: Floats) -> None:
-    """Put a rod's joint at P (TCP frame, m) on the platform, its axes as they were."""
+    """Move a rod's joint on the platform to P (TCP frame, m); its axes keep their directions."""
     parent = _parent_placement(robot, joint)
     placement = robot.model.jointPlacements[joint_id]
     moved = pin.SE3(placement.rotation, robot.tcp_placement.act(P))
@@ -157,7 +159,7 @@ def _hang(robot: Robot, joint: Element, joint_id: int, P: Floats) -> None:
 
 
 def _rehome(robot: Robot, root: Element, joints: dict[str, Element], home: tuple[Floats, Floats]) -> None:
-    """Tell the new home pose, and let the platform's zero be there if it was."""
+    """Write the new home pose. A floating platform whose zero was at the home pose is moved to the new one."""
     own = root.find("gtpin")
     element = None if own is None else own.find("home")
     if element is None or robot.description.home is None:
@@ -198,5 +200,5 @@ def _child(element: Element, tag: str) -> Element:
 
 
 def _text(values: Floats) -> str:
-    """Numbers that read back bit by bit."""
+    """Numbers as text from which exactly the same floats are read."""
     return " ".join(repr(float(value) + 0.0) for value in values)

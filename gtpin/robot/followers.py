@@ -1,4 +1,4 @@
-"""Joints that follow others by ``<mimic>``: their coordinates and derivatives, expanded here for all of Pinocchio's algorithms.
+"""Joints that follow others by ``<mimic>``: their coordinates and derivatives.
 
 Pinocchio has mimic joints of its own (``buildModelFromXML(..., mimic=True)``), which share their master's coordinate, but
 ``computeJointKinematicRegressor`` refuses models that have them. So gtpin's models have a coordinate for each joint, and this
@@ -21,7 +21,11 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Follower:
-    """A joint whose coordinate is ``multiplier * master + offset``: indices of Pinocchio's velocities, m or rad."""
+    """A joint whose coordinate is ``multiplier * master + offset``, m or rad.
+
+    ``index_q``, ``index_v``: its first index in a Pinocchio configuration and in a velocity. ``master_v``: the master's index
+    in a velocity. ``continuous``: whether Pinocchio keeps its coordinate as cosine and sine.
+    """
 
     index_q: int
     index_v: int
@@ -31,12 +35,12 @@ class Follower:
     continuous: bool
 
     def put(self, configuration: Floats, master: float) -> None:
-        """Write its coordinate into a Pinocchio configuration (nq,)."""
+        """Write its coordinate, from that of its master, into a Pinocchio configuration (nq,)."""
         put(configuration, self.index_q, self.multiplier * master + self.offset, self.continuous)
 
 
 def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
-    """The followers in a Pinocchio model, those that it has."""
+    """The followers among the joints of a Pinocchio model."""
     found = []
     for mimic in mimics:
         if model.existJointName(mimic.joint):
@@ -55,7 +59,7 @@ def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
 
 
 def put(configuration: Floats, index: int, value: float, continuous: bool) -> None:
-    """Write a joint's coordinate into a Pinocchio configuration (nq,), which has a continuous joint's cosine and sine."""
+    """Write a joint's coordinate into a Pinocchio configuration (nq,); of a continuous joint it has the cosine and sine."""
     if continuous:
         configuration[index : index + 2] = np.cos(value), np.sin(value)
     else:
@@ -63,7 +67,7 @@ def put(configuration: Floats, index: int, value: float, continuous: bool) -> No
 
 
 def folded(derivative: Floats, followers: Sequence[Follower]) -> Floats:
-    """A derivative (..., nv) by Pinocchio velocities whose columns of masters hold what their followers do as well."""
+    """A derivative (..., nv) by Pinocchio velocities: each follower's column times its multiplier is added to its master's."""
     if not followers:
         return derivative
     total = derivative.copy()

@@ -14,7 +14,7 @@ from gtpin.robot.chain import Chain, joint_axis
 Floats = npt.NDArray[np.float64]
 
 SHOWN = 12
-"""Names of joints that a hint lists."""
+"""Largest number of joints that a hint lists."""
 
 
 @dataclass(frozen=True)
@@ -24,15 +24,15 @@ class MeasuredJoint:
     Parameters
     ----------
     name
-        As in the URDF.
+        Its name in the URDF.
     joint_id, index_q
-        Where Pinocchio keeps it.
+        Its index among Pinocchio's joints, and its first index in a configuration.
     passive
         Its index among the passive coordinates.
     turns
         Whether its coordinate is an angle, rad, instead of a distance, m.
     continuous
-        Whether Pinocchio keeps it as cosine and sine, so that its coordinate is within a half turn of zero.
+        Whether Pinocchio keeps its coordinate as cosine and sine; then it is between -pi and pi.
     """
 
     name: str

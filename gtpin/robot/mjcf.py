@@ -1,7 +1,7 @@
 """MJCF as URDF: bodies, hinges and slides, closed loops by ``equality/connect``, followers by ``equality/joint``.
 
-Pinocchio's own reader (4.1) leaves out all but the first of several bodies on the world, so gtpin reads the file by itself, and
-from there on the robot is a URDF: what is written, drawn and exported of it is what is of any other.
+Pinocchio's own reader (4.1) leaves out all but the first of several bodies on the world, so gtpin converts the file to a URDF.
+After that the robot is treated like any other.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ REFUSED = ("frame", "replicate", "attach", "composite", "flexcomp")
 
 
 def mjcf_to_urdf(root: Element, source: str) -> str:
-    """URDF of an MJCF's outer element, with its loops, actuators of loops, home and gravity.
+    """URDF of an MJCF's outer element, with its loops and gravity; where it has loops, also with its actuators and home.
 
-    Bodies and named sites become links, with their names. Joints keep theirs.
+    Bodies and named sites become links with the same names. Joints keep their names.
 
     Raises
     ------
     RobotError
-        If the file holds what gtpin can't take for a robot; the message names it.
+        If the file holds an element that gtpin can't convert; the message names it.
     """
     for tag in REFUSED:
         if root.find(f"worldbody//{tag}") is not None:
@@ -50,7 +50,11 @@ def mjcf_to_urdf(root: Element, source: str) -> str:
 
 @dataclass
 class _Writer:
-    """The URDF as it grows: placements of bodies and sites at MuJoCo's initial posture, and each joint's coordinate there."""
+    """Writes the URDF element by element.
+
+    ``at``: placements (``pinocchio.SE3``) of links in the world at MuJoCo's initial posture. ``sites``: name, body, and
+    placement on the body. ``initial``: coordinates of joints at this posture, rad or m.
+    """
 
     values: Values
     robot: Element
@@ -143,7 +147,7 @@ class _Writer:
         turning = "revolute" if limited == "true" else "continuous"
         joint = self._joint(name, turning if kind == "hinge" else "prismatic", parent, child, origin * back)
         SubElement(joint, "axis", xyz=_text(axis))
-        # A range of nothing is none: URDF has no word for a slide without one.
+        # A range of zero width means no range: URDF has no prismatic joint without a range.
         SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
         self.initial[name] = start
 
@@ -197,7 +201,7 @@ class _Writer:
         SubElement(joints[follower], "mimic", joint=master, multiplier=repr(float(poly[1])), offset=repr(float(offset)))
 
     def _drives(self, root: Element, own: Element) -> None:
-        """The joints that ``<actuator>`` drives, once each: in a robot with loops not all joints can be commanded."""
+        """Write the joints that ``<actuator>`` drives, once each: in a robot with loops not all joints can be commanded."""
         followers = {joint.get("name") for joint in self.robot.findall("joint") if joint.find("mimic") is not None}
         named = [drive.get("joint") for actuator in root.findall("actuator") for drive in actuator]
         for name in dict.fromkeys(named):
@@ -232,7 +236,7 @@ class _Writer:
 
 
 def with_includes(root: Element, folder: Path, parse: Any, depth: int = 0) -> None:
-    """Put the content of included files where ``<include file>`` stands; paths start at the main file's folder.
+    """Replace each ``<include file>`` by the content of that file; paths start at the main file's folder.
 
     Raises
     ------
@@ -260,5 +264,5 @@ def with_includes(root: Element, folder: Path, parse: Any, depth: int = 0) -> No
 
 
 def _text(values: Floats) -> str:
-    """Numbers that read back bit by bit."""
+    """Numbers as text from which exactly the same floats are read."""
     return " ".join(repr(float(value) + 0.0) for value in values)

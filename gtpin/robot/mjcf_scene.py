@@ -1,4 +1,4 @@
-"""What stands beside a robot in an MJCF's scene: objects, doors, a table that rolls."""
+"""Objects in an MJCF's scene that are not part of the robot, such as doors or a table that rolls."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ NAMING = ("actuator", "equality", "tendon")
 
 
 def without_objects(root: Element) -> None:
-    """Remove bodies on the world that move, but are not of the robot.
+    """Remove objects: bodies on the world that move, but are not part of the robot.
 
-    Nothing in ``<actuator>``, ``<equality>`` and ``<tendon>`` names them or what is on them. Where a file has no actuators,
-    only what floats freely is an object. The only body that moves is the robot.
+    Nothing in ``<actuator>``, ``<equality>`` and ``<tendon>`` names an object or what is on it. Where a file has no actuators,
+    an object must also float freely. Where all moving bodies would be objects, none is removed.
     """
     on_world = [(world, body) for world in root.findall("worldbody") for body in world.findall("body")]
     moving = [(world, body) for world, body in on_world if _joints(body)]

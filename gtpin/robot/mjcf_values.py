@@ -19,7 +19,7 @@ from gtpin.errors import RobotError
 
 Floats = npt.NDArray[np.float64]
 DENSITY = 1000.0
-"""kg/m3 of geoms that give neither mass nor density: MuJoCo's default."""
+"""Density, kg/m3, of geoms that give neither mass nor density: MuJoCo's default."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,13 @@ class Values:
     Parameters
     ----------
     defaults
-        By class, by tag, the attributes; the class ``main`` is everybody's.
+        Default attributes, by class and tag. The class ``main`` is that of elements without a class.
     angle
-        Radians of the unit of angles.
+        The file's unit of angles, rad.
     euler
         Order of Euler angles: lower case about moving axes, upper case about fixed ones.
     limits
-        Whether a joint with a range is limited unless it says otherwise.
+        Whether a joint with a range is limited where it has no attribute ``limited``.
     """
 
     source: str
@@ -72,12 +72,12 @@ class Values:
     def numbers(
         self, attributes: Mapping[str, str], key: str, default: str, least: int, most: int | None = None
     ) -> Floats:
-        """The numbers of an attribute, between ``least`` and ``most`` (``least``) of them.
+        """The numbers of an attribute: at least ``least`` and at most ``most`` of them (None: exactly ``least``).
 
         Raises
         ------
         RobotError
-            If they are others.
+            If there are fewer or more, or one is not a finite number.
         """
         text = attributes.get(key, default)
         try:
@@ -119,7 +119,7 @@ class Values:
         Raises
         ------
         RobotError
-            If it has none.
+            If its length is zero.
         """
         length = float(np.linalg.norm(vector))
         if length < 1e-12:
@@ -127,9 +127,9 @@ class Values:
         return vector / length
 
     def inertia(self, body: Element, inherited: str) -> Any:
-        """The ``pinocchio.Inertia`` of a body in its frame: its ``<inertial>``'s, else that of its geoms.
+        """The ``pinocchio.Inertia`` of a body in its frame: that of its ``<inertial>``, else the sum of its geoms'.
 
-        A geom that is a mesh counts as a point where it has a mass, and not at all where only its volume would tell.
+        A mesh with a mass counts as a point mass. A mesh without a mass is left out, because its volume is not known.
         """
         given = body.find("inertial")
         if given is not None:
@@ -172,7 +172,7 @@ class Values:
 
 
 def _classes(element: Element, name: str, found: dict[str, dict[str, dict[str, str]]]) -> None:
-    """Read a ``<default>`` and those inside it, each with what it inherits."""
+    """Read a ``<default>`` and those inside it, each with the attributes that it inherits."""
     own = {tag: dict(values) for tag, values in found.get(name, {}).items()}
     for child in element:
         if child.tag != "default":
@@ -185,7 +185,7 @@ def _classes(element: Element, name: str, found: dict[str, dict[str, dict[str, s
 
 
 def _solid(shape: str, size: Floats) -> tuple[float, Floats] | None:
-    """Volume (m3) and inertia by mass (3, 3), m2, of a homogeneous solid about its centre; None of a shape without."""
+    """Volume, m3, and inertia about the centre over the mass, (3, 3), m2, of a homogeneous solid; None for other shapes."""
     if shape == "sphere":
         r = size[0]
         return 4.0 / 3.0 * math.pi * r**3, 0.4 * r**2 * np.eye(3)

@@ -11,7 +11,7 @@ from gtpin.robot.chain import Chain
 
 @dataclass(frozen=True)
 class MovingLink:
-    """The child of an actuated joint, with what is fixed to it; from that joint's frame to its tip.
+    """The child link of an actuated joint, with everything fixed to it. It reaches from that joint's frame to its tip.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
 
 
 def _tip(robot: Chain, joint_id: int) -> int | None:
-    """Where a link ends: at the next joint towards the TCP, else at the next joint at all."""
+    """Index of the frame at a link's tip: the next joint towards the TCP, else its first child joint; None: it has none."""
     model = robot.model
     if joint_id == robot.tcp_joint:
         return int(model.njoints - 1)

@@ -30,10 +30,10 @@ TOLERANCE: Mapping[str, float] = {
     "placement_position": 5e-4,
     "placement_rotation": 5e-4,
 }
-"""1-sigma tolerances (m, rad, m/m) by kind, where neither the URDF nor the dataset gives one."""
+"""1-sigma tolerances (m, rad, m/m) by kind, where neither the URDF nor the dataset gives one. Assumed."""
 JOINTS = ("platform_joint", "cart_joint", "arm_joint", "base_joint")
 KINDS = (*TOLERANCE, *(f"{kind}_{axis}" for kind in JOINTS for axis in "xyz"))
-"""Kinds of which a tolerance may be given: those of joints for one axis as well, as in ``base_joint_z``."""
+"""Kinds for which a tolerance may be given; for positions of joints also for a single axis, as ``base_joint_z``."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def rotation_axes(direction: Floats) -> Floats:
 
 
 def all_tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, float]:
-    """1-sigma tolerances of every kind: the dataset's, else the robot's, else the usual.
+    """1-sigma tolerances of every kind, m, rad or m/m: the dataset's (``override``), else the robot's, else `TOLERANCE`.
 
     Raises
     ------
@@ -111,9 +111,10 @@ def _carrier_kind(robot: Robot, rod: Rod) -> str:
 def rod_parameters(
     robot: Robot, tolerances: Mapping[str, float], directions: Per, scale: Per | None, measured: Sequence[bool]
 ) -> list[Parameter]:
-    """Parameters of a robot with rods: lengths, joints, directions and, if wanted or unknown, scales.
+    """Parameters of a robot with rods: lengths, joints, directions and, if asked for or declared unknown, scales.
 
-    Rods whose track was measured have no scale; the path of their cart turns as a whole, about itself too.
+    Rods whose track was measured (``measured``) have no scale. Their measured track is rotated as a whole by three angles: a,
+    b, and c about its own direction.
     """
     found = _lengths_and_joints(robot, tolerances, clusters=False)
     carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]
@@ -127,7 +128,7 @@ def rod_parameters(
 def cluster_parameters(
     robot: Robot, tolerances: Mapping[str, float], scale: Per | None, measured: Sequence[bool]
 ) -> list[Parameter]:
-    """Parameters of the reduced arm: the rods of a cart share one length, and their joints on it move together."""
+    """Parameters of the reduced arm: the rods of a cart share one length, and their joints on the cart move together."""
     found = _lengths_and_joints(robot, tolerances, clusters=True)
     carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]
     straight = [pair for pair in carriers if not measured[pair[0]]]
@@ -174,7 +175,7 @@ def _directions(
 def _scales(
     robot: Robot, tolerances: Mapping[str, float], per: Per | None, driven: list[tuple[int, int]]
 ) -> list[Parameter]:
-    if per is None:  # nobody asks for them: those that the robot itself does not know
+    if per is None:  # not asked for: only scales that the URDF declares unknown
         per, driven = "actuator", [(i, a) for i, a in driven if robot.actuators[a].scale_unknown]
     return [
         Parameter(f"scale[{label}]", "scale", owner, 0, per, "m/m", 1.0, tolerances["scale"])
@@ -183,7 +184,7 @@ def _scales(
 
 
 def _owners(robot: Robot, per: Per, driven: list[tuple[int, int]]) -> list[tuple[int, str, int]]:
-    """Index, label and actuator of whatever owns a parameter of the drives."""
+    """Index and label of each owner of a parameter of the drives, an actuator or a rod, and the index of its actuator."""
     if per == "rod":
         return [(i, robot.rods[i].name, actuator) for i, actuator in sorted(driven)]
     return [(a, robot.sites[a], a) for a in sorted({actuator for _, actuator in driven})]
@@ -192,8 +193,9 @@ def _owners(robot: Robot, per: Per, driven: list[tuple[int, int]]) -> list[tuple
 def placement_parameters(robot: Robot, tolerances: Mapping[str, float]) -> list[Parameter]:
     """Parameters of a robot without rods: placements of the joints that move its TCP, of the TCP, and of its loops' anchors.
 
-    All six of a joint and of the TCP, and the position of each anchor on its link: what the data can't tell apart, the
-    tolerances share out. An anchor's name is that of its loop and of its link.
+    Each joint and the TCP have six, each anchor has the three of its position on its link. They are redundant: a deviation that
+    the data do not assign to one parameter is divided among several in proportion to their prior variances. The name of an
+    anchor has the names of its loop and of its link.
     """
     owners = [(j, f"placement[{robot.model.names[j]}]") for j in robot.moving_joints]
     found = []

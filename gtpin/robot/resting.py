@@ -1,4 +1,4 @@
-"""The Pinocchio model of a description without the joints that neither commands nor loops move: they rest at neutral."""
+"""The Pinocchio model of a description. Joints that neither commands nor loops move are fixed at neutral, and left out."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def moving_model(description: Description, driven: Sequence[str]) -> Any:
 
 
 def neutral(model: Any, description: Description) -> Floats:
-    """(nq,) Pinocchio's neutral configuration with followers where masters at zero put them."""
+    """(nq,) Pinocchio's neutral configuration, with followers at their coordinates for masters at zero."""
     configuration: Floats = pin.neutral(model)
     for mimic in description.tree.mimics:
         if model.existJointName(mimic.joint):
@@ -66,7 +66,7 @@ def neutral(model: Any, description: Description) -> Floats:
 
 
 def _in_loops(model: Any, description: Description) -> set[str]:
-    """Names of the joints that a loop's two anchors do not share: its closure moves them."""
+    """Names of the joints that carry only one of a loop's two anchors: the closure of the loop moves them."""
     found: set[str] = set()
     for loop in description.loops:
         ways = []

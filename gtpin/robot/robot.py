@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 Placements = tuple[tuple[Floats, Floats], ...]
 """Rotation and translation of every joint's placement, then of the TCP's on its body, then of the loops' anchors."""
 State = tuple[Placements, tuple[str, ...]]
-"""What the URDF does not know: placements, and the names of the measured joints."""
+"""What is not in the URDF: placements that were changed, and the names of the measured joints."""
 
 
 class Robot(Chain):
@@ -70,7 +70,7 @@ class Robot(Chain):
 
     @property
     def motion_size(self) -> int:
-        """How many numbers a motion has: six of the TCP, then one of each measured joint."""
+        """Number of components of a motion: six of the TCP, then one of each measured joint."""
         return 6 + len(self.measured_joints)
 
     def measuring(self, joints: Iterable[str]) -> Robot:
@@ -120,7 +120,7 @@ class Robot(Chain):
         return Robot, (self.description, self.tcp_frame), (placements, tuple(j.name for j in self.measured_joints))
 
     def __setstate__(self, state: State) -> None:
-        # The URDF knows nothing of joints that were moved.
+        # The displaced placements are not in the URDF.
         placements, joints = state
         count = self.model.njoints
         for joint_id, (R, T) in enumerate(placements[:count]):

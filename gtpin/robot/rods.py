@@ -15,7 +15,7 @@ from gtpin.robot.description import Loop, RodElement
 Floats = npt.NDArray[np.float64]
 
 ALIGNED = 1e-9
-"""Largest gap (m) or misalignment at which joints count as meeting in one point or as being in line."""
+"""Largest distance, m, at which joints count as meeting in one point, or a rod's actuator as in line with the rod."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def _rod(robot: Chain, element: RodElement, index: int, loop: Loop) -> Rod:
     driven = {actuator.joint_id: number for number, actuator in enumerate(robot.actuators)}
     extension = None
     end = (placements[tip_joint] * tip).translation
-    local = tip  # the rod's end seen from its joint on the platform, by its own placements: exact, whatever the posture
+    local = tip  # becomes the rod's end relative to its joint on the platform: from placements alone, the same at any posture
     for joint in chain[:0:-1]:
         local = model.jointPlacements[joint] * local
     L = float(np.linalg.norm(local.translation))

@@ -1,4 +1,4 @@
-"""From a sketch to a URDF: points and directions of a machine with rods, as one would write them on paper."""
+"""Writes the URDF of a machine with rods from a sketch: a list of its points and directions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Point = Sequence[float] | Floats
 PASSIVE = {"lower": "-1.5", "upper": "1.5", "effort": "0", "velocity": "10"}
 DRIVEN = {"effort": "5000", "velocity": "3"}
 THICK = 0.02
-"""Radius of the shapes, m: they are for the eye alone."""
+"""Radius of the shapes, m. They are only drawn."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,13 @@ class Carrier:
     point
         (3,) a point of the track or axis, base frame, m.
     axis
-        (3,) its direction, base frame; positive commands go along it, or turn about it.
+        (3,) its direction, base frame. Positive commands move along it, or turn about it by the right-hand rule.
     range
         Lowest and highest command, m or rad.
     turns
         Whether it turns instead of sliding.
     mass
-        kg, at ``point``.
+        Mass, kg, with its centre at ``point``.
     """
 
     site: str
@@ -56,21 +56,21 @@ class Rod:
     Parameters
     ----------
     site
-        Its name: ``link2a``; for a leg of variable length ``leg1``, which is then its actuator's as well.
+        Its name: ``link2a``; for a leg of variable length ``leg1``, which is also the site of its actuator.
     joint
         (3,) its joint on the platform, TCP frame, m.
     seat
-        (3,) its other joint with all commands zero, base frame, m.
+        (3,) its carrier joint with all commands zero, base frame, m.
     carrier
-        The site of the carrier that moves its seat; left out, the seat is on the base.
+        The site of the carrier that moves its carrier joint; None: this joint is on the base.
     range
-        For a leg of variable length, its lowest and highest command, m: it is as long as at zero plus its command.
+        For a leg of variable length, its lowest and highest command, m. Its length is that at zero plus its command.
     length
-        With all commands zero, m; left out, what closes the machine at home.
+        Length with all commands zero, m; None: the length that closes the loop at the home posture.
     scale_unknown
-        Whether travel per commanded unit of a leg is known so badly that every calibration shall identify it.
+        Whether the scale of a leg's drive (travel per commanded unit) is unknown, so that every calibration identifies it.
     mass
-        kg. A rod's is at its middle; half of a leg's slides.
+        Mass, kg. A rod's centre of mass is at its middle. Half of a leg's mass is on its sliding part.
     """
 
     site: str
@@ -85,7 +85,7 @@ class Rod:
 
 @dataclass(frozen=True)
 class Sketch:
-    """A machine with rods, on paper.
+    """The dimensions of a machine with rods.
 
     Parameters
     ----------
@@ -96,13 +96,14 @@ class Sketch:
     home
         (n,) commands of the home posture.
     T, rotvec
-        (3,) TCP there: position, m, and rotation vector, rad, base frame. The platform's link is the TCP's frame.
+        (3,) position, m, and rotation vector, rad, of the TCP at the home posture, base frame. The frame of the platform's link
+        is the TCP frame.
     plate_mass, plate_center
-        kg, and (3,) m in the TCP frame.
+        Mass of the platform, kg, and its centre (3,), TCP frame, m.
     tolerance
         1-sigma manufacturing tolerances by kind of parameter: see :mod:`gtpin.robot.parameters`.
     link_compliance
-        By how much such a machine's links usually stretch, m/N; left out, as rods of steel do.
+        Typical compliance of such a machine's links, m/N; None: that of :mod:`gtpin.robot.description`.
     note
         A comment at the top of the URDF: where the dimensions come from.
     """
@@ -125,13 +126,13 @@ class Sketch:
         Raises
         ------
         RobotError
-            If a rod names a carrier that is not there, or home is not one command an actuator.
+            If a rod names a carrier that is not there, or ``home`` does not have one command for each actuator.
         """
         return _Writer(self).text()
 
 
 class _Writer:
-    """Writes one sketch down."""
+    """Writes the URDF of one sketch."""
 
     def __init__(self, sketch: Sketch) -> None:
         self.sketch = sketch
@@ -289,5 +290,5 @@ def _along_z(z: Floats) -> Floats:
 
 
 def _text(values: Point | list[float]) -> str:
-    """Numbers to a tenth of a picometre, without what rounding adds."""
+    """Numbers as text, rounded to 1e-13 so that no rounding errors of the computation appear."""
     return " ".join(f"{round(float(value), 13) + 0.0:.13g}" for value in values)

@@ -1,4 +1,4 @@
-"""Tracks as they were measured along the guideways: piecewise linear, valid where they were measured."""
+"""Tracks that were measured along the guideways: piecewise linear between the measured points, undefined outside them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ class MeasuredTrack:
     q
         (K,) ascending commands, m, of the measured points.
     path
-        (K, 3) where the measured point of the cart was, less where it was at zero, m, in a frame turned like the base
-        frame as well as the measurement itself can tell; a calibration turns it the rest.
+        (K, 3) displacement of the cart's measured point from its position at the command 0, m. Its frame is parallel to the
+        base frame as far as the measurement of the track determines that; a calibration identifies the remaining rotation.
     turns
-        (K, 3) rotation vectors of the cart since zero, rad, in the same frame; None where only positions are used.
+        (K, 3) rotation vectors of the cart from its orientation at the command 0, rad, in the same frame; None where only
+        positions are used.
     origin
-        (3,) where the measured point was at zero, base frame, m, roughly: what the cart turns about.
+        (3,) approximate position of the measured point at the command 0, base frame, m. The cart rotates about this point.
     """
 
     q: Floats
@@ -59,7 +60,7 @@ class MeasuredTrack:
         return self._interpolated(self.path, q)
 
     def slope(self, q: Floats) -> Floats:
-        """(N, 3) derivative of the path by the command; at a measured point that of the piece above it."""
+        """(N, 3) derivative of the path by the command; at a measured point, that of the piece towards larger commands."""
         return self._slope(self.path, q)
 
     def turn(self, q: Floats) -> Floats:

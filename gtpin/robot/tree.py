@@ -19,7 +19,7 @@ TOOL = "tool0"
 class Mimic:
     """A joint that follows another: its coordinate is ``multiplier * q_master + offset`` (m or rad).
 
-    ``master`` moves by itself: of a joint that follows a follower, the first one in the series is named.
+    ``master`` follows no other joint: where a joint follows a follower, it is the first joint of that series.
     """
 
     joint: str
@@ -78,7 +78,7 @@ def _mimic(joint: str, element: Element, source: str) -> Mimic:
 
 
 def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], source: str) -> Mimic:
-    """The same mimic with the joint as master that moves by itself."""
+    """The same mimic, with a joint that follows no other as its master."""
     master, multiplier, offset = mimic.master, mimic.multiplier, mimic.offset
     for _ in follows:
         if master not in follows:
@@ -113,7 +113,7 @@ def _tip(root: Element) -> str:
 def _depth(link: str, above: Mapping[str, tuple[str, bool]]) -> int:
     """Number of moving joints between a link and the root."""
     depth = 0
-    for _ in range(len(above)):  # a ring of links, which Pinocchio refuses, must not hang this
+    for _ in range(len(above)):  # ends also for a ring of links, which Pinocchio refuses later
         if link not in above:
             break
         link, moves = above[link]

@@ -1,4 +1,4 @@
-"""Pinocchio's URDF parser, with what it writes to standard error put into the error that is raised."""
+"""Pinocchio's URDF parser. What it writes to standard error becomes part of the error that is raised."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gtpin.errors import RobotError
 
 @contextmanager
 def _standard_error_kept() -> Iterator[IO[bytes]]:
-    """Keep what C++ code writes to standard error; a user is owed one line, not three."""
+    """Catch what C++ code writes to standard error, so that the user gets one error message instead of several lines."""
     with tempfile.TemporaryFile() as kept:
         saved = os.dup(2)
         os.dup2(kept.fileno(), 2)
@@ -42,7 +42,7 @@ def build_model(xml: str, source: str) -> Any:
             model, failure = None, str(error)
         kept.seek(0)
         errors = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
-    # The parser also goes on after errors, and leaves out what it could not read: a body without its mass, say.
+    # The parser continues after some errors and leaves out what it could not read, for example the mass of a body.
     if model is None or errors:
         reason = errors[0].strip() if errors else failure
         raise RobotError(f"not a valid URDF ({reason})", file=source, hint="mend the URDF")

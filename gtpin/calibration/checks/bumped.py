@@ -25,12 +25,12 @@ RATIO = 2.0
 """Power of the residuals without steps over that with them from which steps are the reason. Assumed: a moved frame
 explains all residuals, other causes only a part."""
 LARGE = 4.0
-"""Size of the step at the median pose, in standard deviations of what is left, from which data are refused. Assumed: smaller
-ones are left to a diagnosis, which weighs them against drift and other causes."""
+"""Size of the step at the median pose, in standard deviations of the remaining residuals, from which data are refused. Assumed:
+smaller steps are left to a diagnosis, which compares them with drift and other causes."""
 AHEAD = 1.2
-"""Ratio of the best alternative's residual power to that of steps above which it is steps: a motion in proportion to
-time (to its third power), temperatures, payload or another recorded column that changes slowly. Assumed; with 150
-poses of six numbers it is 80 nats."""
+"""Ratio of the best alternative's residual power to that of steps, above which steps are the reason. The alternatives are
+motions in proportion to time (to its third power), temperatures, payload or another recorded column that changes slowly.
+Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
 
 
 def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise) -> None:
@@ -52,7 +52,7 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise)
     """
     if len(dataset) < 4 * EDGE:
         return
-    if len(dataset) > ENOUGH:  # an even part of very many
+    if len(dataset) > ENOUGH:  # of very many rows, evenly spaced ones are enough
         rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
         dataset, noise = dataset.take(rows), noise.take(rows)
         problem = replace(problem, measured=problem.measured.take(rows), whitening=problem.whitening[rows])

@@ -37,7 +37,11 @@ class CommandReading:
 
 
 def command_readings(q: Floats, robot: Robot) -> Iterator[CommandReading]:
-    """Ways to read commands (N, n): one column or all reversed, two swapped, all in reverse, one or all in another unit."""
+    """Ways to read commands (N, n), m or rad.
+
+    One column or all with the other sign or in another unit; two columns swapped; all columns in reverse order, or shifted by
+    one.
+    """
     names = command_names(q.shape[1])
     everything = list(range(len(names)))
     for some in _one_or_all(everything):

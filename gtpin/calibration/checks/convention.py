@@ -17,15 +17,15 @@ from gtpin.kinematics.poses import Poses
 Floats = npt.NDArray[np.float64]
 
 ROWS = 150
-"""Number of poses that are enough for the decision."""
+"""Number of poses that are enough for the decision. Assumed."""
 LEFT, GAIN = 0.8, 60.0
 """Share of the squared orientation residuals that another convention may leave, and the least by which it lowers them: a
 factor of exp(30) in likelihood, over some 150 readings. A convention has no free parameter: with residuals of effects, no
 other convention left less than 0.96 (80 fits of 40 machines of the plant)."""
 AS_GOOD = 1.5
-"""Ratio of its residuals to the smallest up to which a convention counts as equally good."""
+"""Ratio of its squared residuals to the smallest up to which a convention counts as equally good. Assumed."""
 LEAST = 20
-"""Number of poses below which nothing is reported."""
+"""Number of poses below which nothing is reported. Assumed."""
 
 
 def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
@@ -39,7 +39,7 @@ def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
     measured = fit.problem.measured
     if measured.R is None or len(measured.T) < LEAST:
         return []
-    if measured.q.shape[1] == 1:  # turns about one axis: conventions agree, but for how they scale the noise across it
+    if measured.q.shape[1] == 1:  # about one axis conventions differ only in how they scale noise about other axes
         return []
     rows = np.linspace(0, len(measured.T) - 1, min(len(measured.T), ROWS)).astype(int)
     some = measured.take(rows)
@@ -53,7 +53,7 @@ def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
     solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
 
     def left(rotations: list[Floats]) -> Floats:
-        """What remains of each reading of the rotations; all at once, since each alone is small."""
+        """(k,) sum of squares of the orientation residuals that each of k readings of the rotations leaves after the fit."""
         count = len(rotations)
         read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
         all_predicted = Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1)))

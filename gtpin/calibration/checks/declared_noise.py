@@ -26,11 +26,13 @@ TWICE = 2.0
 """Declared noise over the noise that the data show from which the declared value is not used. Assumed: data
 sheets give limits of two standard deviations as often as one, and less than that changes no verdict."""
 ABSURD = 10.0
-"""The same ratio from which the data are refused: no data sheet is so careful. Assumed."""
+"""Declared noise over the noise that the data show from which the data are refused: no data sheet overstates the noise so much.
+Assumed."""
 NO_NOISE = 0.01
-"""Noise, m or rad, that no instrument of a robot has: residuals of this size are no noise. Assumed."""
+"""Noise, m or rad, above that of any instrument for robots: residuals of this size are not noise. Assumed."""
 CHANCE = 1e-3
-"""Chance, by chi-square, of residuals so small under the declared noise, below which the declared value is not used."""
+"""Probability, by chi-square, of residuals as small as these under the declared noise, below which the declared value is not
+used. Assumed."""
 UNITS: dict[Sigma, tuple[tuple[float, float, str], ...]] = {
     "position_sigma": ((250.0, 4e3, "millimetres"), (2.5e5, 4e6, "micrometres")),
     "orientation_sigma": ((25.0, 150.0, "degrees"), (250.0, 4e3, "milliradians"), (2.5e5, 4e6, "microradians")),
@@ -142,7 +144,10 @@ def _residual_ratio(settled: Settled, instrument: Instrument, key: Sigma) -> flo
 
 
 def _overstated(again: Settled, instrument: Instrument, key: Sigma) -> bool:
-    """Whether a declared sigma is larger than what an estimate shows, by a factor that matters and by more than chance."""
+    """Whether a declared sigma is larger than the estimate by more than `TWICE` and by more than chance.
+
+    Half of the degrees of freedom are counted for each of the two sigmas.
+    """
     ratio = getattr(instrument, key) / shown(again, key)
     dof = max(again.dof / 2.0, 1.0)
     return bool(ratio > TWICE and chi2.cdf(dof / ratio**2, dof) < CHANCE)

@@ -137,7 +137,7 @@ def _ratio(settled: SettledReadings, one: Declared) -> float:
 
 
 def _chance(settled: SettledReadings, one: Declared) -> float:
-    """Chance, by chi-square, of residuals so small if the declared sigma were true."""
+    """Probability, by chi-square, of residuals as small as these if the declared sigma is true."""
     fit, left = settled.fit, _own(settled, one)
     taken = 0.0
     for rows in fit.problem.chunks():

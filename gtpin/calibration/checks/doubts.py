@@ -29,13 +29,13 @@ WHOLE = 1e-3
 """Median error, m, of rows that were set aside, from which they belong to another measurement. Assumed: an effect that acts
 in some rows only is smaller."""
 MOST = 0.25
-"""Share of the rows that gross errors make at most; beyond it nobody can say which the errors are."""
+"""Largest share of the rows that can be gross errors: with more, it is not clear which rows are wrong. Assumed."""
 FAR = 0.01
-"""Median position error after a fit, m, that no calibrated robot shows."""
+"""Median position error after a fit, m, that no calibrated robot shows. Assumed."""
 MISFIT = 10.0
-"""Size of the residuals, in units of the noise, from which there is a warning."""
+"""Size of the residuals, in units of the noise, from which there is a warning. Assumed."""
 STRAYED = 6.0
-"""Deviation of a parameter from nominal, in units of the tolerances, that is worth a warning."""
+"""Deviation of a parameter from nominal, in units of its tolerance, from which there is a warning. Assumed."""
 
 
 def settled_in_doubt(
@@ -103,7 +103,7 @@ def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., S
     """
     found = strain(settled)
     strayed = np.abs(settled.fit.point.x[: settled.fit.problem.n_geometry]).max(initial=0.0) > STRAYED
-    # Short of that a cause that geometry can't have, such as a ball out of round, may be what strains it.
+    # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
     if found is None or (found.what != "frame" and not strayed):
         return settled, instrument
     if found.what == "frame":
@@ -164,7 +164,7 @@ def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
         why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
         warn(f"residuals are {size:.0f} times the noise: {why}")
     x = point.x[: problem.n_geometry]
-    # How a measured track is rolled about itself is guessed from where targets sat on carts: no tolerance of the machine's.
+    # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
     rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])
     far = np.flatnonzero((np.abs(x) > STRAYED) & ~rolled)
     strayed = [f"{model.geometry.names[i]} ({x[i]:+.0f})" for i in far[np.argsort(-np.abs(x[far]))]]

@@ -1,4 +1,4 @@
-"""Finds the reason why a fit has failed in the data."""
+"""Searches the data for the reason why a fit has failed."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ from gtpin.noise.noise import Noise
 Floats = npt.NDArray[np.float64]
 
 SIZE = 30.0
-"""Prior size of a step, mm and mrad; so wide that its value hardly matters compared with thousands of nats."""
+"""Prior standard deviation of a step, mm and mrad; so wide that its value has little influence on the fit. Assumed."""
 GRID = 60
-"""Rows that are tried at first; then those around the best."""
+"""Number of rows that are tried first; then all those near the best one."""
 EDGE = FEWEST
 """Fewest rows before, between and after steps. A motion has six numbers and fits any one row, so that one large error would
 count as two steps."""
@@ -30,10 +30,21 @@ count as two steps."""
 
 @dataclass(frozen=True)
 class Scan:
-    """Searches for steps of the instrument's frame along N rows.
+    """Searches for steps of the instrument's frame along N rows. A step is the index of the first row after it.
 
-    J, F: whitened derivatives by the geometry (N, c, p) and by the frame (N, c, 6). y: (N, c) whitened residuals of the nominal
-    geometry. A step is the index of the first row after it."""
+    Parameters
+    ----------
+    rows
+        (N,) indices of the rows in the problem, in the order of the search.
+    J, F
+        Whitened derivatives by the problem's p unknowns (N, c, p), and by the frame's motion (N, c, 6), mm and mrad.
+    y
+        (N, c) whitened residuals of the nominal geometry.
+    prior
+        (p,) 1 for unknowns with a prior, 0 for others.
+    lengths
+        (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
+    """
 
     rows: npt.NDArray[np.intp]
     J: Floats
@@ -61,7 +72,7 @@ class Scan:
         return Scan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
 
     def best(self, steps: Sequence[int]) -> int:
-        """The one more step that, together with ``steps``, explains most of the residuals."""
+        """The next step: together with ``steps`` it leaves the smallest residuals."""
         count = len(self.rows)
         allowed = [k for k in range(EDGE, count - EDGE + 1) if all(abs(k - step) >= EDGE for step in steps)]
         coarse = np.unique(np.linspace(0, len(allowed) - 1, GRID).astype(int))
@@ -102,7 +113,7 @@ class Scan:
 
     @cached_property
     def _sums(self) -> tuple[Floats, Floats, Floats]:
-        """(N + 1, 6, p), (N + 1, 6, 6), (N + 1, 6): products of the frame's derivative from each row on."""
+        """(N + 1, 6, p), (N + 1, 6, 6), (N + 1, 6): sums of F' J, F' F and F' y over all rows from each row on."""
         each = (
             np.einsum("nci,ncp->nip", self.F, self.J, optimize=True),
             np.einsum("nci,ncj->nij", self.F, self.F, optimize=True),
@@ -136,7 +147,7 @@ class Scan:
 
 
 def nominal_problem(start: Model, measured: Measured, near: Poses, instrument: Instrument) -> tuple[Problem, Noise]:
-    """The problem about the nominal machine, with the declared noise, or a tracker's usual one where none is declared."""
+    """The problem about the nominal machine, and its noise: that declared, or 20 um and 50 urad where none is declared."""
     noise = Noise(instrument.position_sigma or 2e-5, instrument.orientation_sigma or 5e-5)
     J = np.zeros((len(near), 6, measured.q.shape[1]))
     return Problem(start, measured, noise.whitening(J, measured.components), instrument.frame == "free"), noise

@@ -1,4 +1,4 @@
-"""Refuses data whose noise is not declared and can't be estimated."""
+"""The noise of measured poses; data for which it is neither declared nor known from a model are refused."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def known_noise(dataset: Dataset, position: float | None, orientation: float | N
         The instrument's standard deviations per axis, m and rad; None where neither the data nor a model states them.
         Orientation may be None where only positions were measured.
     repeatability
-        Scatter of the drives, m or rad.
+        Repeatability of the actuators, m or rad.
 
     Raises
     ------
     DatasetError
-        If a sigma is not known that the data need.
+        If a sigma that the data need is not known.
     """
     if position is None or (orientation is None and dataset.orientation is not None):
         raise DatasetError(

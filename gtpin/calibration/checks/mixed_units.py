@@ -17,7 +17,7 @@ Mask = npt.NDArray[np.bool_]
 FITS, ALLOWED = 0.1, 5e-3
 """Share of the workspace's size, and error of a machine, m, up to which a row fits: see :mod:`.recognise`."""
 BETTER = 4.0
-"""How many times nearer to the nominal model another unit must bring a row. Assumed."""
+"""Factor by which another unit must bring a row nearer to the nominal model. Assumed."""
 FEWEST, SHARE = 6, 0.1
 """Rows, and share of all rows, below which a part in one unit is left to the search for gross errors. Assumed."""
 REST = 0.75
@@ -58,7 +58,7 @@ def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
 
 
 def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float] | None:
-    """The rows in another unit, and which it is; None where there is no such part."""
+    """The rows in another unit, the name of the unit, and its length in metres; None where there is no such part."""
     least = max(FEWEST, int(np.ceil(SHARE * len(T))))
     if len(T) < 2 * least:
         return None
@@ -101,6 +101,6 @@ def _seen(T: Floats, poses: Poses, near: float) -> Floats:
     good = off[best][0] <= near
     if good.sum() < FEWEST:  # no frame
         return np.full_like(everywhere.T, np.inf)
-    # Three rows tell a frame roughly; all that fit in it tell it well.
+    # Three rows determine a frame roughly; all rows that fit in it determine it well.
     frame = rough_frame(poses[good], Measured(np.zeros((int(good.sum()), 0)), T[good], None))
     return np.asarray(everywhere.moved(frame.T, frame.R).T)

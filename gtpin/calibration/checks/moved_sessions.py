@@ -19,24 +19,25 @@ from gtpin.noise.noise import Noise
 Floats = npt.NDArray[np.float64]
 
 FEWEST = 6
-"""Fewest rows from which the frame of a session is determined."""
+"""Fewest rows from which the frame of a session is determined. Assumed."""
 FAR = 0.01
 """Motion, m, from which data are refused before a fit. Assumed: with such motions no diagnosis is linear about one frame."""
 FAILED = 1e-3
-"""The same where a fit has failed."""
+"""Motion, m, from which data are refused after a fit has failed. Assumed."""
 CLEAR = 4.0
-"""Motion over the misfit that frames of their own leave, from which it is a motion. Assumed."""
+"""Ratio of a motion to the residuals with a separate frame for each session, above which the motion is clear. Assumed."""
 EXPECTED = 3.0
-"""Motion over the nominal model's expected error from which it is a motion: a frame in a part of the workspace follows such
-errors. Assumed."""
+"""Ratio of a motion to the expected error of the nominal model, above which the motion is clear: the best frame for a part of
+the workspace absorbs such errors. Assumed."""
 BEYOND = 0.1
-"""Motion, m, from which no error of a geometry is mistaken for it."""
+"""Motion, m, that is too large to be an error of the geometry. Assumed."""
 LINE = 0.1
-"""Width of a session's poses over the length of the workspace, below which positions tell no turn. Assumed."""
+"""Ratio of the width of a session's poses to the length of the workspace, below which positions do not determine a rotation.
+Assumed."""
 RATIO = 4.0
 """Power of the residuals without motions over that with them from which motions are why a fit failed. Assumed."""
 NAMED = 5
-"""Sessions that are named."""
+"""Largest number of sessions that an error names."""
 
 
 def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -> None:
@@ -76,7 +77,7 @@ def check_sessions_linear(dataset: Dataset, problem: Problem, noise: Noise, near
     Raises
     ------
     DatasetError
-        If motions of the frame between sessions account for all but a small part of the residuals.
+        If motions of the frame between sessions explain most of the power of the residuals.
     """
     _refuse(dataset, _moved_linear(dataset, problem, noise, near), FAILED)
 
@@ -96,7 +97,7 @@ def _moved_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses)
 
 
 def _refuse(dataset: Dataset, moved: dict[str, float], least: float) -> None:
-    """Raise an error where a session, of those after the first, moved by so much, m."""
+    """Raise an error where the instrument moved by ``least`` m or more; ``moved``: distances from the first session, m."""
     first, *others = moved or [""]
     far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
     if not far:
@@ -112,7 +113,7 @@ def _refuse(dataset: Dataset, moved: dict[str, float], least: float) -> None:
 
 
 def _sessions(dataset: Dataset) -> tuple[npt.NDArray[np.str_], list[str]]:
-    """The session of each row, and the names of sessions with enough rows, that of the most rows first."""
+    """The session of each row, and the names of the sessions with at least `FEWEST` rows, the largest first."""
     if "session" not in dataset.covariates:
         return np.full(len(dataset), ""), []
     sessions = np.array([str(name) for name in dataset.covariates["session"]])
@@ -122,7 +123,7 @@ def _sessions(dataset: Dataset) -> tuple[npt.NDArray[np.str_], list[str]]:
 
 
 def _moved(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -> dict[str, float]:
-    """Distance, m, of the instrument's place in each session from that in the largest session; empty where it is not clear."""
+    """Distance, m, of each session's poses from where the frame of the largest session puts them; empty where not clear."""
     sessions, names = _sessions(dataset)
     names = [name for name in names if _tells_frame(measured, poses, sessions == name)]
     if len(names) < 2:
@@ -154,7 +155,7 @@ def _tells_frame(measured: Measured, poses: Poses, own: npt.NDArray[np.bool_]) -
 
 
 def _expected(nominal: Model, measured: Measured, poses: Poses) -> float:
-    """The nominal model's error by its tolerances, m, in the median."""
+    """Median over the poses of the position error, m, that the tolerances let expect of the nominal model."""
     some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
     J = nominal.kinematics.geometry_jacobian(measured.q[some], poses[some])[:, :3] * nominal.geometry.tolerance
     return float(np.median(np.sqrt((J**2).sum(axis=(1, 2)))))

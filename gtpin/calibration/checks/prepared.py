@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 SAME = 1e-12
 """1 less the cosine of half the angle, some 3 microradians, up to which orientations count as the same."""
 TURNS = 1e-5
-"""Angle, rad, by which the nominal model must turn; less is rounding, of a robot that keeps its orientation."""
+"""Angle, rad, by which the nominal orientation must change; less is rounding error of a robot that keeps its orientation."""
 
 
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:

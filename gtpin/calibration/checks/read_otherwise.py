@@ -26,7 +26,7 @@ LENGTHS: dict[type[InstrumentTable], tuple[str, ...]] = {
 }
 """Columns of lengths."""
 ANY_ZERO = 1e3
-"""Prior sigma of an encoder's zero, rad or m, with which it may be anywhere."""
+"""Prior sigma of an encoder's zero, rad or m, with which the zero is practically free."""
 PLACES = ("stations", "planes", "sockets")
 """Keys of dataset.toml that have points of the base frame."""
 TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (

@@ -1,4 +1,4 @@
-"""Readings of instruments that can't be the robot's as they stand: other units, other signs, sockets visited once."""
+"""Readings of instruments that can't be the robot's without a correction: other units, other signs, sockets visited once."""
 
 from __future__ import annotations
 
@@ -21,20 +21,22 @@ Floats = npt.NDArray[np.float64]
 LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
 """What the user should do where no usual mistake explains the readings."""
 TURN = 0.2
-"""Median error of a tilt or an orientation, rad, that no robot within its tolerances shows."""
+"""Median error of a tilt or an orientation, rad, that no robot within its tolerances shows. Assumed."""
 SUSPECT = 0.05
-"""Share of the largest error within tolerances from which other ways to read a table are tried."""
+"""Share of the largest error within tolerances from which other ways to read a table are tried. Assumed."""
 LEFT = 0.2
-"""Share of the largest error within tolerances, m, that no minimum of a fit leaves in the median. Assumed."""
+"""Share of the largest error within tolerances, m, that the median error stays below where a fit has found its minimum.
+Assumed."""
 STRAINED = 10.0
-"""Deviation of an unknown from its declared value, in prior sigmas, from which other ways to read a table are tried too."""
+"""Deviation of an unknown from its declared value, in prior sigmas, from which other ways to read a table are tried too.
+Assumed."""
 USUAL = 1e-3
-"""Usual error of a nominal robot, m and rad: it counts as much as a deviation of one prior sigma."""
+"""Usual error of a nominal robot, m and rad: it counts as much as a deviation of one prior sigma. Assumed."""
 VARIATION = 0.3
-"""Share of a column's variation that errors are at most, for another unit that makes its numbers small to be the right one:
-near zero, anything fits a robot that should stand still. Assumed."""
+"""Largest error, as a share of a column's variation, with which a unit that makes the column's numbers smaller is accepted:
+with numbers near zero, a wrong unit fits any robot that hardly moves. Assumed."""
 ALIKE = 1.5
-"""Ratio of errors up to which two ways to read a table are as good as each other. Assumed."""
+"""Ratio of errors up to which two ways to read a table count as equally good. Assumed."""
 BETTER = 10.0
 """Ratio of errors from which another way to read a table is the right one. Assumed: a wrong unit makes hundreds."""
 
@@ -102,7 +104,7 @@ def check_readable(readings: Readings, poses: Poses, reach: float) -> None:
     poses
         (N) nominal poses, base frame.
     reach
-        Largest motion of the TCP by deviations of the geometry within its tolerances, m.
+        Largest displacement of the TCP that deviations of the geometry within its tolerances cause, m.
 
     Raises
     ------
@@ -189,7 +191,7 @@ def _best(tried: list[tuple[Misfit | None, Otherwise]]) -> tuple[Misfit | None, 
 
 
 def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Misfit | None:
-    """The misfit of an instrument that is read in another way; None where that can't be told."""
+    """The misfit of an instrument that is read in another way; None where it can't be computed, or is not accepted."""
     rows = readings.rows
     mine = rows.rows_of(index)
     numbers = {n: np.array(c[mine], dtype=float) for n, c in rows.columns.items() if c.dtype != object}

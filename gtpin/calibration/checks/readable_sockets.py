@@ -46,7 +46,7 @@ def check_distances(readings: Readings, poses: Poses, reach: float) -> None:
     Parameters
     ----------
     readings
-        The readings, with the sockets where the nominal robot has them.
+        The readings, with the sockets' points from the nominal robot.
     poses, reach
         As in :func:`check_readable`.
 
@@ -59,7 +59,7 @@ def check_distances(readings: Readings, poses: Poses, reach: float) -> None:
         if not isinstance(one, Socket):
             continue
         for k, (a, b, given, _) in enumerate(one.table.distances):
-            if {a, b} & set(one.table.sockets):  # where they are said to be may be as wrong
+            if {a, b} & set(one.table.sockets):  # their declared points may be wrong instead
                 continue
             found = float(np.linalg.norm(one.at(readings.own(i), a) - one.at(readings.own(i), b)))
             if abs(given - found) <= reach or _missed(readings, poses, i, one, (a, b)) > reach:

@@ -21,28 +21,29 @@ from gtpin.model.model import Frame, Model
 Floats = npt.NDArray[np.float64]
 
 ROWS = 100
-"""Number of rows that is enough: medians of more rows are hardly more certain."""
+"""Number of rows that are used: medians of more rows are not much more certain. Assumed."""
 FEWEST = 6
-"""Rows below which a frame fits almost anything."""
+"""Number of rows below which a free frame fits almost any data."""
 FITS = 0.1
 """Share of the workspace's size up to which data fit without a correction. The mistakes below move poses by about the whole
-size; machines within the shipped robots' tolerances stay below 0.08, but for stewart_jugglebot's."""
+size. Machines within the tolerances of the shipped robots stay below 0.08, except those of stewart_jugglebot."""
 ALLOWED = 5e-3
 """Error of a machine, m, that is always accepted, even in a small workspace. Assumed."""
 BETTER = 4.0
-"""How many times nearer to the nominal model another reading must bring the data; assumed."""
+"""Factor by which another reading must bring the data nearer to the nominal model. Assumed."""
 AS_GOOD, CLOSE = 1.5, 0.02
-"""Up to how many times the least misfit, and share of the workspace's size more, a reading of fewer mistakes is preferred."""
+"""A reading with fewer mistakes is preferred where its misfit is at most `AS_GOOD` times the smallest one plus `CLOSE` times
+the workspace's size. Assumed."""
 STRAYED = 3.0
-"""Expected errors of the nominal model beyond which its frame, commands and target are doubted."""
+"""Misfit, in expected errors of the nominal model, above which frame, commands and target are doubted. Assumed."""
 LINE = 0.1
-"""Width of a workspace over its length below which positions do not tell a turn about its length."""
+"""Ratio of a workspace's width to its length below which positions do not determine a rotation about its length. Assumed."""
 STEPS = 4
-"""Gauss-Newton steps that find by how much a drive's commands are shifted."""
+"""Number of Gauss-Newton steps that determine the shift of a drive's commands."""
 REACHED = 0.75
-"""Share of the rows that commands must reach when they are read in another way."""
+"""Share of the rows that the nominal model must reach when commands are read in another way. Assumed."""
 MOST_NAMED = 3
-"""Readings that are named where several fit alike."""
+"""Largest number of readings that are named where several fit equally well."""
 
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 'set frame = "free" under [instrument]')
@@ -77,7 +78,7 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
 
     These are tried, alone and together: units of lengths, of some axes or all; axes that are swapped or reversed; quaternions
     that are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or
-    shifted; an instrument that stood elsewhere; a target that sits elsewhere.
+    shifted; an instrument at another place than the base frame's; a target at another place than the TCP.
 
     Parameters
     ----------
@@ -94,12 +95,12 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
     tried = [(misfit, reading) for misfit, reading in search.tried() if misfit <= most]
     if not tried:
         return None
-    # What fits as data that are right do is enough: free numbers, of a frame or a turn, always fit a little better.
+    # A misfit like that of correct data is enough: readings with free numbers, of a frame or a rotation, always fit better.
     enough = max(AS_GOOD * min(misfit for misfit, _ in tried) + CLOSE * search.size, search.fits)
     good = [(misfit, reading) for misfit, reading in tried if misfit <= enough]
     fewest = min(reading.mistakes for _, reading in good)
     chosen = [t for t in good if t[1].mistakes == fewest]
-    # Of readings that fit alike none is preferred: all are named, the usual ones first.
+    # Of readings that fit equally well none is preferred: all are named, the usual ones first.
     best = min(misfit for misfit, _ in chosen)
     alike = [reading for misfit, reading in chosen if misfit <= max(AS_GOOD * best, search.fits)]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in alike), strict=True))
@@ -139,28 +140,28 @@ class Search:
 
     @property
     def fits(self) -> float:
-        """Misfit, m, up to which data fit as they stand."""
+        """Misfit, m, up to which data fit without a correction."""
         return FITS * self.size + ALLOWED
 
     @cached_property
     def misfit(self) -> float:
-        """Median distance of the data as they stand from the nominal model, m; infinite where that reaches few of them."""
+        """Median distance of the uncorrected data from the nominal model, m; infinite where the model reaches few of them."""
         return np.inf if self.lost else self._misfit(self.measured, self.poses, self.free)
 
     @cached_property
     def _line(self) -> bool:
-        """Whether the poses lie so nearly on a line that positions do not tell how a frame is turned."""
+        """Whether the poses are so nearly on a line that positions do not determine the rotation of a frame."""
         spread = np.linalg.svd(self.poses.T - self.poses.T.mean(axis=0), compute_uv=False)
         return bool(spread[1] < LINE * spread[0])
 
     @property
     def suspicious(self) -> bool:
-        """Whether the data do not fit as they stand."""
+        """Whether the data do not fit without a correction."""
         return self.size > 0.0 and self.misfit > self.fits and self.misfit > self.accepted
 
     @cached_property
     def expected(self) -> float:
-        """Error of the nominal model by the tolerances, m."""
+        """Median error of the nominal model, m, that its tolerances let expect."""
         if self.lost:
             return FITS * self.size
         J = self.nominal.kinematics.geometry_jacobian(self.measured.q, self.poses) * self.nominal.geometry.tolerance
@@ -169,20 +170,20 @@ class Search:
 
     @property
     def accepted(self) -> float:
-        """Largest misfit, m, of data that are the robot's."""
+        """Largest misfit, m, of correct data of this robot."""
         return self.fits + min(self.expected, 0.5 * self.size)
 
     @property
     def strayed(self) -> bool:
-        """Whether the data are farther from the model than its tolerances explain, which act much as another frame does."""
+        """Whether the misfit is larger than the tolerances explain. (Within them, a geometry looks much like another frame.)"""
         return self.misfit > self.fits + STRAYED * self.expected
 
     def tried(self) -> Iterator[tuple[float, Reading]]:
-        """All readings that are of any use, each after its misfit, m."""
+        """All readings that can be compared with the model, each after its misfit, m."""
         found = list(self._in_frame(self.free))
         yield from found
-        # Another frame is doubted after those, since geometry within its tolerances moves poses much as it does. A target
-        # that sits elsewhere is doubted last: where the platform hardly turns, it moves poses as another frame does.
+        # Another frame is tried after those: geometry within its tolerances moves poses in a similar way. A target at another
+        # place is tried last: where the platform rotates little, it moves poses as another frame does.
         if self.strayed and not self.free and all(m > self.fits or r.mistakes > 1 for m, r in found):
             yield from self._in_frame(True)
             yield from (self._tried(reading, True) for reading in self._targets(True))
@@ -192,7 +193,7 @@ class Search:
     def _in_frame(self, turned: bool) -> Iterator[tuple[float, Reading]]:
         for reading in self._measurements(turned):
             yield self._tried(reading, turned)
-        # Poses that lie close together hardly tell other commands from a geometry within its tolerances.
+        # For poses that are close together, other commands look like a geometry within its tolerances.
         if self.strayed:
             for reading in (*self._commands(), *self._shifted(turned)):
                 yield self._tried(reading, turned)
@@ -208,7 +209,8 @@ class Search:
         return (misfit if reading.looks else np.inf), reading
 
     def _measurements(self, turned: bool) -> Iterator[Reading]:
-        """Readings of what was measured: those of positions that come near the model, each with all of orientations."""
+        """Readings of the measured poses: ways to read positions that come near the model, each with all ways to read
+        orientations."""
         q, poses, rotation = self.measured.q, self.poses, self.rotation
         if self.lost:
             return
@@ -220,7 +222,7 @@ class Search:
             columns = "x y z" if positions.looks else "qw qx qy qz"
             if rotation is None:
                 if turned and positions.mirrored and (np.diag(positions.axes) != _MIRROR).any():
-                    continue  # positions alone do not tell which axis it is
+                    continue  # positions alone do not show which axis is reversed
                 yield Reading(columns, *positions.words(turned), positions.mistakes, Measured(q, T, None), poses)
                 continue
             seen = self._seen(poses, Measured(q, T, None), turned)
@@ -228,7 +230,7 @@ class Search:
             rotations: list[RotationReading] = [plain, conjugate, *misread(), *others]
             for o in rotations:
                 R = o.read(rotation)
-                # Where positions tell the frame, orientations are tried in it.
+                # Where positions determine the frame, orientations are compared in it.
                 if not self._line and self.size * _apart(R, seen.R) > near + CLOSE * self.size:
                     continue
                 looks, hint = _joined(positions.looks, o.looks), _joined(positions.hint, o.hint)
@@ -239,7 +241,7 @@ class Search:
             yield Reading("x y z qw qx qy qz", what, "give the inverse of each", 1, inverse, poses)
 
     def _commands(self) -> Iterator[Reading]:
-        """Readings of the commands that the nominal model can follow."""
+        """Readings of the commands that the nominal model can reach."""
         for command in command_readings(self.all.q, self.nominal.robot):
             poses = self.nominal.kinematics.forward(command.q)
             there = poses.reached
@@ -247,7 +249,7 @@ class Search:
                 yield Reading(command.columns, command.looks, command.hint, 1, self.all.take(there), poses[there])
 
     def _shifted(self, turned: bool) -> Iterator[Reading]:
-        """Readings by which all commands of one actuator are off by a constant."""
+        """Readings with all commands of one actuator shifted by a constant."""
         if self.lost:
             return
         kinematics, q = self.nominal.kinematics, self.measured.q
@@ -266,7 +268,7 @@ class Search:
                 yield Reading(f"q{j + 1}", looks, f"add {shift:.6g} to q{j + 1}", 1, self.measured, poses)
 
     def _targets(self, turned: bool) -> Iterator[Reading]:
-        """Readings by which the target sits elsewhere on the platform than the TCP: aside, turned, or both."""
+        """Readings by which the target is not at the TCP on the platform: displaced, rotated, or both."""
         if self.lost:
             return
         frame = self._frame(self.poses, Measured(self.measured.q, self.measured.T, None), turned)

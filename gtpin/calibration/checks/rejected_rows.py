@@ -15,11 +15,11 @@ from gtpin.instruments.readings import Readings
 Mask = npt.NDArray[np.bool_]
 
 MOST = 0.5
-"""Largest share of gross errors among an instrument's rows; above it, it is not clear which rows are the errors."""
+"""Largest share of gross errors among an instrument's rows; above it, it is not clear which rows are the errors. Assumed."""
 SEVERAL = 3
-"""Fewest readings of one id for a message that most of them were set aside."""
+"""Fewest readings of one id for a message that most of them were set aside. Assumed."""
 SHOWN = 10
-"""Poses that a warning names."""
+"""Largest number of poses that a warning names."""
 
 
 def check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
@@ -35,7 +35,7 @@ def check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
     Raises
     ------
     DatasetError
-        If there is such an instrument; it names it.
+        If there is such an instrument; the error names it.
 
     Warns
     -----
@@ -59,14 +59,14 @@ def check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
 
 
 def poses_of(ids: npt.NDArray[np.object_]) -> str:
-    """Some poses by name."""
+    """Text for a message with the names of the first poses."""
     names = list(dict.fromkeys(map(str, ids)))
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return f"poses {', '.join(names[:SHOWN])}{more}"
 
 
 def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
-    """Ids of an instrument of which most readings were set aside, in words."""
+    """Texts for warnings: ids of an instrument of which most readings were set aside."""
     rows, file = readings.rows, readings.rows.files[index]
     mine = rows.rows_of(index)
     for column in rows.tables[index].ids:

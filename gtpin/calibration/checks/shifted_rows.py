@@ -28,7 +28,7 @@ explains the whole error or nothing."""
 OWN = 0.8
 """Share of a session's rows that must lie in a stretch for the session to be the stretch's own."""
 NEIGHBOURS = (1, -1)
-"""By how many rows commands are tried out of step."""
+"""Shifts of the commands, in rows, that are tried."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def stretch(far: Mask) -> Stretch | None:
 
 
 def far_from_nominal(measured: Measured, nominal: Poses, reach: float) -> Mask:
-    """(N,) rows that are farther from the nominal machine than tolerances may move it (``reach``, m)."""
+    """(N,) True for rows that are farther from the nominal machine than its tolerances can displace it (``reach``, m)."""
     return np.asarray(_off(measured.T, nominal.T) > reach)
 
 

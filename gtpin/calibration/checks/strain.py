@@ -27,12 +27,12 @@ SCALES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 FACTORS = (2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
 """Factors that are tried on tolerances."""
 STRAINED = 7.0
-"""Gain in log marginal likelihood from which an assumption is wrong: log(1,000), a chance of 1 in 1,000 for each machine,
-by the bound on Bayes factors."""
+"""Gain in log marginal likelihood, nats, from which an assumption is wrong: ln(1,000) rounded up. For each assumption and size
+it occurs by chance in at most 1 of 1,000 machines, because the mean of a Bayes factor is 1 where the assumption is right."""
 FAR = 3.0
-"""Tolerances from nominal beyond which a strained geometry's parameter gets the tolerance that it shows."""
+"""Deviation of a parameter, in units of its tolerance, above which the deviation becomes its tolerance. Assumed."""
 NO_PRIOR = 1e6
-"""Prior variance, mm^2 and mrad^2, of a frame that the fit has already free: so large that it says nothing."""
+"""Prior variance, mm^2 and mrad^2, of a frame that is already free in the fit: so large that the prior has no influence."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def strain(settled: Settled) -> Strain | None:
 
 
 def relieved(settled: Settled, found: Strain) -> Geometry:
-    """The nominal geometry with tolerances as wide as the fitted geometry shows them to be."""
+    """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
     geometry = settled.fit.problem.start.geometry
     x = np.abs(settled.fit.point.x[: len(geometry.parameters)])
     whole = found.size if found.what == "tolerances" else 1.0
@@ -98,11 +98,11 @@ class _Linear:
             y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :p] @ fit.point.x[:p]
             whole = flat.T @ flat + (whole if whole.size else 0.0)
             moment = flat.T @ y + (moment if moment.size else 0.0)
-        # What the model lacks is not the geometry's strain: it counts as noise.
+        # Residuals that the fit leaves beyond the noise count as noise too: they do not come from wrong tolerances.
         return _Linear(settled, whole / settled.excess**2, moment / settled.excess**2)
 
     def suspects(self) -> Iterator[Strain]:
-        """Everything that might be wrong, with its gain."""
+        """All assumptions that might be wrong, each with the gain in log marginal likelihood without it."""
         problem = self.settled.fit.problem
         p, names = problem.n_geometry, problem.start.geometry.names
         prior = np.zeros(len(self.b))
@@ -142,7 +142,7 @@ class _Linear:
             lower = np.linalg.cholesky(inner)
         except (
             np.linalg.LinAlgError
-        ):  # rounding of a direction without a prior; mathematically no eigenvalue is below 1
+        ):  # a rounding error in a direction without a prior: without rounding, no eigenvalue is below 1
             values, vectors = np.linalg.eigh(inner)
             values = np.maximum(values, 1.0)
             return float(0.5 * ((vectors.T @ (s * self.b)) ** 2 / values).sum() - 0.5 * np.log(values).sum())

@@ -17,10 +17,10 @@ STRAYED = 6.0
 """Deviation of a parameter from nominal, in units of the tolerances, and of an unknown from what is declared, in prior
 sigmas, that is worth a warning. Assumed."""
 CHANCE = 1e-6
-"""Chance of a geometry so far from nominal as a whole, by its tolerances, below which something is declared wrongly.
-Assumed."""
+"""Probability, by the tolerances, of a geometry that is at least as far from nominal as a whole, below which something is
+declared wrongly. Assumed."""
 SHOWN = 5
-"""Names that a warning has."""
+"""Largest number of names in a warning."""
 
 
 def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings: Readings) -> None:

@@ -46,14 +46,14 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     try:
         check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
     except DatasetError:
-        _check_readings(dataset, nominal, poses, ~outside)  # which unit it is, the measurements may say
+        _check_readings(dataset, nominal, poses, ~outside)  # the measurements may show which unit it is
         raise
     try:
         plausible = check_measurements(
             dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach_of(geometry)
         )
     except DatasetError as error:
-        if error.column == " ".join(ORIENTATION):  # which order it is, positions that do not fit can't say
+        if error.column == " ".join(ORIENTATION):  # where positions do not fit either, the order is not known
             alone = replace(dataset, orientation=None)
             if _read_otherwise(alone, nominal, poses, ~outside) is not None:
                 _check_readings(dataset, nominal, poses, ~outside)
@@ -76,7 +76,10 @@ def _read_otherwise(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) 
 
 
 def reach_of(geometry: Geometry) -> float:
-    """How far deviations of the geometry within its tolerances may move the TCP, m."""
+    """Largest displacement of the TCP that deviations of the geometry within its tolerances cause, m.
+
+    Assumed: 50 times the largest tolerance of a length, and at least 0.05 m.
+    """
     lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
     return max(0.05, 50.0 * max(lengths, default=0.0))
 
