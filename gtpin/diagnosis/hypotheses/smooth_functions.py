@@ -94,7 +94,10 @@ def plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
 
 
 def all_moves(at: Situation) -> Floats | None:
-    """(N, m) direction of approach and speed of every actuator, for those that vary; None where none does."""
+    """(N, m) direction of approach and speed of every actuator, each over its largest absolute value, for those that vary.
+
+    None where none varies.
+    """
     names = [f"{word}{k + 1}" for word in ("approach", "speed") for k in range(at.robot.n_actuators)]
     columns = [_scaled(at.covariate(name)) for name in names if at.varies(name)]
     return np.stack(columns, axis=1) if columns else None
