@@ -157,7 +157,7 @@ def _outing(machine: Machine | ArmMachine, kinds: Sequence[str], recipe: Recipe,
 
 def _round(visits: Visits, first: int, q: Floats, speed: Floats) -> Visits:
     """Visits whose poses from ``first`` on are along circles, in the order of travel."""
-    place = np.flatnonzero((visits.pose >= first) & (visits.pose < first + len(q)))  # the visits are in the order of time
+    place = np.flatnonzero((visits.pose >= first) & (visits.pose < first + len(q)))  # in order of time
     changed = {name: getattr(visits, name).copy() for name in ("pose", "q", "before", "speed", "acceleration")}
     changed["pose"][place] = first + np.arange(len(q))
     changed["q"][place], changed["speed"][place], changed["acceleration"][place] = q, speed, 0.0
