@@ -110,7 +110,7 @@ class Enumeration(Generic[K]):
         return max([NOTHING, *self.singles.values(), *pairs, *threes], key=worth)
 
     def _larger(self, models: Iterable[Posterior[K]]) -> list[Larger[K]]:
-        """Some models with each other hypothesis added; of the ways to one set the best."""
+        """Each of the models with each further hypothesis. If two lead to the same set of hypotheses, only the better is kept."""
         found: dict[frozenset[K], Larger[K]] = {}
         for model in models:
             for term, (gain, scale) in all_gains(self.groups, model, self._others(model.terms)).items():
@@ -121,7 +121,7 @@ class Enumeration(Generic[K]):
         return list(found.values())
 
     def _others(self, terms: Sequence[K]) -> list[K]:
-        """Hypotheses of other places than some."""
+        """Hypotheses whose place is not that of one of ``terms``."""
         taken = {self.place(term) for term in terms}
         return [term for term in self.terms if self.place(term) not in taken]
 

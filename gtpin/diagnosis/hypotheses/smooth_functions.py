@@ -52,7 +52,7 @@ def _load(at: Situation, j: int, orders: int) -> Functions:
 
 
 def _moves(at: Situation, j: int, orders: int) -> Functions:
-    """Direction of approach and speed, also multiplied by cosines along the track."""
+    """Functions of an actuator's direction of approach and of its speed, also multiplied by cosines along its track."""
     bends = [np.ones(len(at)), *(np.cos(np.pi / 2.0 * o * (at.travel[:, j] + 1.0)) for o in range(1, orders + 1))]
     for word in ("approach", "speed"):
         if at.varies(f"{word}{j + 1}"):

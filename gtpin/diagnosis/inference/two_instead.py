@@ -106,7 +106,7 @@ def _joined(members: tuple[Contender, ...], cause: Hypothesis, other: Hypothesis
 
 
 def _odds(hypotheses: HypothesisSet, other: Model, model: Model, own: float) -> float:
-    """Odds, at most 1, of ``other`` over ``model``; the causes that ``other`` exchanges gain ``own``, nats, in ``model``."""
+    """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
     ahead = hypotheses.worth(other) - hypotheses.worth(model)
     return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
 
