@@ -1,4 +1,4 @@
-"""The command line: how commands end. Their modules are imported after Ctrl-C is handled."""
+"""The entry point of the command line: exit codes, error lines, Ctrl-C. The commands are imported after Ctrl-C is handled."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 NOT_LOADED = "a library can't be loaded ({}); there may be too little memory, or it is not installed whole"
 INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
+"""Exit code after Ctrl-C, as in shells: 128 + SIGINT."""
 
 
 def __getattr__(name: str) -> Any:
@@ -40,17 +40,17 @@ def main() -> None:
         _say("error", NOT_LOADED.format(error))
         sys.exit(2)
 
-    # Processes at work for this one end with it, as by Ctrl-C.
+    # From now on Ctrl-C and SIGTERM raise KeyboardInterrupt, so that worker processes are ended too.
     _on_signals(signal.default_int_handler)
     kept: list[str] = []
     warnings.showwarning = lambda message, *_, **__: kept.append(str(message))
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", GtpinWarning)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not know all letters
+        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not have all characters
     code = _run()
     _flush()
-    if code == 0:  # an error is one line, and what was noticed on the way to it is not the point
+    if code == 0:  # after an error only the error's line is shown, without warnings
         for text in dict.fromkeys(kept):  # the same warning from two effects is printed once
             _say("warning", text)
     sys.exit(code)
@@ -58,12 +58,12 @@ def main() -> None:
 
 def _on_signals(handler: Any) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) != signal.SIG_IGN:  # as in the background of a shell
+        if signal.getsignal(number) != signal.SIG_IGN:  # ignored signals stay ignored, as in the background of a shell
             signal.signal(number, handler)
 
 
 def _end_at_once(number: int, frame: FrameType | None) -> None:
-    """End while modules are being imported, where an exception could be taken for a fault of theirs."""
+    """End the process at once: while modules are imported, an exception would look like an import error."""
     os.write(2, b"gtpin: error: interrupted\n")
     os._exit(INTERRUPTED)
 
@@ -77,11 +77,11 @@ def _run() -> int:
     try:
         with one_thread():
             code = app(standalone_mode=False) or 0
-        if code == INTERRUPTED:  # typer makes a code of the exception
+        if code == INTERRUPTED:  # typer turns the exception into this code
             raise KeyboardInterrupt
         return int(code)
     except typer.TyperException as error:  # wrong options, missing arguments
-        if text := _message(error):  # without a command the help has been shown, and there is no message
+        if text := _message(error):  # empty without a command: the help has been shown
             _say("error", f"{text} (see gtpin --help)")
         return 2
     except ConvergenceError as error:
@@ -104,7 +104,7 @@ def _run() -> int:
     except Exception as error:
         if os.environ.get("GTPIN_TRACEBACK"):
             raise
-        if isinstance(error, OSError):  # a path that the system does not take, a port that is taken
+        if isinstance(error, OSError):  # for example an invalid path, or a port that is in use
             where = "" if error.filename is None else f"{error.filename}: "
             _say("error", f"{where}{error.strerror or error}")
             return 2
@@ -117,7 +117,7 @@ def _flush() -> None:
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
-    except OSError:  # what waits is dropped, lest the interpreter try again at its end
+    except OSError:  # the rest is dropped, so that the interpreter does not try again when it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

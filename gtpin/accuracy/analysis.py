@@ -29,7 +29,7 @@ Floats = npt.NDArray[np.float64]
 
 SCHEMA = "gtpin-accuracy/1"
 COUNTS = (7, 21, 21)
-"""Points of the maps along x, y and z."""
+"""Numbers of grid points of the maps along x, y and z."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -147,7 +147,9 @@ def analyse(
         (N, n) commands, m or rad; None: commands that fill the workspace.
     costs
         By link, the cost after a calibration: the sum over ``cost_poses`` poses of the squared closure residual, m^4 (Dressler
-        et al. 2010, Table II); None where it is not known.
+        et al. 2010, Table II); None where costs are not known.
+    cost_poses
+        Number of poses of these sums; 61 in the paper.
     uncertainty
         The uncertainty of the machine. By default: where ``costs`` are given, closure residuals of their size; else the
         geometry, with its covariance, or with its tolerances where it is nominal.
@@ -196,7 +198,7 @@ def _error_json(error: Error) -> dict[str, float]:
 
 
 def range_json(values: Floats) -> dict[str, Any]:
-    """Least, median and most over the poses; None for values that are not finite."""
+    """Smallest value, median and largest value over the poses (N) or (N, c), as JSON; None for values that are not finite."""
     figures = {"least": values.min(axis=0), "median": np.median(values, axis=0), "most": values.max(axis=0)}
     return {name: _finite(np.asarray(value).tolist()) for name, value in figures.items()}
 

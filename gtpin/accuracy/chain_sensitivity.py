@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 PARAMETERS = ("x", "y", "z", "rx", "ry", "rz")
-"""Placement of a joint in its parent, and of the TCP on its body, in their own axes: m and rad."""
+"""Components of a placement, of a joint on its parent or of the TCP on its body: translation, m, and rotation, rad, own
+axes."""
 POSES = 200
 """Number of commands where none are given."""
 
@@ -47,9 +48,10 @@ class ChainSensitivity:
     links
         Names of the k joints, and ``platform``.
     position
-        (6, k) ||T - T+|| + ||T - T-||, summed over the poses, m.
+        (6, k) ||T - T+|| + ||T - T-||, summed over the poses, m, with T+ and T- the TCP's positions after a step to each side.
     rotation
-        (6, k) absolute changes of the ZYZ Euler angles, likewise, rad; NaN where these are not well defined.
+        (6, k) absolute changes of the three ZYZ Euler angles, summed over both steps and all poses, rad; NaN where these angles
+        are not well defined.
     expected
         The errors to expect.
     uncertainty, uncertain

@@ -16,11 +16,11 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 POSTURES = 8192
-"""Postures of a map: about ten for each of its cells."""
+"""Number of postures of a map, reached or not: 8,192 over 5 * 17 * 17 cells are about six for each cell."""
 COUNTS = (5, 17)
-"""Cells of a map along its thinnest direction, and along the other two."""
+"""Numbers of cells of a map along its thinnest direction, and along the other two."""
 FLAT = 1e-6
-"""Extent, m, below which a workspace has none in a direction."""
+"""Extent, m, below which a workspace counts as flat in a direction."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,17 @@ class ChainDexterity:
     Parameters
     ----------
     position_gain
-        (N, min(3, n)) singular values, descending, of the TCP's position by the commands: m/rad, m/m where a joint slides.
+        (N, min(3, n)) singular values, descending, of the derivative of the TCP's position by the commands: m/rad, or m/m for a
+        prismatic joint.
     rotation_gain
-        (N, min(3, n)) singular values of the TCP's rotation by the commands: rad/rad, rad/m where a joint slides.
+        (N, min(3, n)) singular values of the derivative of the TCP's rotation by the commands: rad/rad, or rad/m for a
+        prismatic joint.
     condition
         (N,) largest of ``position_gain`` divided by the smallest.
     singularity
-        (N,) smallest singular value of the TCP's motion by the commands, divided by the largest of these over the N poses: 0 at
-        a singularity. Rotations count times the reach, the root mean square distance of the TCP from its mean position.
+        (N,) smallest singular value of the derivative of the TCP's pose by the commands, divided by the largest of these values
+        over the N poses: 0 at a singularity. Rotations are multiplied by the reach, the root mean square distance of the TCP
+        from its mean position.
     limit
         (N,) distance of the nearest actuator from the end of its range, m or rad; negative beyond it.
     """
@@ -51,7 +54,7 @@ class ChainDexterity:
 
 @dataclass(frozen=True)
 class ChainWorkspace:
-    """A box of cells, with the postures that have their TCP in each.
+    """A box of cells, and postures with the cells of their TCPs.
 
     Parameters
     ----------
@@ -62,7 +65,7 @@ class ChainWorkspace:
     cell
         (M, 3) indices of the cell in which each posture's TCP is.
     q, poses, dexterity
-        (M, n) commands, the poses there, base frame, and the dexterity.
+        (M, n) commands of the postures, m or rad, their poses, base frame, and their dexterity.
     volume
         Volume, m^3, of the cells in which some posture's TCP is.
     """
@@ -77,13 +80,13 @@ class ChainWorkspace:
 
     @property
     def reachable(self) -> Mask:
-        """(nx, ny, nz) whether some posture's TCP is there."""
+        """(nx, ny, nz) whether the TCP of a posture is in the cell."""
         there = np.zeros([len(axis) for axis in self.axes], dtype=bool)
         there[tuple(self.cell.T)] = True
         return there
 
     def on_grid(self, values: Floats) -> Floats:
-        """(nx, ny, nz) median in each cell of the finite ones of values (M,); NaN where there is none."""
+        """(nx, ny, nz) median of the finite ``values`` (M,) in each cell; NaN where there is none."""
         table = np.full([len(axis) for axis in self.axes], np.nan)
         good = np.isfinite(values)
         place = np.ravel_multi_index(tuple(self.cell[good].T), table.shape)
@@ -94,7 +97,10 @@ class ChainWorkspace:
 
 
 def chain_commands(model: Model, count: int, seed: int) -> Floats:
-    """(N, n) reachable commands that fill the joints' ranges; of a joint without limits, one turn."""
+    """(N, n) reachable commands, m or rad, that fill the joints' ranges (Halton); -pi to pi for a joint without limits.
+
+    ``count``: number of commands before those that can't be reached are left out.
+    """
     from scipy.stats import qmc
 
     robot = model.robot

@@ -23,10 +23,10 @@ class Dexterity:
     Parameters
     ----------
     position_gain
-        (N, min(3, n)) singular values, descending, of the TCP's position by the commands: m/m, which is mm of TCP per mm
-        of cart; m/rad where actuators turn.
+        (N, min(3, n)) singular values, descending, of the derivative of the TCP's position by the commands: m/m, or m/rad for
+        actuators that turn.
     rotation_gain
-        (N, min(3, n)) singular values of the TCP's rotation by the commands: rad/m, which is mrad per mm.
+        (N, min(3, n)) singular values of the derivative of the TCP's rotation by the commands: rad/m, or rad/rad.
     condition
         (N,) largest of ``position_gain`` divided by the smallest.
     position_amplification
@@ -34,9 +34,9 @@ class Dexterity:
     rotation_amplification
         (N,) the same for the rotation of the TCP, rad/m.
     singularity
-        (N,) smallest singular value of the closures' Jacobian, divided by that at home: 0 at a singularity. A
-        row of the Jacobian is the rod's unit vector u and (r x u) / l, r from the mean of the joints on the platform to the
-        rod's own, and l their root mean square distance from it.
+        (N,) smallest singular value of the closures' Jacobian, divided by that at home: 0 at a singularity. A row of the
+        Jacobian is the rod's unit vector u and (r x u) / l, with r the vector from the mean of the joints on the platform to
+        the rod's joint, and l the root mean square length of all r.
     limit
         (N,) distance of the nearest actuator from the end of its range, m or rad; negative beyond it.
     """
@@ -93,7 +93,7 @@ def unit_rows(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floats:
 
 def _smallest(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floats:
     d, RP = rod_vectors(poses, kinematics.ends(q))
-    arm = RP - RP.mean(axis=1, keepdims=True)  # about the joints' middle, so that the choice of the TCP does not matter
+    arm = RP - RP.mean(axis=1, keepdims=True)  # about the joints' mean, so that the result does not depend on the TCP
     size = np.sqrt((arm**2).sum(axis=2).mean(axis=1))
     u = d / np.linalg.norm(d, axis=2)[..., None]
     rows = np.concatenate([u, np.cross(arm, u) / size[:, None, None]], axis=2)

@@ -18,7 +18,7 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 CHUNK = 5_000_000
-"""Most numbers in memory at the same time."""
+"""Largest number of array elements in memory at the same time."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,10 @@ class Uncertainty:
         (p, p) covariance of the model's geometric parameters, in their units. Their errors are the same at all poses of a
         machine.
     closures
-        (k,) 1 sigma of each rod's closure residual \\|d\\|^2 - L^2, m^2: independent from pose to pose, as in the paper's cost.
+        (k,) standard deviation of each rod's closure residual \\|d\\|^2 - L^2, m^2, with d the vector between the rod's joints
+        and L its length: independent from pose to pose, as in the paper's cost.
     repeatability
-        1 sigma of every actuator, m or rad, independent from pose to pose.
+        Standard deviation of every actuator, m or rad, independent from pose to pose.
     """
 
     parameters: Floats | None = None
@@ -75,7 +76,7 @@ class Error:
     p95
         95th percentile of the length over random machines and poses.
     maximum
-        Expected largest length of a machine over the visited poses.
+        Mean over random machines of the largest length over the visited poses.
     mean_spread, maximum_spread
         Standard deviations, from machine to machine, of the mean and of the largest over the visited poses.
     """
@@ -109,19 +110,19 @@ class ExpectedError:
 def closure_response(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floats:
     """(N, 6, k) change of the TCP's pose, base frame, per unit closure residual \\|d\\|^2 - L^2, m^2, of each rod.
 
-    A residual c_i means that the rods at their nominal lengths would close at another pose: J dx = c / 2 with J the derivative
-    of (\\|d\\|^2 - L^2) / 2.
+    With residuals c the rods of their nominal lengths close at a pose that differs by dx: J dx = c / 2, with J the derivative
+    of (\\|d\\|^2 - L^2) / 2 by the pose.
     """
     return np.asarray(np.linalg.inv(pose_jacobian(*rod_vectors(poses, kinematics.ends(q)))) / 2.0)
 
 
 def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
-    """The TCP's response at commands q (N, n), in the base frame, to uncertain parameters.
+    """The TCP's response at commands q (N, n), base frame, to the causes of an uncertainty.
 
     Raises
     ------
     ModelError
-        If the uncertainty has not the model's number of parameters, or has closures for a robot without rods.
+        If the uncertainty does not have the model's number of parameters, or has closures for a robot without rods.
     UnreachableError
         If the commands can't be reached.
     """
@@ -162,8 +163,8 @@ def expected_of(response: Response, *, visits: int | None = None, draws: int = 2
     Parameters
     ----------
     visits
-        Number of visited poses over which each machine's largest error is taken; drawn from the N poses, without repetition
-        where N is enough; all N by default.
+        Number of visited poses over which each machine's largest error is taken. They are drawn from the N poses, without
+        repetition unless there are more visits than poses. By default all N.
     draws
         Number of random machines.
     seed

@@ -1,4 +1,4 @@
-"""Figures of accuracy results. They need matplotlib, which the extra ``plots`` brings."""
+"""Figures of accuracy results. They need matplotlib, which the extra ``plots`` installs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 SLICES = 3
-"""Slices of a map that are shown."""
+"""Largest number of slices of a map that are shown."""
 BLOCKS = {
     "position": ("position change (um)", 1e6),
     "rotation": ("orientation change, sum of\nZYZ angles (urad)", 1e6),
@@ -68,7 +68,7 @@ def bars(
 
 
 def workspace_map(space: Workspace | ChainWorkspace, values: Floats, title: str, unit: str) -> Figure:
-    """Slices of a workspace, coloured by values; blank where the robot can't go.
+    """Slices of a workspace, coloured by values; blank out of reach.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def workspace_map(space: Workspace | ChainWorkspace, values: Floats, title: str,
     table = space.on_grid(values)
     there = np.flatnonzero(space.reachable.any(axis=(a, b)))
     count = min(SLICES, len(there))
-    shown = there[[(2 * i + 1) * len(there) // (2 * count) for i in range(count)]]  # the middles of as many parts
+    shown = there[[(2 * i + 1) * len(there) // (2 * count) for i in range(count)]]  # in the middle of equal parts
     figure = new_figure(3.1 * len(shown) + 1.6, 4.0)
     axes = np.atleast_1d(figure.subplots(1, len(shown), sharex=True, sharey=True))
     image = None

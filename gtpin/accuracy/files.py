@@ -1,4 +1,4 @@
-"""What ``gtpin sensitivity`` writes: a table, expected errors as JSON, and figures."""
+"""The files that ``gtpin sensitivity`` writes: a table, expected errors as JSON, and figures."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FILES = (
     "map_condition.png",
     "map_singularity.png",
 )
-"""What ``write_sensitivity`` may write."""
+"""Names of the files that ``write_sensitivity`` may write."""
 
 
 def write_sensitivity(
@@ -48,8 +48,7 @@ def write_sensitivity(
 ) -> Accuracy:
     """Write ``sensitivity.csv``, ``accuracy.json`` and figures into a folder; see :func:`analyse` for the rest.
 
-    With ``force``, files of these names that gtpin has not written, or that were changed since, are moved aside
-    (``NAME.old-1``).
+    With ``force``, files of these names that gtpin has not written, or that were changed since, are renamed (``NAME.old-1``).
 
     Raises
     ------

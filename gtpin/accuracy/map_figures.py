@@ -1,4 +1,4 @@
-"""Maps of a workspace as figures, of any robot."""
+"""Maps of the workspace of any robot, as figures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 
 SINGULARITY = {False: "smallest singular value / at home", True: "smallest singular value / at the best posture"}
-"""The measure of singularity of robots with and without rods."""
+"""Title of the measure of singularity: False: for robots with rods; True: for chains."""
 
 
 class Analysed(Protocol):
@@ -44,9 +44,9 @@ class Analysed(Protocol):
 
 
 def map_figures(found: Analysed) -> dict[str, Figure]:
-    """The maps of an analysis, by name, without orientations that never change and without values that are finite nowhere.
+    """The maps of an analysis, by name, without orientations that never change and without values that are infinite everywhere.
 
-    The condition number is infinite everywhere where the TCP is on the axis of a joint, so that a command never moves it.
+    The condition number is infinite everywhere if the TCP is on the axis of a joint, whose command then does not move it.
     """
     return {
         f"map_{name}": figures.workspace_map(found.space, values, title, unit)
@@ -69,5 +69,5 @@ def _maps(found: Analysed) -> dict[str, tuple[Floats, str, str]]:
 
 
 def _small(values: Floats, unit: str) -> tuple[Floats, str]:
-    """Values in thousandths or millionths of a unit, whichever reads better."""
+    """Values in mm or um (mrad or urad), depending on the largest value, and this unit."""
     return (1e3 * values, f"m{unit}") if values.max() >= 1e-3 else (1e6 * values, f"u{unit}")

@@ -25,8 +25,8 @@ WORTH = 1e-9
 def best_poses(signal: Signal, count: int) -> Rows:
     """(count,) ascending rows of the poses that together give most information (D-optimal): greedy choice, then exchanges.
 
-    An exchange replaces one pose by the one that gains most (Fedorov 1972). At the end no exchange of a single pose improves
-    the result, but it need not be the best of all.
+    An exchange replaces one pose by the pose with the largest gain (Fedorov 1972). At the end no exchange of a single pose
+    improves the result; this need not be the global optimum.
 
     Raises
     ------
@@ -55,7 +55,8 @@ def best_poses(signal: Signal, count: int) -> Rows:
 
 
 def _gains(signal: Signal, chosen: list[int]) -> Floats:
-    """(N,) nats that each pose adds to those chosen: log det(I + B C B'); minus infinity for these."""
+    """(N,) gain of each pose, nats, given the chosen ones: log det(I + B C B'), with B the pose's derivatives and C the
+    covariance of the unknowns; minus infinity for chosen poses."""
     information = signal.information(np.array(chosen, dtype=np.intp))
     root = np.linalg.cholesky(np.linalg.inv(np.eye(len(information)) + information))
     half = signal.B @ root

@@ -1,4 +1,4 @@
-"""Table III of the paper for any robot with rods: the effect of a small error of each rod's parameters on the TCP."""
+"""The effect of a small error of each rod's parameters on the TCP: Table III of the paper, for any robot with rods."""
 
 from __future__ import annotations
 
@@ -31,11 +31,13 @@ class Sums:
     Parameters
     ----------
     position
-        \\|T - T+\\| + \\|T - T-\\|, m (Dressler et al. 2010, eq. 7).
+        \\|T - T+\\| + \\|T - T-\\|, m, with T+ and T- the TCP's positions after a step to each side (Dressler et al. 2010, eq.
+        7).
     rotation
         Absolute changes of the three ZYZ Euler angles, rad; NaN where these are not well defined, as near the identity.
     cost
-        Absolute changes of the link's own squared closure residual (\\|d\\|^2 - L^2)^2, m^4; None where that is not known.
+        Absolute changes of the link's own squared closure residual (\\|d\\|^2 - L^2)^2, m^4, with d the vector between its
+        joints and L its length; None where residuals are not known.
     """
 
     position: Floats
@@ -56,9 +58,9 @@ class Sensitivity:
     step
         The step, m, or m/m for directions.
     exact
-        Changes by solving the forward kinematics again after the step.
+        Changes from the forward kinematics, solved again after the step.
     linear
-        Changes by the Jacobian.
+        Changes from the Jacobian.
     """
 
     links: tuple[str, ...]
@@ -122,7 +124,7 @@ def sensitivity(
     Warns
     -----
     GtpinWarning
-        If the TCP's z axis is nearly parallel to the base's, where ZYZ angles are singular: their changes are then left out.
+        If the TCP's z axis is nearly parallel to the base's, so that ZYZ angles are singular: their changes are then left out.
     """
     kinematics = rod_kinematics(model)
     poses = reached_poses(kinematics, q)
@@ -163,12 +165,12 @@ def sensitivity(
 
 
 def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """Change of the TCP per unit of each parameter of each rod, by the Jacobian.
+    """Size of the TCP's motion per unit of each parameter of each rod, from the Jacobian.
 
     Parameters
     ----------
     q, poses
-        (N, n) commands and the (N) poses there, base frame.
+        (N, n) commands, m or rad, and (N) their poses, base frame.
     parameters
         Some of :data:`~gtpin.accuracy.steps.PARAMETERS`; results are NaN where a rod has no such parameter.
 
@@ -225,7 +227,7 @@ def closure_change(change: RodStep, ends: RodEnds, poses: Poses, step: float) ->
     L = np.broadcast_to(ends.L, (len(poses), ends.L.shape[1]))[:, change.rod]
     move, grown = step * change.vector(poses), step * change.L
     before = np.einsum("ni,ni->n", d, d) - L**2
-    # Written out: the difference of two squares of two metres would lose seven digits.
+    # Expanded: a difference of two squares of lengths of about 2 m would lose seven digits.
     return before, np.einsum("ni,ni->n", 2.0 * d + move, move) - (2.0 * L + grown) * grown
 
 

@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 FREE = 1.0
-"""1 sigma, m and rad, of an instrument's pose that is not known."""
+"""Prior sigma of an instrument's pose that is not known, m and rad."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class Signal:
     Parameters
     ----------
     B
-        (N, c, size) geometry in units of the tolerances, then the pose of a free instrument, m and rad.
+        (N, c, size) derivatives of the c whitened numbers of each pose: by the geometry in units of the tolerances, then by the
+        pose of a free instrument in units of ``FREE``.
     names
         Names of the geometry's p parameters.
     """
@@ -37,13 +38,13 @@ class Signal:
     names: tuple[str, ...]
 
     def information(self, rows: Rows | None = None) -> Floats:
-        """(size, size) B'B summed over some poses, or all."""
+        """(size, size) B'B summed over the poses ``rows``; None: over all."""
         B = self.B if rows is None else self.B[rows]
         flat = B.reshape(-1, B.shape[2])
         return np.asarray(flat.T @ flat)
 
     def nats(self, rows: Rows | None = None) -> float:
-        """Twice the information from the poses: log det(I + B'B), which D-optimal poses maximise."""
+        """log det(I + B'B), which D-optimal poses maximise: twice the mutual information of measurements and unknowns, nats."""
         information = self.information(rows)
         return float(np.linalg.slogdet(np.eye(len(information)) + information)[1])
 

@@ -15,9 +15,10 @@ from gtpin.kinematics.rod_kinematics import RodKinematics
 Floats = npt.NDArray[np.float64]
 
 PARAMETERS = ("L", "Px", "Py", "Pz", "Cx", "Cy", "Cz", "vx", "vy", "vz")
-"""Length; joint on the platform, TCP frame; joint on the carrier at zero, base frame; the track's direction, base frame."""
+"""Length L; joint P on the platform, TCP frame; joint C on the carrier at command 0, base frame; direction v of the track, base
+frame."""
 STEP = 5e-5
-"""The paper's step: 50 micrometres, or as much in a component of a unit vector."""
+"""The paper's step: 50 um, or 5e-5 in a component of a unit vector."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class RodStep:
         return np.asarray(poses.R @ self.P - self.C)
 
     def applied(self, ends: RodEnds, step: float, poses: int) -> RodEnds:
-        """The rods' ends after a step."""
+        """The rods' ends (N poses) after a step of the parameter."""
         P, C = ends.P.copy(), ends.C.copy()
         L = np.repeat(ends.L, poses, axis=0) if len(ends.L) == 1 else ends.L.copy()
         P[..., self.rod, :] += step * self.P
@@ -58,8 +59,8 @@ class RodStep:
 def rod_step(kinematics: RodKinematics, q: Floats, parameter: str, rod: int) -> RodStep | None:
     """The effect of a parameter of a rod at commands q (N, n); None for a direction where the rod's carrier has no track.
 
-    C = C0 + q (v + dv): as in the paper, a step of the direction is added without normalisation, also to the path of a
-    measured track. Where the carrier turns, C is the joint's position at command 0.
+    C = C0 + q (v + dv): as in the paper, a step dv of the direction is added without normalisation, also to a measured track.
+    For a carrier that turns, the parameter C is the joint's position at command 0.
     """
     zero, still = np.zeros(3), np.zeros((len(q), 3))
     if parameter == "L":
@@ -80,7 +81,7 @@ def rod_step(kinematics: RodKinematics, q: Floats, parameter: str, rod: int) -> 
 
 
 def poses_after(kinematics: RodKinematics, ends: RodEnds, poses: Poses, change: RodStep, step: float) -> Poses:
-    """Poses (N), base frame, that fulfil the closures after a step, near the poses before it.
+    """Poses (N), base frame, that satisfy the closures after a step, in the same assembly mode as the poses before it.
 
     Raises
     ------

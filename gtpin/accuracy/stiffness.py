@@ -18,15 +18,15 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stiffness:
-    """Stiffness at N poses, the base frame's axes, about the TCP.
+    """Stiffness at N poses, at the TCP, in the axes of the base frame.
 
     Parameters
     ----------
     matrix
-        (N, 6, 6) force and moment per displacement and rotation vector: N/m, N, N m.
+        (N, 6, 6) force, N, and moment, N m, by displacement, m, and rotation vector, rad.
     principal
-        (N, 3) stiffness against a force at the TCP along the three principal directions, ascending, N/m (1 N/um = 1e6 N/m):
-        eigenvalues of the inverse of the compliance's position block. The platform is free to turn.
+        (N, 3) stiffness for a force at the TCP along the three principal directions, ascending, N/m (1 N/um = 1e6 N/m):
+        eigenvalues of the inverse of the compliance's position block. The platform is free to rotate.
     directions
         (N, 3, 3) these directions, one per column.
     """
@@ -41,8 +41,8 @@ def stiffness(
 ) -> Stiffness:
     """K = J' (1 / k_rod + B (1 / k_drive) B')^-1 J at commands q (N, n), unloaded.
 
-    J is the derivative of the rods' lengths by the TCP's pose, B that by the commands. A rod and the drive that moves it are
-    springs in series, and rods on one cart share its drive.
+    J is the derivative of the distances between the rods' joints by the TCP's pose, B that by the commands. A rod and its drive
+    are springs in series, and rods on one cart share the drive.
 
     Parameters
     ----------

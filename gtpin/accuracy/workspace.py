@@ -18,13 +18,13 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 CONDITIONED = 1.5
-"""Largest accepted motion of the TCP by the actuators, relative to that at home."""
+"""Largest accepted motion of the TCP by unit commands, relative to that at home."""
 SOUND = 0.5
 """Smallest accepted distance from singularity, relative to that at home."""
 TRIES = 4
 """Number of commands that are tried for each one wanted."""
 SMALLEST_BOX = 1.0 / 64.0
-"""Fraction of the ranges below which the search stops."""
+"""Fraction of the ranges below which the search for commands ends."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Workspace:
         return 0
 
     def on_grid(self, values: Floats) -> Floats:
-        """(nx, ny, nz) of values (M,) at the reachable points; NaN elsewhere."""
+        """(nx, ny, nz) grid with the values (M,) of the reachable points; NaN elsewhere."""
         table = np.full(self.reachable.shape, np.nan)
         table[self.reachable] = values
         return table
@@ -84,7 +84,7 @@ def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int
     ModelError
         If the robot has no rods, or the corners give no box.
     UnreachableError
-        If it can reach no point of the box.
+        If the robot can reach no point of the box.
     """
     kinematics = rod_kinematics(model)
     if min(counts) < 1 or not (np.asarray(lower) <= np.asarray(upper)).all():
@@ -132,7 +132,7 @@ def default_commands(model: Model, count: int = 180) -> Floats:
 
 
 def _fit_to_work(model: Model, lower: Floats, upper: Floats, count: int) -> Floats:
-    """Up to count commands of a box that are reached and well conditioned, as far as a few tries for each find them."""
+    """At most ``count`` commands of a box that can be reached and are well conditioned, out of ``TRIES`` times as many."""
     from scipy.stats import qmc
 
     kinematics, home_q = rod_kinematics(model), model.robot.home_q[None]

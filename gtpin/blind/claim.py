@@ -53,7 +53,7 @@ def claimed(folder: CheckFolder, settings: Settings, force: bool = False) -> Ite
                     _give_up(folder)
     finally:
         for place in missing:
-            with contextlib.suppress(OSError):  # it holds the check
+            with contextlib.suppress(OSError):  # not empty: it holds the check
                 place.rmdir()
 
 

@@ -36,8 +36,8 @@ SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 STRIDE = 3
 """Step of a coarse scan of the nonlinear parameter; its values near the best one are tried afterwards."""
 LINE = 4.0
-"""Prior odds against a further value, nats, in addition to ln(number of tried values): as in a diagnosis. An energy is twice
-the nats."""
+"""Log prior odds against a further value, nats, in addition to ln(number of tried values): as in a diagnosis. The energy that a
+further value must explain is twice the sum."""
 BATCH = 128
 """Values of the nonlinear parameter whose displacements are held in memory at the same time."""
 
@@ -221,7 +221,7 @@ class Difficulty:
             BtX, moments = B.T @ X, X.T @ past
             whole = X.reshape(len(X), len(bases), width).transpose(1, 2, 0)
         else:
-            # The motion by one actuator times a number for each pose: sums over N numbers, not over c N.
+            # Each displacement is the motion by one actuator times one number a pose: sums over N numbers instead of c N.
             actuator = bases[0].command[0]
             a = self.seen.whitened(self.situation.command_jacobian[:, :, actuator, None])[:, :, 0]
             f = np.stack([b.command[1] * b.sigma for b in bases if b.command], axis=1)

@@ -38,6 +38,7 @@ POWER_POSES = (60, 120, 240)
 POWER_ENERGY = (2.0, 250.0)
 """Numbers of poses, and range of energies (uniform in the logarithm), of the cases of kind `power`."""
 GOLDEN = (5**0.5 - 1) / 2
+"""Golden ratio: multiples of it, modulo 1, are spread evenly over 0 to 1 for any number of multiples."""
 
 
 @dataclass(frozen=True)

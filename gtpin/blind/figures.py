@@ -85,7 +85,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
 
 
 def _sets(cases: Sequence[Judged]) -> list[Figure]:
-    """F1 of two effects. Its target does not hold where instruments measured that can't show all of them."""
+    """F1 of two effects. It has no target where the instruments can't show all effects: F1 of the visible ones has it then."""
     two = of_kind(cases, "two")
     whole = mean(c.f1 for c in two)
     if not with_instruments(cases):

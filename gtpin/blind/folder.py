@@ -93,7 +93,7 @@ class CheckFolder:
 
     @property
     def parts(self) -> tuple[Path, ...]:
-        """The folders in it."""
+        """The folders of the cases, of the sealed truths, and of the diagnoses."""
         return self.cases, self.root / "sealed", self.root / "diagnoses"
 
     @property

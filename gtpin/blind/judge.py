@@ -157,7 +157,7 @@ def _shrunk(
     found = Shrunk(before=_rms(np.array(outcome.baseline) - T), after=_rms(np.array(outcome.model) - T))
     if baseline is None or truth.kind not in CAUSES_GIVEN or dataset.instrument.frame == "free":
         return found
-    if dataset.readings is not None:  # the fits to compare with are to poses
+    if dataset.readings is not None:  # both baselines are fitted to poses
         return found
     changes = {}
     causes = [left[effect.name] for effect, left in zip(truth.effects, lefts, strict=True) if effect.name in left]

@@ -35,13 +35,13 @@ class LeftOut:
 
     Parameters
     ----------
-        name
+    name
         Name of the instrument.
     pose, q, columns
         (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is touched, as in a table.
     values, sigma
-        (M, c) distance by which each touch misses, without the noise of the touch, and this noise, m. The scatter of the
-        machine's repeatability is contained in ``values``.
+        (M, c) distance of the target from what it touches, without the noise of the touch, and this noise, m. ``values``
+        contain the scatter of the machine's repeatability.
     """
 
     name: str

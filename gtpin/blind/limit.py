@@ -1,10 +1,10 @@
 """The limit of naming several causes: a rival that knows the true displacements, and enumerates all pairs.
 
 Its linear model is that of a diagnosis (docs/statistics.md, sections 3 to 7), of all rows, with the noise that the diagnosis
-has settled on: y ~ N(0, I + B B' + sum over k of s_k^2 X_k X_k'). A hypothesis is an effect at a site. X of a true one is a
-single column, its true displacement divided by its true amplitude: the amplitude, in typical sizes, is what is unknown, and it
-has the prior of any scale. X of any other is the basis of the diagnosis; a nonlinear parameter has the values that explain most
-alone and given each of the true effects, and pays for the values that were tried.
+estimates: y ~ N(0, I + B B' + sum over k of s_k^2 X_k X_k'). A hypothesis is an effect at a site. X of a true one is a single
+column, its true displacement divided by its true amplitude: the rival knows its shape, and its amplitude has the prior of a
+scale. X of any other is the basis of the diagnosis. Its nonlinear parameter has the values that explain most alone and given
+each of the true effects; its evidence is reduced because many values were tried.
 
 The rival compares the model without effects, all single hypotheses, all pairs, and the best pairs with one more.
 """
@@ -47,13 +47,13 @@ Odds = Literal["diagnosis", "flat"]
 CLASS_NATS = 3.0
 """Change of the log evidence below which a hypothesis in the place of a cause belongs to its class. Assumed: odds of 20."""
 TUNED = 50
-"""Pairs whose scales are estimated together, those of largest worth by scales that were estimated one after the other."""
+"""Number of pairs whose scales are estimated together: those of largest worth with scales estimated one after the other."""
 WIDENED = 20
-"""Pairs, those of largest worth, to which one more hypothesis is added."""
+"""Number of pairs, those of largest worth, to which one more hypothesis is added."""
 
 
 class Larger(NamedTuple, Generic[K]):
-    """A model with one more group: its log evidence to first order, the model, the group, and its scale."""
+    """A model with one more group: its log evidence with the model's scales unchanged, the model, the group, and its scale."""
 
     log_evidence: float
     model: Posterior[K]
@@ -95,7 +95,7 @@ class Enumeration(Generic[K]):
         return self._larger(self.singles.values())
 
     def best(self, cost: Callable[[Sequence[K]], float]) -> Posterior[K]:
-        """The set of largest log evidence less cost, which is of a set's members; no group where none is worth its cost."""
+        """The set with the largest log evidence less ``cost`` of its members; the empty set where every other one has less."""
 
         def worth(model: Posterior[K] | Larger[K]) -> float:
             return model.log_evidence - cost(model.terms)
@@ -110,7 +110,7 @@ class Enumeration(Generic[K]):
         return max([NOTHING, *self.singles.values(), *pairs, *threes], key=worth)
 
     def _larger(self, models: Iterable[Posterior[K]]) -> list[Larger[K]]:
-        """Some models with each other hypothesis added; of the ways to one set the best."""
+        """Each of the models with each further hypothesis. If two lead to the same set of hypotheses, only the better is kept."""
         found: dict[frozenset[K], Larger[K]] = {}
         for model in models:
             for term, (gain, scale) in all_gains(self.groups, model, self._others(model.terms)).items():
@@ -121,7 +121,7 @@ class Enumeration(Generic[K]):
         return list(found.values())
 
     def _others(self, terms: Sequence[K]) -> list[K]:
-        """Hypotheses of other places than some."""
+        """Hypotheses whose place is not that of one of ``terms``."""
         taken = {self.place(term) for term in terms}
         return [term for term in self.terms if self.place(term) not in taken]
 
@@ -154,8 +154,8 @@ class Limit:
     def of(dataset: Dataset, truth: Truth) -> Limit:
         """For a tracker's dataset and a truth with displacements; effects that are not in the catalogue are left out.
 
-        Rows that a diagnosis sets aside as gross errors are used: an effect may show in them alone. A dataset with gross errors
-        is none for this rival.
+        Rows that a diagnosis sets aside as gross errors are used, because an effect may show in them alone. So the dataset must
+        have no real gross errors.
         """
         robot = measuring(robot_of(dataset), dataset)
         scope = Scope.of(catalogue(), (), FALSE_ALARM, robot)
@@ -177,7 +177,7 @@ class Limit:
         return Limit(hypotheses, forms)
 
     def without_forms(self) -> Limit:
-        """The same rival without what it knows."""
+        """The rival without the true displacements: it has the basis of the diagnosis for every hypothesis."""
         return Limit(self.hypotheses, {})
 
     @cached_property
@@ -187,7 +187,7 @@ class Limit:
 
     @cached_property
     def _prepared(self) -> tuple[Groups[Hypothesis], dict[Hypothesis, float]]:
-        """All hypotheses, and what those with a nonlinear parameter pay for the values that were tried, in nats."""
+        """All hypotheses, and the reduction of the log evidence of each for the values that were tried, nats."""
         all_, mine = self.hypotheses, Groups[Hypothesis](self.hypotheses.groups.marginal, self.hypotheses.design.y)
         paid: dict[Hypothesis, float] = {}
         for true, form in self.forms.items():

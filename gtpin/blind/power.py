@@ -19,7 +19,10 @@ FALSE_ALARM = 0.01
 
 @dataclass(frozen=True)
 class Found:
-    """Fraction of effects that is detected, for a number of poses and an energy bin; ``limit`` is the matched filter's."""
+    """Fraction of effects that is detected, for a number of poses and a bin of E from ``start`` to ``end``.
+
+    ``energy`` is the geometric mean of E in the bin, and ``limit`` the fraction that a matched filter detects.
+    """
 
     poses: int
     start: float

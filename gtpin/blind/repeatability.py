@@ -1,4 +1,4 @@
-"""The scatter of a case's poses by the machine's repeatability, which the plant does not give."""
+"""The scatter of a case's poses by the machine's repeatability, which the plant draws but does not return."""
 
 from __future__ import annotations
 

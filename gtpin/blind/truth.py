@@ -49,7 +49,7 @@ class TrueEffect(BaseModel):
 
 
 class TruePoses(BaseModel):
-    """True poses at a case's ``commands.csv``: ids, positions (H, 3), m, and quaternions (H, 4), wxyz, if known."""
+    """True poses at a case's ``commands.csv``: ids, positions (H, 3), m, and quaternions (H, 4), scalar first, if known."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -66,12 +66,13 @@ class TruePoses(BaseModel):
 class TrueReadings(BaseModel):
     """What an instrument reads without noise at a case's ``commands-NAME.csv`` or, without this file, ``commands.csv``.
 
-    Stations, planes or targets are assigned to the rows of ``commands.csv`` in turn, in alphabetical order of their ids; so
-    they are in what the worker predicts. The reading of a touch is the distance by which it misses.
+    Stations, planes or targets are assigned to the rows of ``commands.csv`` in turn, in alphabetical order of their ids; the
+    predictions of the worker have the same assignment. The reading of a touch is the distance of the target from what it
+    touches.
 
     Parameters
     ----------
-        name
+    name
         Name of the instrument.
     values, sigma
         (H, c) readings and their noise, m or rad; for a tracker, positions.

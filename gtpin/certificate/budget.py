@@ -18,9 +18,9 @@ Floats = npt.NDArray[np.float64]
 Source = Literal["geometry", "effects", "correlation", "frame", "repeatability", "unexplained", "instrument"]
 
 DIRECTIONS, UNKNOWNS = 6, 3
-"""Directions of the unknowns that are listed, and unknowns of each."""
+"""Number of listed directions of the unknowns, and number of unknowns listed for each."""
 DRAWS = 1000
-"""Machines that are drawn for the radius."""
+"""Number of machines that are drawn to compute the radius."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,8 @@ class Contribution:
 
     @property
     def position(self) -> float | None:
-        """What it adds to the standard uncertainty of the position, m: root of the sum of the axes' variances, mean over poses.
+        """Its contribution to the standard uncertainty of the position, m: root of the sum of the axes' variances, averaged
+        over the poses.
 
         Negative where the contribution is a correlation that makes the sum smaller.
         """
@@ -98,7 +99,7 @@ class Direction:
         The three unknowns of this direction that move the TCP most: name, change for one standard deviation of the direction,
         and unit.
     position
-        What it adds to the standard uncertainty of the position, m. The squares of all directions add up to the posterior's
+        Its contribution to the standard uncertainty of the position, m. The squares of all directions add up to the posterior's
         variance of the position.
     """
 
@@ -223,7 +224,8 @@ def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool,
 
 
 def _directions(posterior: Posterior, D: Floats) -> tuple[Direction, ...]:
-    """Principal directions of the TCP's position error: eigenvectors of the mean of F' J' J F, F F' the posterior."""
+    """Principal directions of the TCP's position error: eigenvectors of the mean over the poses of F' J' J F, with J the
+    derivative of the position by the unknowns and F F' the posterior covariance."""
     model, root = posterior.model, posterior.root
     names: list[tuple[str, str]] = [(one.name, one.unit) for one in model.geometry.parameters]
     for active in model.effects:

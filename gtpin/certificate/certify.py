@@ -27,7 +27,8 @@ from gtpin.robot.geometry import Geometry
 from gtpin.threads import in_one_thread
 
 FEWEST = 10
-"""Rows below which mean squares of errors say too little: they vary by a quarter and more, sqrt(2 / (3 N))."""
+"""Smallest number N of rows. With fewer, the relative standard deviation of a mean square error, sqrt(2 / (3 N)), is above
+0.26."""
 
 
 @in_one_thread
@@ -46,7 +47,8 @@ def certify(
     dataset
         Poses measured by one tracker.
     model
-        The model that corrects the machine, best identified from other poses. By default a diagnosis of these data makes it.
+        The model that corrects the machine; it should be identified from other poses. By default, the model that a diagnosis of
+        these data gives.
     instrument
         Standard uncertainty of the instrument's systematic error at the TCP, m, per axis, from the instrument's certificate.
         None: this row of the budget stays blank.
@@ -138,7 +140,7 @@ def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> N
 
 
 def _rows(dataset: Dataset, model: Model, found: Diagnosis | None) -> Dataset:
-    """The rows that can be right: those of the diagnosis, or those that a given model can reach."""
+    """The usable rows: those that a diagnosis did not set aside, or those that are plausible for a given model."""
     if found is not None:
         kept = prepared(dataset, Model(model.geometry))
         rows = kept.take(sane_rows(kept) & ~np.isin(kept.row, found.set_aside_rows))
@@ -153,7 +155,8 @@ def _rows(dataset: Dataset, model: Model, found: Diagnosis | None) -> Dataset:
 
 
 def _noise(dataset: Dataset, model: Model, diagnosed: bool) -> Noise:
-    """The noise: as it is declared, else as the model's fit has it; a diagnosis may have corrected declared sigmas."""
+    """The noise: declared sigmas, else those of the model's fit. After a diagnosis those of the fit, because the diagnosis may
+    have replaced declared sigmas."""
     known, declared = model.fit, dataset.instrument
     position, turns = declared.position_sigma, declared.orientation_sigma
     if known is not None:

@@ -23,7 +23,7 @@ from gtpin.diagnosis.linear.cross_validation import Gap
 Floats = npt.NDArray[np.float64]
 Groups = npt.NDArray[np.intp]
 ORDER = (("AP_p", "m", slice(0, 3)), ("AP_o", "rad", slice(3, 6)))
-"""Accuracies of position and of orientation."""
+"""Symbol, unit and columns of the errors, for the accuracies of position and of orientation."""
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,14 @@ class Evaluation:
     rows
         The rows.
     nominal
-        The rows compared with the nominal geometry. Where the target's place on the platform is unknown: with the identified
-        geometry; then only differences between visits are used.
+        The rows compared with the nominal geometry. Where the target's position on the platform is unknown, they are compared
+        with the identified geometry, and only differences between visits are used.
     nominal_known
-        True: ``nominal`` is of the nominal geometry. False: of the identified one.
+        True: ``nominal`` has the nominal geometry. False: the identified one.
     corrected
         The rows compared with the model of the corrected machine.
     posterior
-        Uncertainty of this model.
+        Uncertainty of the model of ``corrected``.
     gap
         Errors on left-out poses, where a diagnosis of these rows made the model; None where the model was given.
     fitted
@@ -64,7 +64,11 @@ class Evaluation:
 
     @cached_property
     def _one_way(self) -> tuple[Groups, bool]:
-        """Index of each row's visits with the same directions of approach, where these suffice; else of its pose."""
+        """(N,) group of each row, and whether visits of a group have the same directions of approach.
+
+        Groups are the visits of a pose with the same directions of approach where these have enough repeats; else the visits of
+        a pose.
+        """
         visits = self.rows.visits
         if self.approach is not None:
             key = np.column_stack([visits, self.approach])
@@ -95,7 +99,7 @@ class Evaluation:
 
     @property
     def noise_known(self) -> Literal["declared", "visits", "no"]:
-        """Where the noise of a visit is known from: see :class:`~gtpin.certificate.result.Certificate`."""
+        """The source of the noise of a visit: see :class:`~gtpin.certificate.result.Certificate`."""
         if self.rows.instrument.position_sigma is not None:
             return "declared"
         return "no" if Scatter.of(self.rows.visits, self.corrected.errors).covariance is None else "visits"
@@ -103,8 +107,8 @@ class Evaluation:
     def spreads(self, instrument: float | None) -> Spreads:
         """Contributions that are not in the model's posterior: see :class:`~gtpin.certificate.budget.Spreads`.
 
-        All rows determine the errors beyond noise and the model's uncertainty. Only repeated visits determine repeatability,
-        which is a part of them: it is limited to the whole. ``instrument``: as for :func:`gtpin.certify`.
+        All rows determine the errors beyond noise and the model's uncertainty. Repeatability is a part of these errors and is
+        estimated from repeated visits alone, so it is limited to the whole. ``instrument``: as for :func:`gtpin.certify`.
         """
         held = self.corrected
         J = by_commands(held.model, held.at)
@@ -140,7 +144,8 @@ class Evaluation:
         return float(np.trace(scatter[:3, :3])), float(np.trace(scatter[3:, 3:]))
 
     def _after(self, kind: int) -> float:
-        """Root mean square error of the corrected machine, m (kind 0) or rad (1): of left-out poses where these were fitted."""
+        """Root mean square error of the corrected machine, m (kind 0) or rad (1): on left-out poses where a diagnosis made the
+        model, else on all rows."""
         if self.gap is not None:
             part = self.gap if kind == 0 or self.gap.turns is None else self.gap.turns
             return part.after

@@ -21,11 +21,11 @@ from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 Floats = npt.NDArray[np.float64]
 
 DETERMINED, FEWEST = 0.5, 10
-"""The test whether the poses were fitted uses the directions of the unknowns that these poses determine at least half as well
-as the best one, and needs at least so many directions."""
+"""The test whether the model was fitted to the poses uses only directions of the unknowns that these poses determine at least
+half as well as the best direction, and needs at least ten such directions."""
 SMALL = 0.2
-"""Mean square of the score, in its standard deviations, below which the poses were fitted. It is 1 of new poses; ten directions
-of these fall below 0.2 in 4 of 1,000 cases (chi-square)."""
+"""Mean square of the score, in its standard deviations, below which the poses count as fitted. Its expected value is 1 for new
+poses; for ten directions it is then below 0.2 in 4 of 1,000 cases (chi-square)."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class HeldAgainst:
     at
         The rows' commands and covariates.
     noise
-        Noise of the instrument, and the scatter of the drives from the model's fit.
+        Noise of the instrument, and of the drives as in the model's fit.
     """
 
     model: Model

@@ -1,4 +1,4 @@
-"""Pose accuracy (ISO 9283): distances of the means of visits from where the poses should be."""
+"""Pose accuracy (ISO 9283): distances of the means of visits from the commanded poses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ Floats = npt.NDArray[np.float64]
 
 
 def means_of_visits(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """(P, c) mean of ``values`` (N, c) over each pose's visits, and (P,) numbers of visits; visits (N,): index of the pose."""
+    """(P, c) mean of ``values`` (N, c) over the visits of each pose, and (P,) numbers of visits; ``visits`` (N,): index of each
+    row's pose."""
     counts = np.bincount(visits)
     sums = np.column_stack([np.bincount(visits, column) for column in values.T])
     return sums / counts[:, None], counts
@@ -45,7 +46,8 @@ def standard_accuracy(visits: npt.NDArray[np.intp], errors: Floats) -> Quantity:
 
 @dataclass(frozen=True)
 class VisitScatter:
-    """Covariance (3, 3), m^2 or rad^2, of a visit, and the number of repeats of its estimate; infinite where it is declared."""
+    """Covariance (3, 3), m^2 or rad^2, of a visit, and the number of repeats from which it is estimated; infinite if
+    declared."""
 
     covariance: Floats
     repeats: float
@@ -57,7 +59,7 @@ class VisitScatter:
 
     @property
     def squared(self) -> float:
-        """Trace of the covariance's square: the square length of a normal vector has twice that variance."""
+        """Trace of the covariance's square. The variance of the square length of a normal vector is twice this."""
         return float(np.trace(self.covariance @ self.covariance))
 
 
@@ -110,6 +112,6 @@ def _of_scatter(scatter: VisitScatter, share: float) -> float:
 
 
 def _root_mean_square(symbol: str, unit: str, power: float, doubt: float, poses: int, rows: int) -> Quantity:
-    """The root of a power that is known with a doubt and can't be negative."""
+    """The root of a mean square, whose estimate ``power`` has the standard uncertainty ``doubt`` and can be negative."""
     rms = float(np.sqrt(truncated(power, doubt)[0]))
     return Quantity(f"{symbol}_rms", rms, unit, min(doubt / (2.0 * rms), rms), poses, rows)

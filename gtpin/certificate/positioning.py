@@ -12,9 +12,9 @@ from gtpin.certificate.quantity import Missing, Quantity, blank
 Floats = npt.NDArray[np.float64]
 
 TARGETS, APPROACHES = 5, 5
-"""Targets on a line, and approaches of each from either side, that ISO 230-2 asks for at least."""
+"""Smallest numbers of targets on a line, and of approaches to each target from either side, that ISO 230-2 requires."""
 DIGITS = 9
-"""Decimals, m or rad, to which commands are the same."""
+"""Commands that agree to this number of decimals, in m or rad, count as the same."""
 SYMBOLS = ("B", "E", "R", "A")
 
 
@@ -69,7 +69,7 @@ def positioning(
     approach
         (N, n) directions of approach (+1 or -1); None where not recorded.
     sites, units
-        Of the n actuators.
+        Names and units of the n actuators.
     """
     found = []
     for i, (site, unit) in enumerate(zip(sites, units, strict=True)):
@@ -91,7 +91,8 @@ def positioning(
 
 
 def longest_line(q: Floats, deviations: Floats, approach: Floats, i: int) -> tuple[Line | None, int]:
-    """The line of actuator i with most targets that have enough visits; and the number of all targets of its longest line."""
+    """The line of actuator i with the most targets that have enough visits, and the largest number of targets on one line, with
+    any number of visits. The line is None where it has fewer than ``TARGETS`` targets."""
     others = np.round(np.delete(q, i, axis=1), DIGITS)
     _, line_of = np.unique(others, axis=0, return_inverse=True)
     best: tuple[tuple[Floats, Floats], ...] = ()
@@ -113,7 +114,8 @@ def longest_line(q: Floats, deviations: Floats, approach: Floats, i: int) -> tup
 def mean_reversal(
     deviations: Floats | None, approach: Floats | None, sites: tuple[str, ...], units: tuple[str, ...]
 ) -> list[Quantity]:
-    """Mean reversal of each actuator over all poses of the workspace: least squares of its deviations on the directions.
+    """Mean reversal of each actuator over all poses: least squares of its deviations on the directions of approach of all
+    actuators.
 
     Parameters
     ----------
@@ -122,7 +124,7 @@ def mean_reversal(
     approach
         (N, n) directions of approach (+1 or -1); None where not recorded.
     sites, units
-        Of the n actuators.
+        Names and units of the n actuators.
     """
     symbol = "B_mean"
     if deviations is None or approach is None:

@@ -24,11 +24,11 @@ Missing = Literal[
 """Why a number is blank:
 
 ``few_cycles``
-    No pose was visited as often as ISO 9283 asks.
+    No pose was visited as often as ISO 9283 requires.
 ``few_visits``
     Too few repeated visits to estimate a scatter.
 ``few_targets``
-    No targets on a line, approached often enough from both sides, as ISO 230-2 asks.
+    Not enough targets on a line, each approached often enough from both sides, as ISO 230-2 requires.
 ``within_noise``
     The scatter is no larger than the instrument's own noise.
 ``no_orientation``
@@ -36,9 +36,9 @@ Missing = Literal[
 ``no_approach``
     The directions of approach were not recorded, or were all the same.
 ``free_target``
-    Where the target sits is not known, so that the uncorrected machine's error is not known either.
+    The position of the target on the platform is not known, so that the uncorrected machine's error is not known either.
 ``too_many_drives``
-    What was measured of a pose does not determine the travel of each actuator.
+    The measured components of a pose do not determine the travel of each actuator.
 ``known_in_mean``
     Errors at left-out poses are known as a mean square only.
 ``fitted_poses``
@@ -46,7 +46,7 @@ Missing = Literal[
 ``not_declared``
     The instrument's noise was not declared, so that the machine's scatter is not known by itself.
 ``not_stated``
-    The user has not stated it.
+    The user has not stated the instrument's uncertainty.
 ``no_effects``
     The model has no effects.
 ``frame_is_base``
@@ -67,7 +67,7 @@ class Quantity:
     unit
         ``m`` or ``rad``.
     poses, rows
-        Number of different poses, and of measurements, on which it rests.
+        Number of different poses, and of measurements, from which it is computed.
     missing
         Why ``value`` is None; None where there is a value.
     site

@@ -13,9 +13,9 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 POSES = 200
-"""Poses over which the budget is averaged."""
+"""Number of poses over which the budget is averaged."""
 TRIES = 20
-"""Pairs of measured poses that are tried for each."""
+"""Number of pairs of measured commands that are tried for each of these poses."""
 
 
 def between(dataset: Dataset, model: Model, rng: np.random.Generator, count: int = POSES) -> At:

@@ -1,4 +1,4 @@
-"""Pose repeatability (ISO 9283): as the standard has it, and from the scatter of repeated visits of many poses."""
+"""Pose repeatability (ISO 9283): as the standard defines it, and from the scatter of repeated visits of many poses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 Floats = npt.NDArray[np.float64]
 
 CYCLES = 30
-"""Visits of one pose that ISO 9283 asks for."""
+"""Number of visits of one pose that ISO 9283 requires."""
 ANGLES = ("RP_a", "RP_b", "RP_c")
 """Repeatabilities of orientation about the axes x, y and z."""
 
@@ -99,7 +99,7 @@ def pooled_repeatability(scatter: Scatter, position_sigma: float) -> list[Quanti
     block = covariance[:3, :3]
     seen = _length(symbols[0], block, block, scatter)
     own = block - position_sigma**2 * np.eye(3)
-    # Of the trace of a Wishart's mean: variance 2 tr(S^2) / k.
+    # The trace of a covariance S that is estimated from k repeats has the variance 2 tr(S^2) / k (Wishart).
     doubt = float(np.sqrt(2.0 * np.trace(block @ block) / k))
     if np.trace(own) > 2.0 * doubt:
         values, vectors = np.linalg.eigh(own)
@@ -111,7 +111,8 @@ def pooled_repeatability(scatter: Scatter, position_sigma: float) -> list[Quanti
 
 
 def _length(symbol: str, covariance: Floats, seen: Floats, scatter: Scatter) -> Quantity:
-    """RP_l of a covariance; its relative uncertainty is half that of the trace of what was seen."""
+    """RP_l of a covariance. Its relative uncertainty is half that of the covariance's trace, whose uncertainty is that of the
+    trace of the measured covariance ``seen``."""
     mean, sd = spread_of_length(covariance)
     value = mean + 3.0 * sd
     doubt = float(np.sqrt(2.0 * np.trace(seen @ seen) / scatter.repeats))

@@ -1,4 +1,4 @@
-"""How uncertain a model's prediction is: its posterior propagated to poses, in the instrument's frame."""
+"""Uncertainty of a model's predictions: its posterior propagated to poses, in the instrument's frame."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ class At:
 
 
 def by_unknowns(model: Model, at: At) -> Floats:
-    """(N, 6, p + m) derivative of the poses by the geometry and the effects' coefficients, instrument's frame, m and rad."""
+    """(N, 6, p + m) derivative of the poses, instrument's frame, m and rad, by the p geometric parameters and the effects' m
+    coefficients."""
     kinematics = model.kinematics
     columns = [kinematics.geometry_jacobian(at.q, at.plain)[:, :6]]
     for active in model.effects:
@@ -122,7 +123,8 @@ class Posterior:
         return root_of(self.covariance)
 
     def derivatives(self, at: At) -> Floats:
-        """(N, 6, p + m) derivative of the measured poses by the unknowns, instrument's frame; a free frame changes by -K."""
+        """(N, 6, p + m) derivative of the measured poses by the unknowns, instrument's frame. A free frame moves by -K times
+        the unknowns' change."""
         D = by_unknowns(self.model, at)
         return D if self.frame is None else D - self.frame.motions(self.model, at) @ self.frame.gain
 
@@ -137,7 +139,7 @@ class Posterior:
 
 
 def root_of(covariance: Floats) -> Floats:
-    """F with F F' = ``covariance``, which may be singular. It is scaled first, since its parameters have different units."""
+    """F with F F' = ``covariance``, which may be singular. It is scaled first, because its parameters have different units."""
     size = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
     size = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))

@@ -16,8 +16,8 @@ from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation, Shown
 
 Basis = Literal["left_out", "new", "fitted"]
-"""Errors of the corrected machine are of poses left out of the fit in turn, of poses that the given model has never seen, or of
-the poses that the given model was fitted to."""
+"""The poses of the errors of the corrected machine: left out of the fit in turn, new to the given model, or those to which the
+given model was fitted."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,13 +35,13 @@ class Certificate(Shown):
     noise
         Noise of the instrument.
     basis
-        Which poses the errors of the corrected machine are from. ``left_out``: poses that were left out of the fit in turn.
+        The poses of the errors of the corrected machine. ``left_out``: poses that were left out of the fit in turn.
         ``new``: poses that the given model was not fitted to. ``fitted``: poses that the given model was fitted to.
     one_way
         Whether a repeatability compares only visits with the same directions of approach.
     noise_known
-        Where the noise of a visit is known from. ``declared``: dataset.toml. ``visits``: repeated visits. ``no``: only from
-        residuals, which also contain what the model does not explain; then all residuals count as unexplained.
+        The source of the noise of a visit. ``declared``: dataset.toml. ``visits``: repeated visits. ``no``: residuals only.
+        These also contain errors that the model does not explain, so all residuals then count as unexplained.
     verdict
         Verdict of the diagnosis that made the model; None where the model was given.
     poses, rows
@@ -77,7 +77,8 @@ class Certificate(Shown):
     seed: int = 0
 
     def __getitem__(self, name: str) -> Quantity:
-        """One quantity by its symbol (``AP_p``), of an actuator with its site (``B[cart1]``); else `KeyError`."""
+        """One quantity by its symbol (``AP_p``), for an actuator with its site (``B[cart1]``). Raises `KeyError` if there is
+        none."""
         symbol, _, site = name.partition("[")
         found = [one for one in self.quantities if (one.symbol, one.site) == (symbol, site.rstrip("]"))]
         if not found:

@@ -1,4 +1,4 @@
-"""Scatter of the machine and what its model does not explain: the excess of errors over noise and the model's uncertainty."""
+"""Errors that the model of a machine does not explain: their excess over noise and the model's uncertainty."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Excess:
     observed
         Mean square length of the errors.
     instrument, posterior
-        Expected parts: of the instrument's noise, and of the model's uncertainty (mean traces of their covariances).
+        Expected parts, by the instrument's noise and by the model's uncertainty: mean traces of their covariances.
     rows
         N.
     fitted

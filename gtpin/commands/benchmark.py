@@ -1,4 +1,4 @@
-"""``gtpin benchmark``: the public set of cases, and the score of anybody's answers."""
+"""``gtpin benchmark``: makes the public set of cases, and scores the answers of any solver."""
 
 from __future__ import annotations
 

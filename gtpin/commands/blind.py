@@ -48,7 +48,7 @@ def blind(
     as_json: AsJson = False,
 ) -> None:
     """Make machines with hidden effects, seal the truth, diagnose the data, open the seals, and score."""
-    # Much that other commands need not wait for.
+    # Imported here, because the other commands need not wait for these modules.
     from gtpin.blind.claim import SCORE_FILES
     from gtpin.blind.draw import ROBOT
     from gtpin.blind.page import score_page
@@ -111,7 +111,7 @@ class _Bars:
         self._task = self._bars.add_task(what, total=total, completed=done)
 
     def one_more(self) -> None:
-        """Move the latest bar on."""
+        """Advance the latest bar by one."""
         self._bars.advance(self._task)
 
 

@@ -1,4 +1,4 @@
-"""``gtpin certify``: a certificate of accuracy, for the customer."""
+"""``gtpin certify``: a certificate of accuracy."""
 
 from __future__ import annotations
 

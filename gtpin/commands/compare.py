@@ -1,4 +1,4 @@
-"""``gtpin compare``: the paper's models 1 to 5 side by side on held-out poses."""
+"""``gtpin compare``: errors of the paper's models 1 to 5 on held-out poses."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from gtpin.report.words import length
 
 
 class DemoRobot(StrEnum):
-    """Robots that the demo has a scenario for: the effects that the machine has, and how it is measured."""
+    """Robots for which the demo has a scenario: the machine's effects and the measurement conditions."""
 
     GANTRY_TAU = "gantry_tau"
     UR5 = "ur5"
@@ -38,7 +38,7 @@ class DemoRobot(StrEnum):
 
     @property
     def spoken(self) -> str:
-        """The robot's name as users write it."""
+        """The robot's name for users."""
         return {DemoRobot.GANTRY_TAU: "Gantry-Tau", DemoRobot.UR5: "UR5"}[self]
 
 

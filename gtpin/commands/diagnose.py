@@ -138,7 +138,7 @@ def changed_since(
 
 
 def corrections_hint(found: Diagnosis, output: Path) -> list[str]:
-    """The command that writes what a controller can correct by itself, where there is something."""
+    """The command that writes correction tables for a controller; empty where no sure cause can be corrected by such tables."""
     if not sure_corrections(found):
         return []
     return [

@@ -116,7 +116,7 @@ def export(
 
 
 def _corrected(model: Model, commands: Path, controller: str | None, output: Path, force: bool) -> Path:
-    """Write the commands that bring the TCP to the poses that a controller intended."""
+    """Write the commands that bring the TCP to the poses that the controller computed from the original commands."""
     if output.suffix.lower() != ".csv":
         raise GtpinError("corrected commands are a table", file=output, hint="name a .csv file")
     not_its_input(output, commands)

@@ -100,7 +100,7 @@ def plan(
 
 
 def _noise(model: Model, position: float | None, orientation: float | None, positions_only: bool) -> Noise | None:
-    """The noise from the options; what is not given is taken from the model's fit."""
+    """The noise from the options; for an option that is not given, that of the model's fit. None: that of the fit."""
     for name, value in (("--position-sigma", position), ("--orientation-sigma", orientation)):
         if value is not None and not 0.0 < value < 1.0:
             raise ModelError(f"{name} {value:g}", hint="give metres or radians, above 0")

@@ -57,7 +57,7 @@ def predict(
 
 
 def _table(model: Model, file: Path, instrument: str | None) -> pd.DataFrame:
-    """The poses that the first tracker reads, or an instrument's readings, at commands."""
+    """The poses that the first tracker reads, or an instrument's readings, at the commands of a file."""
     import pandas as pd
 
     seen, tracker = as_seen(model)

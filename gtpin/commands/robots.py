@@ -1,4 +1,4 @@
-"""``gtpin robots``: the robots that have a name."""
+"""``gtpin robots``: the robots that can be given by name."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def robots(as_json: AsJson = False) -> None:
 
 
 def _described(name: str, source: str) -> dict[str, Any]:
-    """What the list says of a robot: the joints are those that its commands q1, q2, ... move."""
+    """The row of the list for a robot; ``joints`` are those that its commands q1, q2, ... move."""
     try:
         robot = load_robot(name)
     except RobotError as error:

@@ -41,7 +41,8 @@ def sensitivity(
         q = None
         if poses is not None:
             given = Commands.read(poses, found.robot.n_actuators)
-            # Refuses commands that can't be the robot's, or that it can't reach, by their rows. Accuracy is the geometry's.
+            # Only for its errors, which name the row of a command that the robot can't reach. Effects are left out: the
+            # analysis is of the geometry alone.
             predict(replace(found, effects=()), given)
             q = given.q
         progress("each parameter at each pose", 0, float("nan"))

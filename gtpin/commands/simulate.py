@@ -154,7 +154,7 @@ def _write_measured(
 
 
 def _named(output: Path) -> Path:
-    """A folder next to which there is a place for the truth."""
+    """The absolute path of the dataset. It must have a name, because the files with the truth get names made from it."""
     place = Path(os.path.abspath(output))
     if not place.name:
         raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")

@@ -75,18 +75,18 @@ def with_tcp(dataset: Dataset, tcp: str | None) -> Dataset:
 
 
 def write_json(file: Path, content: object) -> None:
-    """Write a result as JSON, floats so that they read back bit by bit."""
+    """Write a result as JSON, with as many digits as needed to read back the same numbers."""
     file.write_text(json_text(content), encoding="utf-8")
 
 
 def not_its_input(output: Path, read: Path) -> None:
-    """Raise an error if an output is also an input."""
+    """Raise an error if the file ``output`` is the input file ``read``."""
     if os.path.exists(output) and os.path.exists(read) and os.path.samefile(output, read):
         raise GtpinError("this is read", file=output, hint="name another file for the result")
 
 
 def tell(result: object, text: str, as_json: bool) -> None:
-    """Print a result: as text for people, or as JSON alone."""
+    """Print a result on standard output: the text, or only the JSON."""
     try:
         typer.echo(json_text(result).rstrip("\n") if as_json else text.rstrip("\n"))
     except BrokenPipeError:
@@ -97,7 +97,7 @@ def tell(result: object, text: str, as_json: bool) -> None:
 
 
 def rendered(*parts: RenderableType) -> str:
-    """Tables and sentences as text: in colour and as wide as the terminal where there is one, else plain."""
+    """Tables and sentences as text: on a terminal in colour and as wide as it, else without colour, `PIPED_WIDTH` wide."""
     console = Console(highlight=False, markup=False)
     if not console.is_terminal:
         console = Console(highlight=False, markup=False, width=PIPED_WIDTH, soft_wrap=True)
@@ -117,7 +117,7 @@ class _Rate(ProgressColumn):
 
 @contextmanager
 def progress_of(what: str) -> Iterator[Progress]:
-    """Progress of long work, for people: nothing where standard error is not a terminal."""
+    """Show progress of long work on standard error, if that is a terminal; yields the function to report it to."""
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), _Rate(), TimeElapsedColumn())
     with RichProgress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -50,7 +50,7 @@ def view(
         write_still(output, found, gap, force=force, instruments=instruments)
         tell({"written": str(output)}, f"Written: {output}", as_json)
         return
-    from gtpin.view.scene import Scene  # its page is served by an extra
+    from gtpin.view.scene import Scene  # late: it needs an extra that a still image does not need
 
     scene = Scene(found, gap, host, port, instruments)
     tell({"address": scene.address}, f"Open {scene.address} (Ctrl-C ends)", as_json)

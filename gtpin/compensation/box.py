@@ -1,4 +1,4 @@
-"""The part of the workspace that tables of a controller are made for."""
+"""The part of the workspace in which a controller's correction tables are valid."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Box:
         Raises
         ------
         GtpinError
-            If an end is not finite, or not above the other one.
+            If a number is not finite, or x1, y1 or z1 is not larger than x0, y0 or z0.
         """
         low, high = np.array(ends, dtype=float).reshape(3, 2).T
         zero = np.array(origin, dtype=float)
@@ -45,13 +45,13 @@ class Box:
         return Box(low, high, zero)
 
     def grid(self, x: int, y: int, z: int) -> Floats:
-        """(x y z, 3) points, x fastest, then y."""
+        """(x * y * z, 3) nodes of a regular grid with x, y and z nodes along the axes, m; x varies fastest, then y."""
         axes = [np.linspace(a, b, n) for a, b, n in zip(self.low, self.high, (x, y, z), strict=True)]
         up, across, along = np.meshgrid(*axes[::-1], indexing="ij")
         return np.column_stack([along.ravel(), across.ravel(), up.ravel()])
 
     def fill(self, count: int) -> Floats:
-        """(count, 3) points that fill the box and are those of no grid: Halton's sequence."""
+        """(count, 3) points, m, that fill the box evenly without lying on a grid: Halton's sequence."""
         from scipy.stats import qmc
 
         return np.asarray(self.low + (self.high - self.low) * qmc.Halton(3, scramble=False).random(count + 1)[1:])

@@ -20,6 +20,7 @@ Floats = npt.NDArray[np.float64]
 TOLERANCE = 1e-9
 """Largest accepted error of the TCP, m and rad."""
 STEPS = 25
+"""Largest number of Newton steps."""
 NOT_THE_MACHINE = ("frame", "platform")
 """Sites of effects of the measurement, which do not move the TCP and are not corrected."""
 
@@ -57,8 +58,8 @@ def compensate(
         (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more. By default, the
         orientation is free.
     start
-        (N, n) commands to start from, by default home: a robot without rods often has several postures for a pose, and gets
-        the one that is near.
+        (N, n) commands to start from, by default home. A robot without rods often has several postures for a pose; the
+        iteration usually finds the one nearest to the start.
 
     Returns
     -------
@@ -68,8 +69,8 @@ def compensate(
     Raises
     ------
     ModelError
-        If ``wanted`` or ``rotations`` are not of that shape, the robot has too few actuators for an orientation, or a covariate
-        is missing.
+        If ``wanted`` or ``rotations`` have another shape, the robot has too few actuators for an orientation, or a covariate is
+        missing.
     UnreachableError
         If the TCP can't be brought to a position.
     ConvergenceError
@@ -91,7 +92,8 @@ def compensate(
         _all_there(error, machine)
         if np.abs(error).max(initial=0.0) <= TOLERANCE:
             return q
-        # The derivative ignores the effects' slopes, at most some thousandths: each step still gains three digits.
+        # The Jacobian is that of the geometry. The derivatives of the effects, at most some thousandths of it, are left out:
+        # each step still reduces the error by a factor of some hundreds.
         jacobian = kinematics.command_jacobian(q, poses)[:, : error.shape[1]]
         q = q + np.einsum("nij,nj->ni", np.linalg.pinv(jacobian), error)
         poses = kinematics.forward(q)

@@ -1,4 +1,4 @@
-"""The kinematics of a controller: how it computes commands from positions, by its own geometry."""
+"""The kinematics of a controller: how it computes commands from positions, with the geometry that it is configured with."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 STEPS = 4
-"""Corrections of a position; each leaves about a thousandth, the relative error of the geometry, of the distance."""
+"""Steps of the iteration; each multiplies the distance from the wanted position by the relative error of the controller's
+geometry, about 0.001."""
 
 
 class Controller(Protocol):
     """A controller's kinematics."""
 
     def commands(self, xyz: Floats) -> Floats:
-        """(N, n) commands for positions (N, 3) in its own coordinates, m or rad; NaN where there are none."""
+        """(N, n) commands, m or rad, for positions (N, 3) in the controller's coordinates, m; NaN for positions out of
+        reach."""
         ...
 
 
@@ -35,7 +37,7 @@ class ModelController:
     Parameters
     ----------
     model
-        Its geometry; its effects are ignored.
+        Its geometry is used, its effects are ignored.
     origin
         (3,) zero of the controller's coordinates in the base frame, m.
     """
@@ -44,12 +46,13 @@ class ModelController:
     origin: Floats
 
     def commands(self, xyz: Floats) -> Floats:
-        """(N, n) commands for positions (N, 3), m or rad; NaN where there are none."""
+        """(N, n) commands, m or rad, for positions (N, 3) in the controller's coordinates, m; NaN for positions out of
+        reach."""
         return commands_for(self.model.kinematics, xyz + self.origin)[0]
 
 
 def positions_to_ask_for(machine: Machine, controller: Controller, box: Box, wanted: Floats) -> Floats:
-    """(N, 3) positions to command so that the TCP reaches ``wanted`` (N, 3); both in the controller's coordinates, m.
+    """(N, 3) positions to command so that the machine's TCP reaches ``wanted`` (N, 3), controller's coordinates, m.
 
     Raises
     ------
@@ -63,8 +66,18 @@ def positions_to_ask_for(machine: Machine, controller: Controller, box: Box, wan
 
 
 def there(machine: Machine, controller: Controller, box: Box, asked: Floats, approach: Floats | None = None) -> Floats:
-    """(N, 3) positions that the TCP reaches for commanded positions ``asked`` (N, 3), controller's coordinates, m; see
-    `Machine.goes_to`."""
+    """(N, 3) positions that the machine's TCP reaches for commanded positions ``asked`` (N, 3), controller's coordinates, m.
+
+    Parameters
+    ----------
+    approach
+        (N,) direction, +1 or -1, from which all actuators come to each position; None: the mean of both.
+
+    Raises
+    ------
+    UnreachableError
+        If the machine can't bring its TCP to one of them.
+    """
     q = controller.commands(asked)
     inside = np.isfinite(q).all(axis=1)
     found = np.full_like(asked, np.nan)

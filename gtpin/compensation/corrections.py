@@ -17,14 +17,15 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 DENSE = 16001
-"""Commands over an actuator's range at which its deviation is evaluated."""
+"""Number of commands over an actuator's range at which its deviation is evaluated."""
 BEYOND = 2e-3
-"""Margin beyond the range, relative to the range."""
+"""Part of the range by which these commands go beyond each of its ends."""
 STEP_WIDTH = 1e-9
-"""Distance, m or rad, of the two commands at a step."""
+"""Distance, m or rad, between the last command before a step of the deviation and the first one after it."""
 CLOSE = 1e-7
 """Largest interpolation error of a table, m or rad, before more points are added."""
 FEWEST, MOST = 17, 4097
+"""Smallest and largest number of points of a table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +35,13 @@ class Correction:
     Parameters
     ----------
     site, revolute
-        The actuator, and whether it turns (rad) instead of sliding (m).
+        The actuator, and whether its joint is revolute (unit rad) instead of prismatic (unit m).
     nominal
-        (K,) nominal positions, ascending.
+        (K,) nominal positions, ascending, m or rad.
     forward, reverse
-        (K,) commands for an approach from below, and from above.
+        (K,) commands, m or rad, if the actuator comes from below, and from above.
     off
-        Largest difference between the table, interpolated linearly, and the exact correction.
+        Largest difference, m or rad, between the table, interpolated linearly, and the exact correction.
     """
 
     site: str
@@ -76,7 +77,7 @@ def _moves_along(model: Model, active: ActiveEffect) -> bool:
 
 
 def corrections(model: Model, *, session: str | None = None, most: int = MOST) -> tuple[Correction, ...]:
-    """Tables, over their ranges, for the actuators with scales or effects that can be corrected.
+    """A table over its range for each actuator that has a scale error or an effect that such a table can correct.
 
     Effects that depend on the load are evaluated without a load on the tool, with the other actuators at home.
 
@@ -85,7 +86,7 @@ def corrections(model: Model, *, session: str | None = None, most: int = MOST) -
     session
         Session whose zero shifts are corrected; by default none.
     most
-        Largest number of points; fewer if interpolation to 0.1 micrometre needs fewer.
+        Largest number of points of a table. It gets fewer if these interpolate to within 0.1 um or 0.1 urad.
 
     Raises
     ------
@@ -117,7 +118,7 @@ def corrections(model: Model, *, session: str | None = None, most: int = MOST) -
 def _table(
     model: Model, index: int, effects: list[ActiveEffect], scale: float, session: str | None, most: int
 ) -> Correction:
-    """The table of one actuator, with as few points as the accuracy allows."""
+    """The table of one actuator: the number of points is doubled until the accuracy `CLOSE` is reached."""
     robot = model.robot
     lower, upper = float(robot.lower[index]), float(robot.upper[index])
     margin = BEYOND * (upper - lower)
@@ -149,7 +150,7 @@ def _table(
 def _deviations(
     model: Model, index: int, effects: list[ActiveEffect], session: str | None, q: Floats
 ) -> tuple[Floats, Floats]:
-    """(K,) deviations of an actuator at commands q (K,), coming from below and from above, in units of the command."""
+    """Two arrays (K,): deviations of an actuator, m or rad, at commands q (K,) approached from below, and from above."""
     below, above = np.zeros(len(q)), np.zeros(len(q))
     if not effects:
         return below, above
@@ -168,7 +169,8 @@ def _deviations(
             moved = active.basis(Situation(kinematics, commands, poses, covariates, active.references)).command
             assert moved is not None
             total += moved[1] @ active.coefficients
-    # Where no posture exists with the others at home, load-dependent effects are as at the nearest posture.
+    # With the other actuators at home, the robot can't reach all commands of this one. The loads are not known there: the
+    # deviations of the nearest command that it reaches are used.
     there = np.isfinite(below) & np.isfinite(above)
     if not there.any():
         raise ModelError(

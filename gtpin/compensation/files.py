@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TRIPLETS = 256
-"""Largest number of lines that LinuxCNC takes for a joint."""
+"""Largest number of lines (triplets) in LinuxCNC's compensation file of a joint."""
 COARSE = 1e-6
-"""Error of a table, m or rad, above which there is a warning."""
+"""Interpolation error of a table, m or rad, above which a warning is given."""
 
 
 def correction_table(tables: Sequence[Correction]) -> pd.DataFrame:
@@ -33,8 +33,8 @@ def correction_table(tables: Sequence[Correction]) -> pd.DataFrame:
 def linuxcnc_file(table: Correction) -> str:
     """A joint's compensation file for LinuxCNC, ``COMP_FILE_TYPE = 1``: nominal, forward trim, reverse trim.
 
-    In millimetres, or degrees where the joint turns. LinuxCNC adds a trim to the position that it sends to the motor
-    (``usrmotLoadComp`` in its ``usrmotintf.cc``); it takes 256 lines without comments, nominals ascending, and interpolates.
+    In mm, or degrees for a revolute joint. LinuxCNC adds the trim, interpolated, to the position that it sends to the motor
+    (``usrmotLoadComp`` in its ``usrmotintf.cc``). It reads at most 256 lines, with ascending nominals and without comments.
     """
     if table.off > COARSE:
         warn(f"{TRIPLETS} lines can't follow {table.site}: they are off by up to {table.off * 1e6:.1f} um (or urad)")

@@ -1,4 +1,4 @@
-"""A table over commands and temperatures, with additions to the commands of a controller."""
+"""A table over commands and temperatures of what to add to a controller's commands."""
 
 from __future__ import annotations
 
@@ -20,25 +20,26 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 NODES = 11
-"""Nodes of the grid along each actuator's range."""
+"""Number of nodes of the grid along each actuator's range."""
 ACTUATORS = 3
-"""Largest number of actuators for such a table: with six, a grid of only five nodes each has 15,625 rows per temperature."""
+"""Largest number of actuators: with six, even five nodes for each actuator would give 15,625 rows per temperature."""
 STEPS = 4
-"""Steps of Newton's method, each with an error of some thousandths: the relative error of the geometry."""
+"""Number of Newton steps. Their Jacobian is that of the controller's geometry: each step leaves some thousandths of the
+error."""
 
 
 @dataclass(frozen=True, eq=False)
 class GridTable:
-    """Additions to commands at nodes.
+    """What to add to commands, at the nodes of a grid.
 
     Parameters
     ----------
     nodes
         For each actuator, (NODES,) commands, m or rad.
     temperatures
-        For each step of temperature: degC, by covariate.
+        For each of the table's temperature steps, the temperatures by covariate, degC.
     change
-        (steps, NODES, ..., NODES, n) additions, m or rad; NaN where the robot can't be.
+        (steps, NODES, ..., NODES, n) additions to the commands, m or rad; NaN where the robot can't reach the command.
     """
 
     nodes: tuple[Floats, ...]
@@ -46,13 +47,17 @@ class GridTable:
     change: Floats
 
     def applied(self, q: Floats, step: int) -> Floats:
-        """(N, n) commands with what a linear interpolation adds to q (N, n), m or rad; NaN beside nodes that are NaN."""
+        """(N, n) corrected commands for q (N, n), m or rad, at a temperature step, interpolated linearly.
+
+        NaN in the cells of the grid that have a node out of reach.
+        """
         from scipy.interpolate import RegularGridInterpolator
 
         return np.asarray(q + RegularGridInterpolator(self.nodes, self.change[step])(q))
 
     def frame(self) -> pd.DataFrame:
-        """Columns ``q1 ... temp_... dq1 ...``, m or rad and degC; a row for each node and step, the last actuator fastest."""
+        """Columns ``q1 ... temp_... dq1 ...``, m or rad and degC. A row for each step and node; the last actuator varies
+        fastest."""
         import pandas as pd
 
         n = len(self.nodes)
@@ -67,7 +72,7 @@ class GridTable:
 
 
 def grid_table(machine: Machine, controller: Model, temperatures: Sequence[float] = ()) -> GridTable:
-    """The table of a machine, for each of the ``temperatures``, degC: all temperatures of its effects have the same value.
+    """The table of a machine. It has a step for each combination of the ``temperatures``, degC, over the temperature columns.
 
     Raises
     ------
@@ -92,7 +97,7 @@ def grid_table(machine: Machine, controller: Model, temperatures: Sequence[float
 
 
 def _changes(machine: Machine, controller: Model, q: Floats) -> Floats:
-    """(N, n) additions to commands q (N, n) of the controller; NaN where the robot can't be."""
+    """(N, n) additions to commands q (N, n) of the controller, m or rad; NaN for commands that the robot can't reach."""
     kinematics = controller.kinematics
     wanted = kinematics.forward(q)
     rows = np.flatnonzero(wanted.reached)

@@ -1,4 +1,4 @@
-"""The machine that a controller's tables correct: a model under conditions that do not change."""
+"""The machine that a controller's tables correct: a model under constant conditions."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 CONDITIONS = ("session", "time", "payload", "fx", "fy", "fz")
-"""Covariates, beside temperatures, speeds and approaches, whose value at a table is defined; see `Machine`."""
+"""Covariates, besides temperatures, speeds and approaches, for which `Machine` defines the value that a table is made for."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """A model at one temperature, in one session, at rest, without load on the tool, at the end of the time of its fit.
+    """A model at constant temperatures, in one session, at rest, without a load on the tool, at the end of its dataset's time.
 
     Parameters
     ----------
@@ -40,12 +40,13 @@ class Machine:
     temperatures: Mapping[str, float] = field(default_factory=dict)
 
     def goes_to(self, q: Floats, approach: Floats | float | None = None) -> Floats:
-        """(N, 3) positions of the TCP at commands q (N, n), base frame, m; NaN where the robot can't be.
+        """(N, 3) positions of the TCP at commands q (N, n), m or rad, base frame, m; NaN where the loops can't be closed.
 
         Parameters
         ----------
         approach
-            +1 or -1, for all actuators; by default the mean of both positions, the best that a table without directions can do.
+            +1 or -1, or (N,), for all actuators: the direction from which they come. By default, the mean of the positions
+            for both: a table without directions can correct only that.
         """
         if approach is None and self._depends_on_approach:
             return np.asarray(0.5 * (self.goes_to(q, 1.0) + self.goes_to(q, -1.0)))
@@ -53,7 +54,7 @@ class Machine:
 
     @property
     def temperature_columns(self) -> tuple[str, ...]:
-        """Names of the temperatures that its effects depend on."""
+        """Names of the temperature covariates that the model's effects depend on."""
         names = {
             name for active in self.model.effects for name in active.effect.covariates(self.model.robot, active.site)
         }
@@ -85,7 +86,7 @@ class Machine:
 def machine_at(
     model: Model, session: str | None = None, temperatures: Mapping[str, float] | None = None
 ) -> tuple[Machine, tuple[str, ...]]:
-    """The machine of a model under conditions, and the names of the effects whose conditions are not known.
+    """The machine of a model under conditions, without effects whose conditions are not known, and the names of these.
 
     Raises
     ------
@@ -101,7 +102,7 @@ def machine_at(
 
 
 def parts(machine: Machine, controller: Model) -> dict[str, Machine]:
-    """By name, machines that have one part of the errors each: the geometry, or one effect on the controller's geometry."""
+    """By name, machines that each have one part of the errors: the model's geometry, or the controller's with one effect."""
     model = machine.model
     found = {} if _same(model, controller) else {"geometry": replace(machine, model=Model(model.geometry))}
     for active in model.effects:

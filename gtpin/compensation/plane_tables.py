@@ -14,27 +14,31 @@ from gtpin.compensation.machine import Machine
 Floats = npt.NDArray[np.float64]
 
 NODES = 21
-"""Nodes of the grid along x and y: 441, the most that RepRapFirmware takes on its smaller boards (MaxGridProbePoints)."""
+"""Number of nodes along x, and along y. Their 441 points are the largest number that RepRapFirmware accepts on its smaller
+boards (MaxGridProbePoints)."""
 LEVELS = 3
-"""Heights of the box at which a correction is computed; a grid of heights holds their mean."""
+"""Number of heights in the box at which a correction in z is computed; the table has the mean over them."""
 COARSE = 7
-"""Points along x and y from which offset and skew are computed."""
+"""Number of points along x, and along y, from which offset and skew are computed."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneTables:
-    """x += offset_x + xy y + xz z; y += offset_y + yz z; then z += height(x, y), interpolated bilinearly. In m.
+    """Changes of commanded positions, m, in the controller's coordinates.
+
+    First y += offset_y and x += offset_x, then x += xy y + xz z and y += yz z, with the y before this step in the first
+    formula. Last z += height(x, y), interpolated bilinearly.
 
     Parameters
     ----------
     offset
         (2,) offsets of x and y, m.
     skew
-        (3,) xy, xz, yz.
+        (3,) xy, xz, yz: tangents of the angles between the axes, less the right angles.
     x, y
         (NODES,) nodes of the grid, m.
     height
-        (NODES, NODES) heights, m; row i is at y[i].
+        (NODES, NODES) additions to z, m; row i is at y[i], column j at x[j].
     """
 
     offset: Floats
@@ -44,8 +48,10 @@ class PlaneTables:
     height: Floats
 
     def applied(self, xyz: Floats) -> Floats:
-        """(N, 3) positions that the controller moves to for commanded positions (N, 3), m. Outside the grid, its edge is
-        used."""
+        """(N, 3) positions that the controller moves to for commanded positions (N, 3), m.
+
+        Outside the grid, the height at its edge is used.
+        """
         p = _skewed(xyz, self.offset, self.skew)
         across, i = _cell(self.x, p[:, 0])
         along, j = _cell(self.y, p[:, 1])
@@ -57,7 +63,7 @@ class PlaneTables:
 
 
 def plane_tables(machine: Machine, controller: Controller, box: Box) -> PlaneTables:
-    """The correction of a machine in a box; offset and skew by least squares, heights as the mean over the box's height.
+    """The correction of a machine in a box: offset and skew by least squares, then the heights, as a mean over `LEVELS`.
 
     Raises
     ------
@@ -65,14 +71,15 @@ def plane_tables(machine: Machine, controller: Controller, box: Box) -> PlaneTab
         If the machine can't reach all of the box.
     """
     wanted = box.grid(COARSE, COARSE, LEVELS)
-    # An offset changes y before it is multiplied by the skew: a product of two errors, below a nanometre here.
+    # The fit leaves out that the skew multiplies a y that the offset has changed: a product of two small numbers. For an
+    # offset of 1 mm and a skew of 0.001, it is 1 um.
     change = positions_to_ask_for(machine, controller, box, wanted) - wanted
     one, y, z = np.ones(len(wanted)), wanted[:, 1], wanted[:, 2]
     ox, xy, xz = np.linalg.lstsq(np.column_stack([one, y, z]), change[:, 0], rcond=None)[0]
     oy, yz = np.linalg.lstsq(np.column_stack([one, z]), change[:, 1], rcond=None)[0]
     offset, skew = np.array([ox, oy]), np.array([xy, xz, yz])
     nodes = box.grid(NODES, NODES, LEVELS)
-    # The heights stand at positions that offset and skew have changed already.
+    # The table is read at x and y that offset and skew have changed already: compute the heights for those.
     wanted = nodes - (_skewed(nodes, offset, skew) - nodes)
     height = (positions_to_ask_for(machine, controller, box, wanted) - wanted)[:, 2]
     x, y = (np.linspace(box.low[k], box.high[k], NODES) for k in (0, 1))
@@ -80,6 +87,7 @@ def plane_tables(machine: Machine, controller: Controller, box: Box) -> PlaneTab
 
 
 def _skewed(xyz: Floats, offset: Floats, skew: Floats) -> Floats:
+    """(N, 3) positions with offset and skew, m."""
     p = xyz.copy()
     p[:, :2] += offset
     y = p[:, 1].copy()
@@ -89,6 +97,6 @@ def _skewed(xyz: Floats, offset: Floats, skew: Floats) -> Floats:
 
 
 def _cell(nodes: Floats, at: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """(N,) fractions within the cell, 0 to 1, and (N,) its first node."""
+    """(N,) position of each value within its cell of the grid, 0 to 1, and (N,) number of the cell's lower node."""
     i = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
     return np.clip((at - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0, 1.0), i

@@ -24,12 +24,14 @@ RRF_ANGLES = (210.0, 330.0, 90.0)
 
 
 def named(temperature: float | None) -> str:
-    """Suffix of a name for a temperature: empty for None, or as ``_25``. Klipper allows digits only at the end of a command.
+    """Suffix of a file's or macro's name for a temperature, degC: empty for None, else ``_25`` for 25 degC.
+
+    Klipper allows digits only at the end of a command's name.
 
     Raises
     ------
     ModelError
-        If it is not a whole number of degrees, or below 0.
+        If the temperature is not a whole number of degrees, or below 0.
     """
     if temperature is None:
         return ""
@@ -49,6 +51,10 @@ def klipper_config(
 
     Parameters
     ----------
+    tables
+        For each temperature, degC (None: only one table), the correction.
+    towers
+        The dimensions of a delta; None: they are not written.
     rotation
         (3,) ``rotation_distance`` before the correction, mm.
     """
@@ -89,6 +95,10 @@ def rrf_macro(
 
     Parameters
     ----------
+    heightmap
+        Name of the file with the height map.
+    towers
+        The dimensions of a delta; None: they are not written.
     steps
         (3,) steps per mm before the correction.
     """
@@ -118,7 +128,8 @@ def rrf_macro(
 def rrf_heightmap(table: PlaneTables) -> str:
     """A height map, as G29 S1 loads it: version 2, mm.
 
-    The spacing has six decimals: RepRapFirmware writes two, but reads all, and takes the places of the nodes from it.
+    The spacing has six decimals. RepRapFirmware itself writes two, but it reads all, and computes the nodes' positions with
+    them.
     """
     h = MM * table.height
     spacing = [MM * (nodes[1] - nodes[0]) for nodes in (table.x, table.y)]
@@ -129,7 +140,7 @@ def rrf_heightmap(table: PlaneTables) -> str:
         "axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1",
         f"X,Y,{','.join(f'{end:.4f}' for end in ends)},-1.00,{spacing[0]:.6f},{spacing[1]:.6f},{len(table.x)},{len(table.y)}",
     ]
-    # Five decimals with 21 nodes are below the 330 letters that a line may have.
+    # With five decimals, a line of 21 nodes stays below the limit of 330 characters.
     lines += [",".join(f"{value:9.5f}" for value in row) for row in h]
     return "\n".join(lines) + "\n"
 

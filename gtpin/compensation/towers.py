@@ -1,4 +1,5 @@
-"""A linear delta as printers' firmwares describe it: one radius; for each tower an arm, an angle, an end stop and a scale."""
+"""A linear delta with the parameters of printers' firmwares: a radius; for each tower an arm, an angle, an end stop, a
+scale."""
 
 from __future__ import annotations
 
@@ -17,15 +18,15 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 CLOSE = 1e-5
-"""Largest difference, m, of a carriage's height by the firmware and by the nominal robot: firmware files are often rounded to
-0.01 mm."""
+"""Largest accepted difference, m, between a carriage's height computed with the firmware's dimensions and with the nominal
+robot. Dimensions in firmware files are often rounded to 0.01 mm."""
 POINTS = (9, 9, 5)
-"""Points of the box that the dimensions are fitted at."""
+"""Number of points along x, y and z of the box at which the dimensions are fitted."""
 USUAL = 1e-3
-"""Usual change of a dimension: m, rad, and relative."""
+"""Usual change of a dimension: m for lengths, rad for angles, relative for scales."""
 SLACK = 1e-7
-"""Weight of a change by `USUAL`, as an error of the TCP, m: where the box does not determine the dimensions, their smallest
-change is taken."""
+"""Error of the TCP, m, that weighs as much in the fit as a change of a dimension by `USUAL`. Of dimensions that fit equally
+well, those with the smallest change are taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +36,13 @@ class Towers:
     Parameters
     ----------
     radius
-        Distance from the middle to each tower, less the radius of the effector.
+        Distance from the middle axis to each tower, less the radius of the effector.
     arms, angles
-        (3,) length of the arms, and direction of the tower from the x axis.
+        (3,) length of the arms; direction of each tower from the middle axis, angle from the x axis.
     ends
-        (3,) height of the nozzle over z = 0 in the middle, if all carriages were as high as this one at its end stop.
+        (3,) height of the nozzle above z = 0, if it is on the middle axis and this tower's carriage is at its end stop.
     scale
-        (3,) travel per step divided by the configured travel per step.
+        (3,) travel per motor step divided by the configured travel per step.
     """
 
     radius: float
@@ -51,7 +52,7 @@ class Towers:
     scale: Floats
 
     def heights(self, xyz: Floats) -> Floats:
-        """(N, 3) heights of the carriages over z = 0 for nozzles at (N, 3); NaN beyond the arms."""
+        """(N, 3) heights of the carriages above z = 0 for nozzles at (N, 3), m; NaN for positions out of reach of an arm."""
         foot = self.radius * np.column_stack([np.cos(self.angles), np.sin(self.angles)])
         across = ((xyz[:, None, :2] - foot) ** 2).sum(axis=2)
         with np.errstate(invalid="ignore"):
@@ -59,28 +60,28 @@ class Towers:
 
     @property
     def tops(self) -> Floats:
-        """(3,) heights of the carriages at their end stops."""
+        """(3,) heights of the carriages above z = 0 at their end stops, m."""
         return np.asarray(self.ends + np.sqrt(self.arms**2 - self.radius**2))
 
     @property
     def values(self) -> Floats:
-        """(13,) all of them."""
+        """(13,) radius, arms, angles, ends and scale in one vector."""
         return np.concatenate([[self.radius], self.arms, self.angles, self.ends, self.scale])
 
     @staticmethod
     def of(values: Floats) -> Towers:
-        """From :attr:`values`."""
+        """The dimensions from a vector as :attr:`values` has it."""
         return Towers(float(values[0]), *np.split(values[1:], 4))
 
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """The actuator of each tower: q[actuator] = sign * height + zero, with the carriage's height by the dimensions ``towers``.
+    """The actuator of each tower: q[actuator] = sign * height + zero, with the carriage's height above z = 0, m.
 
     Parameters
     ----------
     towers
-        The dimensions that these drives were configured with, of scale 1.
+        The dimensions that the firmware is configured with, with scale 1.
     actuator, sign, zero
         (3,) actuator, sign and zero (m) of each tower.
     """
@@ -91,7 +92,11 @@ class Drives:
     zero: Floats
 
     def commands(self, towers: Towers, xyz: Floats) -> Floats:
-        """(N, 3) commands of a firmware that has other dimensions, on the same end stops."""
+        """(N, 3) commands, m, that result for nozzles at ``xyz`` (N, 3), m, if the firmware has the dimensions ``towers``
+        instead.
+
+        The end stops stay where they are on the machine.
+        """
         travel = (towers.tops - towers.heights(xyz)) / towers.scale
         q = np.empty_like(travel)
         q[:, self.actuator] = self.sign * (self.towers.tops - travel) + self.zero
@@ -106,17 +111,17 @@ class TowerController:
     towers: Towers
 
     def commands(self, xyz: Floats) -> Floats:
-        """(N, 3) commands for positions (N, 3) in its own coordinates, m; NaN where there are none."""
+        """(N, 3) commands, m, for positions (N, 3) in the firmware's coordinates, m; NaN for positions out of reach."""
         return self.drives.commands(self.towers, xyz)
 
 
 def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
-    """The actuator of a nominal robot for each tower.
+    """Find the actuator of a nominal robot for each tower, by comparing carriage heights with commands over a box.
 
     Raises
     ------
     ModelError
-        If the robot has no carriages that move as those of this firmware.
+        If the commands of the robot are not the heights of such carriages, up to sign and zero.
     """
     xyz = box.grid(*POINTS)
     height, q = towers.heights(xyz), ModelController(nominal, box.origin).commands(xyz)
@@ -137,7 +142,7 @@ def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
 
 
 def fitted_towers(machine: Machine, drives: Drives, box: Box, scales: bool = True) -> Towers:
-    """The dimensions with which the firmware makes the smallest error of the TCP in a box, root mean square.
+    """The dimensions with which the root mean square error of the TCP in a box is smallest.
 
     Parameters
     ----------

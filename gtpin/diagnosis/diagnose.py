@@ -41,10 +41,10 @@ Mask = npt.NDArray[np.bool_]
 FALSE_ALARM = 0.01
 """Probability of naming a cause where there is none."""
 REGIONS = 12
-"""Number of regions into which the workspace is divided."""
+"""Largest number of regions into which the workspace is divided; with fewer poses there are fewer regions."""
 SEARCHED, SEARCHED_A_COVARIATE = 130e3, 45e3
-"""Bytes of memory for each pose that a search is made on, and for each of its covariates in addition: displacements by every
-hypothesis. Measured: docs/speed.md.
+"""Memory for the displacements by all hypotheses, bytes: for each pose of a search, and in addition for each covariate of each
+pose. Measured: docs/speed.md.
 """
 
 
@@ -116,13 +116,14 @@ def diagnose(
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
         prepared = prepare(prepared.undeclared(small), nominal, progress, priors)
-    check_hold_out(prepared.dataset, hold_out)
+    check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
     if dataset.drivers:
         scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
     rows = readmit_outliers(prepared, scope)
     settled = settle(prepared, rows.admitted, scope, rng)
     found = infer(settled)
+    # Outliers were readmitted for the sake of causes. If none is named, the search is repeated without these rows.
     if not found.classes and rows.readmitted:
         settled = settle(prepared, rows.sure, scope, rng)
         found = infer(settled)
@@ -144,7 +145,7 @@ def diagnose(
 def _diagnosis(
     prepared: Prepared, settled: Settled, fitted: Fitted, experiments: tuple[Experiment, ...], scope: Scope
 ) -> Diagnosis:
-    """The result with all that is reported."""
+    """Put the result of a diagnosis together from those of its steps."""
     found, hypotheses = fitted.conclusion, settled.hypotheses
     design = hypotheses.design
     left = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)

@@ -33,8 +33,8 @@ class Priors:
     """Log prior odds against a smooth term, in addition to those of a named effect: the catalogue lists the common effects.
     Assumed, odds of 1 to 150."""
     third: float = 4.0
-    """Additional log prior odds against a third cause, and against each further one. Assumed, odds of 1 to 55: so many causes
-    at once are rare."""
+    """Additional log prior odds against a third cause, and against each further one. Assumed, odds of 1 to 55: three causes at
+    once are rare."""
     most_coefficients: float = 0.5
     """Number of coefficients that a model of a robot without rods has at most when a term is added, over that of the measured
     numbers. Assumed: with more of them, several terms of all links explain any data."""
@@ -50,8 +50,8 @@ class Priors:
     other: float = 0.01
     """The same share, for all other hypotheses. Measured: docs/priors.md."""
     departure: float = 0.025
-    """Share of the evidence of the smooth terms by which a model with them must be better than a model with named causes.
-    Measured: docs/priors.md."""
+    """Share of the evidence of the smooth terms by which the worth (log evidence less log prior odds) of a model with them must
+    be larger than that of a model with named causes. Measured: docs/priors.md."""
     modulation: float = 0.06
     """The same share, where the smooth terms could be the modulation of a named cause. Measured: docs/priors.md."""
 
@@ -60,9 +60,9 @@ class Priors:
     """Smallest temperature: gains in log evidence are divided by it to compute probabilities. Measured: docs/priors.md."""
     warming: float = 0.004
     """Increase of the temperature for each nat of evidence: the larger an effect is, the more its difference from its equation
-    shows. Measured."""
+    shows. Assumed; the probabilities that result are measured: docs/blind.md."""
     warmest: float = 6.0
-    """Largest temperature. Measured."""
+    """Largest temperature. Assumed; the probabilities that result are measured: docs/blind.md."""
 
     # Proxies of covariates that were not recorded.
     not_recorded: float = 0.2
@@ -108,7 +108,8 @@ class Priors:
     """Standard deviations by which the scatter of an actuator must exceed the noise before it is not attributed to noise.
     Assumed."""
     core_leaves: float = 0.15
-    """Largest share of the explained energy that may remain because causes differ from their cores. Assumed."""
+    """Largest share of the explained energy that may remain because real causes differ from the equations of their cores.
+    Assumed."""
     absurd: float = 15.0
     """Residual, in standard deviations of most poses (robust scale), beyond which a pose is an outlier even with heavy-tailed
     noise. Assumed."""
@@ -173,7 +174,8 @@ class Priors:
     """Ratio of the number of changes of session to the smallest possible number, above which the column ``session`` is not
     used. Assumed."""
     fewest_moving: int = 8
-    """Smallest number of rows for a comparison of two columns. Derived: so many signs agree by chance in 1 of 128 cases."""
+    """Smallest number of rows for a comparison of two columns. Derived: by chance, eight signs all agree or all disagree in 1
+    of 128 cases."""
     frozen: float = 0.2
     """Share of the rows, in a run of consecutive rows, for which a constant temperature is taken for a failed reading.
     Assumed."""
@@ -186,17 +188,18 @@ class Priors:
 
     # Checks against an earlier model.
     named_alarms: float = 0.8
-    """Share of a check's false alarms that named changes may raise; the chi-square of what is left may raise the others.
-    Assumed: most changes are in the catalogue."""
+    """Share of a check's permitted probability of a false alarm that is for named changes. The rest is for the chi-square of
+    what they do not explain. Assumed: most changes are in the catalogue."""
     least_scatter: float = 3e-6
-    """Smallest scatter of each drive in a check, m (of a joint without rods, over 0.1 m, rad). Assumed: a fit of 100 poses
-    shows less than this as none, and drives repeat to a few micrometres at best; the whole Gantry-Tau to 13 um."""
+    """Smallest scatter of each drive that a check assumes, m; for a robot with turning joints and no rods, this over 0.1 m,
+    rad. Assumed: a fit of 100 poses can't show a smaller one, and drives repeat to a few micrometres at best (the Gantry-Tau as
+    a whole to 13 um)."""
     gross: float = 1e-4
     """P-value, over all poses of a check, below which a single pose is a gross error. Assumed: a hundredth of the usual chance
     of a false alarm."""
     gross_alone: float = 9.0
-    """Ratio of such a pose's chi-square to the median of all poses, above which it is set aside: three times the size of the
-    others. Assumed: what all poses show is no gross error."""
+    """Ratio of such a pose's chi-square to the median of all poses, above which the pose is set aside: its residual is then
+    three times as large as that of the others. Assumed: what all poses show is no gross error."""
     gross_share: float = 0.2
     """Largest share of a check's poses that are set aside. Assumed: with more, the measurement has to be repeated."""
 

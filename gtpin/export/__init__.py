@@ -1,4 +1,4 @@
-"""Models for other software: URDF, SDF, MJCF, and what a controller can correct."""
+"""Models for other software: URDF, SDF, MJCF, and correction tables for controllers."""
 
 from gtpin.compensation.box import Box
 from gtpin.export.export import SUFFIXES, Format, export

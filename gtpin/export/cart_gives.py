@@ -1,4 +1,4 @@
-"""How a cart gives way in one direction: a spring, what its place on the track adds, and friction."""
+"""The deflection of a cart along or about one axis: a spring, a curve over the place on the track, and friction."""
 
 from __future__ import annotations
 
@@ -13,31 +13,37 @@ from gtpin.export.lines import line
 Floats = npt.NDArray[np.float64]
 
 PLACES = 4
-"""Half waves along the track: as many as ``cart_compliance`` has."""
+"""Number of half waves along the track: as many as ``cart_compliance`` has."""
 FREE = 0.2
-"""Share of a load's spread that must not follow from the place, if both are to be told apart in one fit."""
+"""Part of the load's standard deviation that must not follow from the place on the track. With less, one fit can't separate the
+compliance from the curve over the place."""
 WORTHWHILE = 2e-7
-"""m or rad, root mean square: smaller parts are dropped."""
+"""Root mean square, m or rad, below which a part of the deflection is dropped."""
 
 
 @dataclass(frozen=True)
 class Give:
-    """compliance times load, m or rad, what the place adds, and ``slip`` times the direction of approach."""
+    """The deflection, m or rad: compliance * load + place(q) + slip * direction of approach.
+
+    ``compliance`` in m/N or rad/(N m); ``place``: a curve over the cart's command; ``slip`` in m or rad.
+    """
 
     compliance: float
     place: Curve
     slip: float
 
     def at(self, load: Floats, q: Floats, approach: Floats) -> Floats:
-        """(N,) motion."""
+        """(N,) deflection, m or rad, under loads (N,), N or N m, at commands (N,), from directions of approach (N,), +1 or
+        -1."""
         return np.asarray(self.compliance * load + self.place(q) + self.slip * approach)
 
 
 def give(load: Floats, moved: Floats, tangent: float, q: Floats, ends: tuple[float, float], approach: Floats) -> Give:
-    """The law through motions (N,) under loads, at commands, from directions of approach (N,), by least squares.
+    """The law fitted by least squares to deflections ``moved`` (N,) under loads, at commands, from directions of approach (N,).
 
-    The compliance is fitted alone where the load follows from the place: else a curve could take its part. ``tangent`` is
-    the compliance where the load does not vary.
+    Where the load follows from the place on the track, the compliance is fitted first and alone. Otherwise the curve over the
+    place could take over a part of it. ``tangent`` is the compliance to use where the load does not vary; ``ends``: the range
+    of the cart's commands.
     """
     one = np.ones(len(q))
     compliance, rest = line(load, moved, tangent)
@@ -45,7 +51,7 @@ def give(load: Floats, moved: Floats, tangent: float, q: Floats, ends: tuple[flo
     place = waves(q, load, ends, one, PLACES)
     own = load - place(q)
     if np.std(own) > FREE * np.std(load):
-        # With the place and the approach taken from the load, its slope is that of a fit of all together.
+        # The load without its fit by place and approach: the slope over it is the compliance of a fit of all three together.
         own = own - approach * float(own @ approach) / max(float(approach @ approach), 1.0)
         compliance = float(own @ moved) / float(own @ own)
     left = moved - compliance * load

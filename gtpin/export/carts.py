@@ -1,4 +1,4 @@
-"""Carts with compliance, as springs, and carts with deviations across the track, as coupled joints."""
+"""Compliance of carts as springs; error motions of carts across their tracks as coupled joints."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 NAMES = ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")
+"""Names of a cart's shifts along, and turns about, the axes of :func:`_axes`."""
 STRAIGHT = 1e-9
-"""m or rad: smaller motions of a cart get no joint."""
+"""Smallest error motion of a cart, m or rad, that gets a joint."""
 
 
 def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
-    """Carts with the compliance of a model's ``cart_compliance``, linear in the loads of its range.
+    """Carts with the compliance of a model's ``cart_compliance``, fitted as linear in the loads at its conditions.
 
-    The rods' joints of such a cart are on a massless body ``CART_seat``, which has three springs along, and three about, the
-    track and the two axes across it. The rest positions of the springs compensate the weight of the rods on the cart, which
-    is not in the effect. What the place along the track adds is one more joint for each spring, which follows the actuator's
-    (``CART_strays``); what friction adds is one that follows a play, ``CART_slip`` (``CART_slips``). Returns the same as
-    :func:`~gtpin.export.drives.with_drives`.
+    The rods' joints of such a cart are on a massless body ``CART_seat``. It has springs along, and about, the track and the two
+    axes across it. The rest positions of the springs compensate the weight of the rods on the cart, which is not in the effect.
+    On a body ``CART_strays`` between them and the rods is a joint for each spring whose deflection depends on the place on the
+    track; it follows the actuator's joint. On a body ``CART_slips`` is a joint for each spring with friction; it follows the
+    joint ``CART_slip``, which has a play. Returns the same as :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     for active in model.effects:
@@ -64,7 +65,19 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
 def _seated(
     mechanism: Mechanism, robot: Robot, site: str, axes: Floats, laws: Mapping[int, Give], weight: Floats, load: float
 ) -> Mechanism:
-    """A cart's joints on a body that gives way by laws, by axis; ``weight`` (6,) is what its springs carry besides."""
+    """The mechanism with the rods' joints of a cart on springs.
+
+    Parameters
+    ----------
+    axes
+        (3, 3) as :func:`_axes`.
+    laws
+        The law of deflection by number of the axis, as in ``NAMES``.
+    weight
+        (6,) force, N, and moment, N m, on the springs that the loads of the laws do not contain.
+    load
+        Largest load, N or N m, at which friction must hold.
+    """
     driven, name = _driven(mechanism, robot, site), f"{site}_slip"
     springs, strays, slips, couplings = [], [], [], []
     most = max(abs(law.slip) for law in laws.values())
@@ -76,9 +89,9 @@ def _seated(
             couplings.append(Coupling(strays[-1].name, driven.name, replace(law.place, offset=0.0).about(driven.home)))
         if law.slip:
             slips.append(_joint(mechanism, robot, site, f"{NAMES[k]}_slips", k, axes, None))
-            # The play stays behind: it is negative where the cart came from below.
+            # The joint with play lags behind the cart: its coordinate is negative if the cart came from below.
             couplings.append(Coupling(slips[-1].name, name, SAME.times(-law.slip / most)))
-    # A body of MuJoCo has six joints at most.
+    # MuJoCo allows at most six joints per body.
     for body, joints in (("seat", springs), ("strays", strays), ("slips", slips)):
         if joints:
             mechanism = mechanism.on_springs(f"{site}_{body}", _ends(robot, site), joints)
@@ -92,10 +105,10 @@ def _seated(
 
 
 def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
-    """Carts that shift across and turn along their tracks (``straightness``, ``cart_rotation``).
+    """Carts that shift across, and rotate along, their tracks (``straightness``, ``cart_rotation``).
 
-    The rods' joints of such a cart are on a massless body ``CART_led``, whose joints follow the actuator's by curves. An effect
-    of which these leave more than the share ``WORTH`` is left out. Returns the same as
+    The rods' joints of such a cart are on a massless body ``CART_led``, whose joints follow the actuator's joint by curves. If
+    these curves miss more than ``WORTH`` of an effect's motion of the TCP, the effect is left out. Returns the same as
     :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
@@ -127,7 +140,8 @@ def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Seq
     driven = _driven(mechanism, robot, site)
     for k, curve in enumerate(total):
         if np.abs(curve(there)).max() > STRAIGHT:
-            # At home the file has the loops closed: there the joint starts at nothing, and moves to its place.
+            # The loops of the file are closed at home without error motions: the joint is at zero in the file, and the
+            # constraint of its coupling moves it to the curve's value.
             joint = _joint(mechanism, robot, site, f"{NAMES[k]}_led", k, axes, None)
             joints.append(joint)
             couplings.append(Coupling(joint.name, driven.name, curve.about(driven.home)))
@@ -144,12 +158,12 @@ def _driven(mechanism: Mechanism, robot: Robot, site: str) -> Joint:
 
 
 def _axes(robot: Robot, site: str) -> Floats:
-    """(3, 3) unit vectors along the track, and a and b across it, base frame, by rows."""
+    """(3, 3) rows: unit vectors along the track, and a and b across it, base frame."""
     return np.asarray(np.roll(rotation_axes(robot.actuators[robot.sites.index(site)].axis), 1, axis=0))
 
 
 def _ends(robot: Robot, site: str) -> list[tuple[str, int]]:
-    """The cart's ends of its loops."""
+    """The loops of a cart's rods, each with its end on the cart: name, 0 or 1."""
     actuator = robot.sites.index(site)
     return [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]
 
@@ -157,7 +171,7 @@ def _ends(robot: Robot, site: str) -> list[tuple[str, int]]:
 def _joint(
     mechanism: Mechanism, robot: Robot, site: str, name: str, k: int, axes: Floats, spring: Spring | None
 ) -> Joint:
-    """A slide along an axis (k < 3) or a hinge about it of the body that the cart's joints will sit on."""
+    """A new joint along (k < 3) or about an axis of the cart, for the body that will carry the rods' joints."""
     loop, side = _ends(robot, site)[0]
     place = mechanism.placements()[mechanism.loops[loop][side].body]
     axis = place.rotation.T @ axes[k % 3]
@@ -165,7 +179,8 @@ def _joint(
 
 
 def _motion(active: ActiveEffect, at: Situation, axes: Floats) -> Floats:
-    """(N, 6) shift of the mean of a cart's joints, m, and turn about it, rad, along and about its axes."""
+    """(N, 6) motion of a cart by an effect: shift of the mean of its rods' joints, m, and turn about it, rad, in the cart's
+    axes."""
     displaced, lever = active.basis(at).carrier_joints, _levers(at, active.site)
     assert displaced is not None
     moved = (displaced @ active.coefficients)[:, rods_of(at, active.site)]
@@ -176,7 +191,7 @@ def _motion(active: ActiveEffect, at: Situation, axes: Floats) -> Floats:
 
 
 def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:
-    """(N, 6) motion of the TCP by a motion (N, 6) of a cart, to first order."""
+    """(N, 6) motion of the TCP, m and rad, base frame, by a motion (N, 6) of a cart in its axes, to first order."""
     shift, turn = motion[:, None, :3] @ axes, motion[:, None, 3:] @ axes
     rods = rods_of(at, site)
     carrier_joints = shift + np.cross(turn, _levers(at, site))
@@ -185,13 +200,13 @@ def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:
 
 
 def _levers(at: Situation, site: str) -> Floats:
-    """(N, k, 3) joints of a cart from their mean, base frame, m."""
+    """(N, k, 3) vectors from the mean of the rods' joints on a cart to each of them, base frame, m."""
     joints = at.carrier_joints[:, rods_of(at, site)]
     return np.asarray(joints - joints.mean(axis=1, keepdims=True))
 
 
 def _loads(at: Situation, site: str, axes: Floats) -> Floats:
-    """(N, 6) force, N, and moment, N m, of the rods on a cart, along and about its axes."""
+    """(N, 6) force, N, and moment, N m, of the rods on a cart, in its axes."""
     rods = rods_of(at, site)
     pull = at.force[:, rods, None] * at.along[:, rods]
     moment = np.cross(_levers(at, site), pull).sum(axis=1)
@@ -199,7 +214,7 @@ def _loads(at: Situation, site: str, axes: Floats) -> Floats:
 
 
 def _weight(mechanism: Mechanism, robot: Robot, site: str, axes: Floats) -> Floats:
-    """(6,) force, N, and moment, N m, on a cart by the part of the rods' weight that it carries."""
+    """(6,) force, N, and moment, N m, in the cart's axes, of the part of the rods' weight that the cart carries."""
     places = mechanism.placements()
     seats, weights = [], []
     for loop, side in _ends(robot, site):
@@ -214,6 +229,6 @@ def _weight(mechanism: Mechanism, robot: Robot, site: str, axes: Floats) -> Floa
 
 
 def _tangents(active: ActiveEffect) -> list[float]:
-    """The six compliances at the usual load."""
+    """The six compliances at the usual load, m/N and rad/(N m), in the order of ``NAMES``."""
     found = active.effect.parameters(active.coefficients, active.nonlinear)
     return [found[name][0] if name in found else 0.0 for name in NAMES]

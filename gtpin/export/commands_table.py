@@ -21,8 +21,8 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     Raises
     ------
     GtpinError
-        If the robot has too many actuators for such a table, temperatures are given and no effect depends on one, or there is
-        nothing to correct.
+        If the robot has too many actuators for such a table, or one without a range; if temperatures are given and no effect
+        depends on one; or if there is nothing to correct.
     """
     if wanted.box is not None or wanted.firmware is not None:
         raise ModelError("a table over commands takes no --box and no --firmware", hint="leave them out")
@@ -46,7 +46,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
 
 
 def _left(machine: Machine, controller: Model, table: GridTable) -> Left:
-    """Errors at random commands (Halton) between nodes without NaN, at the last temperature."""
+    """Errors at commands of Halton's sequence, in cells of the table without NaN, at its last temperature step."""
     from scipy.stats import qmc
 
     low, high = (np.array([nodes[k] for nodes in table.nodes]) for k in (0, -1))

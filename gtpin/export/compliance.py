@@ -1,4 +1,4 @@
-"""A model's compliance as springs of its mechanism, and its drive scales as scales of its drives."""
+"""A model's rod compliance as springs of a mechanism, and its drive scales as scales of its drives."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Floats = npt.NDArray[np.float64]
 
 
 def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
-    """Links with the compliance of a model's ``link_compliance``, linear in the loads of its range.
+    """Rods with the compliance of a model's ``link_compliance``, fitted as linear in the loads at its conditions.
 
-    The link's end, with the part of its mass that the carrier supports, slides along it on a spring.
+    The rod's end on the carrier, with the part of the rod's mass that the carrier supports, slides along the rod on a spring.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
         By name, for each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
     """
     active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
-    if not active or not robot.rods:  # links of a chain bend
+    if not active or not robot.rods:  # for links of robots without rods, which bend: export/joint_springs.py
         return mechanism, {}
     laws = {effect.name: _lines(model, effect) for effect in active}
     compliance, rest = np.sum(list(laws.values()), axis=0)
@@ -62,7 +62,7 @@ def _lines(model: Model, active: ActiveEffect) -> tuple[Floats, Floats]:
 
 
 def _at_tcp(model: Model, active: ActiveEffect, compliance: Floats, rest: Floats) -> Floats:
-    """(N, 6) motion of the TCP by rods that stretch in proportion to their load."""
+    """(N, 6) motion of the TCP, m and rad, by rods that stretch by ``rest`` (k,) and in proportion to their load."""
     at = conditions(model, active)
     return np.asarray(np.einsum("nik,nk->ni", at.response, rest + compliance * at.force))
 
@@ -77,7 +77,8 @@ def geometric_scales(model: Model) -> dict[str, float]:
 
 
 def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
-    """Travel per command of each drive by site, from a model's scales and ``encoder_scale``, and the names of these parts."""
+    """Travel per command of each drive by site, from a model's scales and ``encoder_scale``, and the names of the parts of the
+    model that these scales represent."""
     scales = geometric_scales(model)
     carried = set()
     for active in model.effects:
@@ -97,7 +98,8 @@ def _sprung(mechanism: Mechanism, robot: Robot, rod: Rod, spring: Spring, root: 
     length = float(np.linalg.norm(along))
     axis = place.rotation.T @ along / length
     old = mechanism.body(end.body)
-    # What weighs on the carrier hangs beyond the spring, so that the spring bears the force at the rod's middle.
+    # The part of the rod's mass whose weight the carrier bears is on the carrier's side of the spring. The spring then bears
+    # the force at the rod's middle, as in the effect.
     beyond = float(np.clip(1.0 - (end.point - old.inertia.lever) @ axis / length, 0.0, 0.99))
     joint = Joint(f"{rod.site}_stretch", "slide", axis, np.zeros(3), 0.0, spring=spring)
     sprung = mechanism.on_springs(f"{rod.site}_end", [(loop, rod.rod_end)], [joint])

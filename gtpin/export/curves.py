@@ -1,4 +1,4 @@
-"""Curves by which a joint of a mechanism follows another: a straight line, and harmonics of its travel."""
+"""Curves by which a joint of a mechanism follows another: a straight line, and harmonics of the other's coordinate."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 HARMONICS = 14
-"""Half waves over the range: as many as ``linearity`` and ``straightness`` have."""
+"""Number of half waves over the range: as many as ``linearity`` and ``straightness`` have."""
 CLOSE = 1e-9
-"""m or rad, root mean square: a line that comes as near needs no harmonics."""
+"""Root mean square error, m or rad, up to which a line alone is taken, without harmonics."""
 LEAST = 1e-9
-"""m or rad: harmonics of a smaller amplitude are dropped."""
+"""Smallest amplitude of a harmonic, m or rad; smaller ones are dropped."""
 SHOWN = 1e-6
-"""Combinations of harmonics that the coordinates show by less, relative to the best, are left out."""
+"""Smallest singular value of the least-squares problem, relative to the largest. Combinations of harmonics with a smaller one
+are left out: the coordinates of the fit do not determine them."""
 
 
 @dataclass(frozen=True)
 class Harmonic:
-    """amplitude cos(rate x + phase): m or rad, rad for a unit of x, rad."""
+    """amplitude cos(rate x + phase): amplitude in m or rad, rate in rad per unit of x, phase in rad."""
 
     rate: float
     phase: float
@@ -30,7 +31,7 @@ class Harmonic:
 
 @dataclass(frozen=True)
 class Curve:
-    """offset + proportion x + harmonics of x, m or rad."""
+    """offset + proportion x + sum of harmonics of x; values in m or rad."""
 
     offset: float
     proportion: float
@@ -47,12 +48,12 @@ class Curve:
         return self.proportion - float(sum(h.amplitude * h.rate * np.sin(h.rate * x + h.phase) for h in self.harmonics))
 
     def about(self, origin: float) -> Curve:
-        """The same curve over x - origin."""
+        """The same curve as a function of x - origin."""
         moved = tuple(replace(h, phase=h.phase + h.rate * origin) for h in self.harmonics)
         return Curve(self.offset + self.proportion * origin, self.proportion, moved)
 
     def times(self, factor: float) -> Curve:
-        """The curve with all its values multiplied."""
+        """The curve with all its values multiplied by a factor."""
         waves = tuple(replace(h, amplitude=factor * h.amplitude) for h in self.harmonics)
         return Curve(factor * self.offset, factor * self.proportion, waves)
 
@@ -66,13 +67,15 @@ class Curve:
 
 
 NOTHING = Curve(0.0, 0.0)
+"""The curve that is zero."""
 SAME = Curve(0.0, 1.0)
+"""The curve of a joint that has the coordinate of the other."""
 
 
 def fitted(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats | None = None) -> Curve:
     """The curve through values (N,) at coordinates x (N,), by least squares with weights (N,).
 
-    Its harmonics are half waves 1 to ``HARMONICS`` over the range between ``ends``; smooth effects consist of them.
+    Its harmonics are half waves 1 to ``HARMONICS`` over the range between ``ends``: the functions of the smooth effects.
     """
     weight = np.ones(len(x)) if weight is None else weight
     proportion, offset = np.polyfit(x, values, 1, w=weight)
@@ -83,7 +86,7 @@ def fitted(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats 
 
 
 def waves(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats, count: int) -> Curve:
-    """As :func:`fitted`: a constant, and half waves 1 to ``count`` if it is not close enough."""
+    """As :func:`fitted`, but without slope: a constant and, if that is not close enough, half waves 1 to ``count``."""
     constant = Curve(float(np.average(values, weights=weight**2)), 0.0)
     if _off(constant, x, values, weight) <= CLOSE:
         return constant

@@ -1,4 +1,4 @@
-"""Effects along an actuator as parts of its drive: travel as a curve of the command, and play."""
+"""Effects along an actuator in its drive: the travel as a curve of the command, and play."""
 
 from __future__ import annotations
 
@@ -24,24 +24,25 @@ from gtpin.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 BEYOND = 0.02
-"""Weight of commands outside those of the model's fit: so small that the curve changes little inside."""
+"""Weight of commands over the actuator's whole range in the fit of a curve; those within the model's fit have weight 1. It is
+so small that the curve changes little within the commands of the model's fit."""
 STRAIGHT = 1e-9
 """Largest deviation, m or rad, of the travel from a proportional one that is exported as a gear ratio."""
 SPREADS = 3.0
 """Standard deviations above the mean load up to which the friction of a guide must hold."""
 NEWTON = 10
-"""Steps that invert a curve whose slope is about 1."""
+"""Number of Newton steps to invert a curve whose slope is about 1."""
 LEAST_PLAY = 1e-8
 """Smallest play that is exported, m or rad."""
 WIDTHS = 4
-"""Half waves of the width of a play along the range: ``backlash`` has two."""
+"""Number of half waves over the range in the width of a play: ``backlash`` has two."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Deviation of a drive's travel from its command, m or rad: a curve ``along`` of the command, and half its play there.
+    """Deviation of a drive's travel from its command, m or rad: along(q) - half_width(q) * direction of approach.
 
-    ``load``: bound of the load on the drive in the fit, N or N m.
+    ``half_width``: half the play. ``load``: bound of the load on the drive in the model's fit, N or N m.
     """
 
     along: Curve
@@ -49,16 +50,16 @@ class Law:
     load: float
 
     def at(self, q: Floats, approach: Floats | float) -> Floats:
-        """(N,) deviation at commands and directions of approach (N,)."""
+        """(N,) deviation, m or rad, at commands and directions of approach (N,)."""
         return np.asarray(self.along(q) - self.half_width(q) * approach)
 
 
 def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tuple[Mechanism, dict[str, Floats]]:
     """Drives with a model's scales, and its effects along actuators.
 
-    Travel in proportion to the command is a gear. Otherwise the command moves a motor ``SITE_motor``, which the actuator's
-    joint follows by a curve. Play is a joint ``SITE_play`` in series with the actuator's. Friction holds the part beyond it, so
-    that the deviation follows the direction of approach, as in the effect.
+    A travel in proportion to the command is written as a gear ratio. Otherwise the command moves a motor ``SITE_motor``, and
+    the actuator's joint follows it by a curve. Play is a joint ``SITE_play`` in series with the actuator's. Friction holds what
+    is behind the play, so that the deviation depends on the direction of approach, as in the effect.
 
     Returns
     -------
@@ -100,9 +101,9 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
 
 
 def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floats) -> Curve:
-    """Half the play; one width where it would be too small for a play somewhere.
+    """Half the play as a curve; a constant, 0 or more, if the curve is below ``LEAST_PLAY`` somewhere.
 
-    A drive that overshoots has none: this is part of the error.
+    A drive that overshoots on reversal has a negative play. It gets 0; the difference counts as error of the file.
     """
     curve = waves(q, half, ends, weight, WIDTHS)
     if curve(np.linspace(*ends, 101)).min() > LEAST_PLAY:
@@ -111,7 +112,7 @@ def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floa
 
 
 def _largest_load(at: Situation, site: str) -> float:
-    """Bound of the load on a drive in the fit, N or N m: its mean and ``SPREADS`` standard deviations, of all rods together."""
+    """Bound of the load on a drive in the fit, N or N m: mean plus ``SPREADS`` standard deviations, summed over its rods."""
     if not at.robot.rods:
         mean, spread = own_load(at, site)[1]
         return abs(mean) + SPREADS * spread
@@ -142,7 +143,7 @@ def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
 
 
 def _travel(active: ActiveEffect, at: Situation, index: int, approach: float) -> Floats:
-    """(N,) deviation of the actuator's travel, coming from one direction."""
+    """(N,) deviation of the actuator's travel, m or rad, if it comes from the direction ``approach``, +1 or -1."""
     name = f"approach{index + 1}"
     if name in at.covariates:
         at = at.with_covariate(name, np.full(len(at), approach))
@@ -157,7 +158,7 @@ def _approach(at: Situation, index: int) -> Floats:
 
 
 def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law]) -> Mechanism:
-    """The mechanism with one drive's scale, laws and play."""
+    """The mechanism with the scale of one drive and the sum of its laws."""
     body = mechanism.carrying(drive.joint)
     joint = next(own for own in body.joints if own.name == drive.joint)
     travel, half = SAME, NOTHING
@@ -195,10 +196,11 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
 
 
 def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Curve) -> Mechanism:
-    """A motor that turns by the command, and the actuator's joint coupled to it.
+    """The mechanism with a motor whose coordinate is the command, and the actuator's joint coupled to it by the curve
+    ``travel``.
 
-    Where the actuator slides, the motor still turns, by one radian per metre: for a coupled joint that slides, MuJoCo 4.0
-    ignores the reflected inertia in the stiffness of the coupling (``dof_invweight0``).
+    The motor is a hinge also if the actuator slides, with 1 rad per m of the command: of a slide joint in a coupling, MuJoCo
+    4.0 would ignore the reflected inertia in the stiffness of the coupling (``dof_invweight0``).
     """
     home = joint.home
     for _ in range(NEWTON):

@@ -1,4 +1,4 @@
-"""Writes a model for other software, by the format of the file."""
+"""Writes a model for other software."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from gtpin.robot.robot import Robot
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "klipper", "reprapfirmware"]
 TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
-"""Formats of tables that correct all errors together, in part; see :class:`~gtpin.export.tables_for.TablesFor`."""
+"""Formats of tables that correct the sum of all errors, as far as they can; see :class:`~gtpin.export.tables_for.TablesFor`."""
 SUFFIXES: dict[str, Format] = {
     ".urdf": "urdf",
     ".yaml": "parallel-robots",
@@ -47,10 +47,10 @@ SUFFIXES: dict[str, Format] = {
 
 @dataclass(frozen=True)
 class Export:
-    """Text by file name, and names of the parts of the model that the files can't represent.
+    """The files' texts by file name, and names of the parts of the model that the files can't represent.
 
-    ``in_transmissions``: parts that are in a URDF's transmissions. ``inexact``: effects that the files represent with an error,
-    with this error as text. ``notes``: other messages.
+    ``in_transmissions``: those of these parts that a URDF has only as ``<transmission>``. ``inexact``: names of the effects
+    that the files represent with an error, each with this error. ``notes``: other messages.
     """
 
     files: dict[str, str]
@@ -77,15 +77,15 @@ def export(
         The file to write; its suffix determines the format: ``.urdf``; ``.yaml`` (and a URDF of the same name in the same
         folder, for example-parallel-robots); ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections); ``.comp``
         (LinuxCNC's compensation files, ``FILE_SITE.comp`` for each actuator); ``.cfg`` (Klipper); ``.g`` (RepRapFirmware's
-        macro, and a height map beside it).
+        macro, and a height map in the same folder).
     form
-        The format, where the suffix is another; ``grid`` (a table over commands and temperatures) has none.
+        The format, if the suffix does not determine it; ``grid`` (a table over commands and temperatures) has no suffix.
     session
         Session whose zero shifts are in tables of corrections and MJCF; None: no zero shifts.
     tables
-        Controller and conditions for tables of Klipper, RepRapFirmware and over commands.
+        Controller and conditions for the formats ``TABLES``.
     force
-        Move files of these names that gtpin has not written, or that were changed since, aside (``NAME.old-1``).
+        Rename files of these names that gtpin has not written, or that were changed since, to ``NAME.old-1``.
 
     Returns
     -------
@@ -158,7 +158,7 @@ def texts(
 
 def _corrections(model: Model, file: Path, form: Format, session: str | None) -> Export:
     carried = {"drive scales", *(active.name for active in correctable(model, session))}
-    # Geometry is the business of the controller's kinematics, not of a table.
+    # Of what these tables leave out, name only effects ("effect@site"). The geometry belongs in the controller's kinematics.
     missing = tuple(name for name in left_out(model, carried) if "@" in name)
     if form == "csv":
         text = correction_table(corrections(model, session=session)).to_csv(index=False, lineterminator="\n")

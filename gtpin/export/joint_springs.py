@@ -25,12 +25,13 @@ Floats = npt.NDArray[np.float64]
 
 
 def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, dict[str, Floats]]:
-    """The mechanism of an open chain with the springs of its compliances, linear in the loads of its range.
+    """The mechanism of an open chain with its compliances as springs, fitted as linear in the loads at their conditions.
 
     A compliant drive is a joint ``JOINT_gives`` in series with the driven one; a compliant bearing is two hinges
-    ``JOINT_tilts_a`` and ``_b`` before it. A link that bends and twists has its tip on a body ``LINK_tip`` with springs at the
-    middle of the link, where the compliance of an Euler-Bernoulli beam's tip is diagonal: f l for turns, f l^3 / 12 for shifts
-    across.
+    ``JOINT_tilts_a`` and ``_b`` before it. A link of length l that bends and twists has its tip on a body ``LINK_tip`` with
+    springs at the middle of the link. About that point, the compliance of an Euler-Bernoulli beam's tip is diagonal: f l for
+    bending angles, f l^3 / 12 for shifts across, g l for torsion, with the flexibilities f in bending and g in torsion,
+    1/(N m^2).
 
     Returns
     -------
@@ -111,7 +112,10 @@ def _with_soft_bearing(mechanism: Mechanism, model: Model, active: ActiveEffect)
 def _flexibilities(
     model: Model, active: ActiveEffect, flexible: dict[str, tuple[MovingLink, float, float]]
 ) -> Floats | None:
-    """Add an effect's flexibilities in bending and torsion, 1/(N m^2), to those of its links; the motion of the TCP."""
+    """Add an effect's flexibilities in bending and torsion, 1/(N m^2), to those in ``flexible``, by link.
+
+    Returns the (N, 6) motion of the TCP, m and rad, that these flexibilities represent; None if there is none.
+    """
     at = conditions(model, active)
     twists = dict(active.basis(at).placements)
     total = np.zeros((len(at), 6))
@@ -130,7 +134,7 @@ def _flexibilities(
 
 
 def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g: float) -> Mechanism:
-    """A link whose tip, with the share of its mass that bends it, is on springs at its middle."""
+    """The mechanism with a link's tip, and the share ``OWN_WEIGHT`` of its mass, on springs at the link's middle."""
     here = _home(model)
     robot = model.kinematics.robot  # type: ignore[attr-defined]
     along = reach(here, link)
@@ -158,7 +162,7 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     placements = mechanism.placements()
     to_tip = placements[root.name].inverse() * tip
     name, mass = f"{link.name}_tip", root.inertia.mass
-    # The rest of the link's mass goes where the centre of mass stays: the loads of joints before it are as they were.
+    # The rest of the link's mass is placed so that its centre of mass stays the same: so do the loads of the joints before it.
     lever = (root.inertia.lever - OWN_WEIGHT * to_tip.translation) / (1.0 - OWN_WEIGHT)
     rest = pin.Inertia(mass * (1.0 - OWN_WEIGHT), lever, root.inertia.inertia * (1.0 - OWN_WEIGHT))
     point = pin.Inertia(mass * OWN_WEIGHT, np.zeros(3), root.inertia.inertia * OWN_WEIGHT)
@@ -180,7 +184,7 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
 
 
 def _target(model: Model, link: MovingLink) -> pin.SE3:
-    """Placement, in the tip's frame, of the frame that ``Bodies`` has at a link's tip."""
+    """Placement, in the frame of a link's tip, of the frame that the loads and motions of ``Bodies`` at this tip refer to."""
     robot = model.kinematics.robot  # type: ignore[attr-defined]
     last = link.tip == robot.model.njoints - 1
     return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()

@@ -1,4 +1,4 @@
-"""The error of the TCP without a part of a model that a file can't represent."""
+"""The error of the TCP that results if a file leaves out a part of a model, or represents it with an error."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ Floats = npt.NDArray[np.float64]
 POSES = 512
 """Number of commands at which a loss is computed."""
 WARMER = 1.0
-"""Temperature above the reference, K, for which a loss by temperature is stated."""
+"""Difference from the reference temperature, K, for which the loss of a thermal effect is stated."""
 SPEED = 0.1
-"""Speed, m/s or rad/s, for which a loss by speed is stated."""
+"""Speed, m/s or rad/s, for which the loss of an effect of speed is stated."""
 
 
 FORCES = ("fx", "fy", "fz")
+"""Columns of the force on the tool, N."""
 LEAST = 1e-7
 """Smallest error, m, of an effect in a file that is reported."""
 
 
 def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of parts of a model, each with the root mean square displacement of the TCP that it accounts for, micrometres.
+    """Names of parts of a model, each with the root mean square displacement of the TCP that this part causes, um.
 
     The mean is over commands that fill the ranges of the fit (without a fit: of the robot), over the time and the sessions of
     the fit, and over both directions of approach, with loads on the tool as in the fit; to first order. Effects of a
-    temperature or a speed are stated for one kelvin, or 0.1 m/s or rad/s. Parts with unknown conditions have no number.
+    temperature are stated for 1 K, those of a speed for 0.1 m/s or rad/s. Parts with unknown conditions have no number.
     """
     if not names:
         return names
@@ -78,7 +79,7 @@ def rms(moved: Floats) -> float:
 
 
 def ranges(model: Model) -> tuple[Floats, Floats]:
-    """(n,) smallest and largest commands of the fit, or of the robot without a fit; one turn where there is no limit."""
+    """(n,) smallest and largest commands of the fit; without a fit, the robot's limits, or -pi and pi where it has none."""
     robot = model.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
@@ -100,7 +101,7 @@ def _postures(model: Model) -> tuple[Floats, Poses]:
 
 
 def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
-    """(N, 6) motion of the TCP by drive scales."""
+    """(N, 6) motion of the TCP by drive scales, m and rad, base frame, to first order."""
     off = np.zeros_like(q)
     for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
         if parameter.kind == "scale" and parameter.per == "actuator":
@@ -109,7 +110,7 @@ def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
 
 
 def by_effect(active: ActiveEffect, at: Situation) -> Floats:
-    """(N, 6) motion of the measured TCP by an effect, to first order."""
+    """(N, 6) motion of the measured TCP by an effect, m and rad, to first order."""
     return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
 
 
@@ -143,7 +144,8 @@ def conditions(model: Model, active: ActiveEffect, session: str | None = None) -
 
 
 def _tool_forces(model: Model, active: ActiveEffect, at: Situation) -> dict[str, Column]:
-    """Forces on the tool, ``fx fy fz``, N, that load rods or joints as much as in the fit; those of a payload point down."""
+    """Random forces on the tool, ``fx fy fz``, N, that load rods or joints as much as in the fit; along gravity if the dataset
+    has only payloads."""
     references, gravity = active.references, np.array(model.robot.description.gravity)
     if not {"payload", *FORCES} & set(references.covariates) or not gravity.any():
         return {}

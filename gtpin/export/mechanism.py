@@ -1,4 +1,4 @@
-"""A robot in the form of physics engines: bodies with their joints, and the loops between them, at home."""
+"""A robot as physics engines describe it: bodies with their joints, and loops that join points of two bodies; all at home."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ WORLD = ""
 
 @dataclass(frozen=True)
 class Spring:
-    """A spring along or about a joint: force = stiffness (rest - coordinate); stiffness in N/m or N m/rad, rest in m or rad."""
+    """A spring along or about a joint: force = stiffness (rest - coordinate); stiffness in N/m or N m/rad, rest in m or rad.
+
+    For a revolute joint, "force" is a moment, N m.
+    """
 
     stiffness: float
     rest: float = 0.0
@@ -32,22 +35,22 @@ class Spring:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A motion of one degree of freedom that a body has against its parent; the first of several is the outermost.
+    """A motion of one degree of freedom of a body relative to its parent. Of several, the first is the one next to the parent.
 
     Parameters
     ----------
     name, kind
-        As in the URDF.
+        Its name, as in the URDF, and whether it is prismatic (``slide``) or revolute (``hinge``).
     axis, point
-        (3,) its direction and a point on it at home, in the body's frame, m.
+        (3,) unit vector along its axis, and a point on the axis, m; at home, in the body's frame.
     home
         Its coordinate at home, m or rad.
     lower, upper
-        Its range, infinite where there is none.
+        Its range, m or rad; infinite where it has no limits.
     spring
-        Its spring; None where it moves freely or is driven.
+        Its spring; None if it moves freely or is driven.
     play
-        Whether its range is the play of a drive.
+        Whether it is the play of a drive, and its range is this play.
     """
 
     name: str
@@ -63,7 +66,8 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """A joint that follows another: its coordinate less its home, m or rad, is a curve of the other's, less its home."""
+    """A joint that follows another: its coordinate less its home, m or rad, is a curve of the other's coordinate less its
+    home."""
 
     joint: str
     other: str
@@ -72,7 +76,10 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Play:
-    """A joint that moves freely within ``half`` a play, m or rad, a curve of another's coordinate, less its home."""
+    """A play that varies: ``joint`` moves freely from -half to +half, m or rad.
+
+    ``half`` is a curve of the coordinate of the joint ``other``, less its home.
+    """
 
     joint: str
     other: str
@@ -81,7 +88,7 @@ class Play:
 
 @dataclass(frozen=True, eq=False)
 class Guide:
-    """Friction between an actuator's last joint and its guide: it keeps the sum of the coordinates of ``joints`` constant.
+    """Friction of the part that an actuator moves in its guide: it keeps the sum of the coordinates of ``joints`` constant.
 
     ``load``: the largest load, N or N m, at which it does so.
     """
@@ -106,7 +113,9 @@ class Body:
     inertia
         ``pinocchio.Inertia`` in the body's frame.
     free
-        Name of its floating joint; None where it does not float.
+        Name of its floating joint (six degrees of freedom); None if it does not float.
+    shapes
+        Its shapes, for drawings.
     frames
         Links that are fixed to it, by name: their ``pinocchio.SE3`` in its frame.
     """
@@ -131,8 +140,8 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """An actuator: the site that it moves, its joint, the range of its commands, m or rad, its travel at home and per
-    command."""
+    """An actuator: its site and its joint; the range of its commands, m or rad; its joint's coordinate at home, m or rad; and
+    ``scale``, its travel per command."""
 
     site: str
     joint: str
@@ -160,7 +169,7 @@ class Mechanism:
     plays: tuple[Play, ...] = ()
 
     def body(self, name: str) -> Body:
-        """The body with a name."""
+        """The body with this name."""
         return next(body for body in self.bodies if body.name == name)
 
     def placements(self) -> dict[str, Any]:
@@ -171,7 +180,7 @@ class Mechanism:
         return found
 
     def with_joints(self, name: str, joints: Sequence[Joint]) -> Mechanism:
-        """The mechanism with other joints of a body."""
+        """The mechanism with ``joints`` in place of the joints of the body ``name``."""
         bodies = tuple(replace(b, joints=tuple(joints)) if b.name == name else b for b in self.bodies)
         return replace(self, bodies=bodies)
 
@@ -184,9 +193,10 @@ class Mechanism:
         return next(body for body in self.bodies if joint in {own.name for own in body.joints})
 
     def on_springs(self, name: str, ends: Sequence[tuple[str, int]], joints: Sequence[Joint]) -> Mechanism:
-        """The mechanism with ends (loop, 0 or 1) of its loops, all on one body, moved to a new massless body with joints.
+        """The mechanism with a new massless body, with ``joints``, between a body and the ends of loops on it.
 
-        The new body ``name`` has its origin at the mean of these ends, and the axes of the old body.
+        ``ends``: the loops' names, each with 0 or 1 for its end; all are on one body, and move to the new one. The new body
+        ``name`` has its origin at the mean of these ends, and the axes of the old body.
         """
         old = {self.loops[loop][side].body for loop, side in ends}.pop()
         middle = np.mean([self.loops[loop][side].point for loop, side in ends], axis=0)

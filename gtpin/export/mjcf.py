@@ -20,10 +20,11 @@ Floats = npt.NDArray[np.float64]
 TIMESTEP = 5e-4
 """Time step, s."""
 SPRING = 1000.0
-"""Largest natural frequency of springs, rad/s, for the time step; reflected inertia reduces it to this value."""
+"""Largest natural frequency of springs, rad/s, that the time step allows. Springs have a reflected inertia that limits their
+frequency to this value."""
 DAMPING = 5.0
-"""Damping of springs, as a multiple of stiffness / frequency (2 is critical damping). Motions decay faster with more; 20 is
-unstable."""
+"""Damping of springs over stiffness / frequency; 2 is critical damping. With more damping, this simulation comes to rest
+earlier, but with 20 it is unstable."""
 SMALLEST = {"boundmass": 1e-6, "boundinertia": 1e-9}
 """Mass, kg, and inertia, kg m^2, of bodies without mass, such as ends of springs."""
 
@@ -32,8 +33,9 @@ def to_mjcf(mechanism: Mechanism) -> str:
     """MJCF of a mechanism: at rest with ``ctrl`` = q, its platform has the pose of the mechanism at q.
 
     Initial configuration and keyframe ``home`` are the robot's home. Coordinates, ranges and commands are those of the URDF;
-    shapes don't collide. Drives deflect by less than a micrometre under the machine's weight. Drives and springs have damping
-    and reflected inertia that keep them stable at the time step: static poses are right, vibrations are not the machine's.
+    shapes don't collide. Drives deflect by less than 1 um under the machine's weight. Drives and springs have damping and
+    reflected inertia that keep the simulation stable at its time step. So its static poses are those of the machine, but its
+    vibrations are not.
     """
     root = Element("mujoco", model=mechanism.name)
     bounds = {key: numbers(value) for key, value in SMALLEST.items()}
@@ -49,7 +51,7 @@ def to_mjcf(mechanism: Mechanism) -> str:
     )
     default = SubElement(root, "default")
     SubElement(default, "geom", contype="0", conaffinity="0", mass="0", group="1")
-    # Stiff loops: at rest they open by less than a nanometre under the machine's weight.
+    # Stiff loops: at rest, their two points are less than 1 nm apart under the machine's weight.
     SubElement(default, "equality", STIFF)
     elements = {WORLD: SubElement(root, "worldbody")}
     cranked = with_cranks(mechanism)
@@ -57,7 +59,7 @@ def to_mjcf(mechanism: Mechanism) -> str:
         elements[body.name] = _body(elements[body.parent], body)
     equality = SubElement(root, "equality")
     for name, (one, other) in mechanism.loops.items():
-        # MuJoCo takes the other body's anchor from the initial configuration, which is home, where the loops are closed.
+        # MuJoCo computes the second body's anchor from the initial configuration. This is home, where the loops are closed.
         attributes = {"name": name, "body1": _free(one.body), "body2": _free(other.body), "anchor": numbers(*one.point)}
         SubElement(equality, "connect", attributes)
     tendons = SubElement(root, "tendon")
@@ -93,7 +95,7 @@ def _body(parent: Element, body: Body) -> Element:
 
 
 def _free(name: str) -> str:
-    """A body's name; ``world`` is MuJoCo's own."""
+    """A body's name in the file. The name ``world`` is replaced: MuJoCo reserves it."""
     return "world_link" if name == "world" else name
 
 

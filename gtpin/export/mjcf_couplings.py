@@ -1,4 +1,9 @@
-"""Joints that follow others in MJCF: in proportion, and by cranks, whose pins show harmonics."""
+"""Joints that follow others in MJCF: in proportion, or by harmonics.
+
+MJCF has no constraint with a cosine. A harmonic is made by a crank: a massless body that turns in proportion to a joint, with a
+pin at a small radius. The distance of the pin from a point far away varies as a cosine of the crank's angle, and the length of
+a tendon between the two is that distance.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +20,19 @@ from gtpin.export.mjcf_drives import STIFF
 from gtpin.export.text import numbers
 
 ROD, RADIUS = 1.0, 1e-3
-"""m from a crank's axis to the point that its tendon ends at, and to its pin: RADIUS / (2 ROD) is the relative error of a
-cosine. MuJoCo takes a pin within 1e-6 m of the axis for one on it."""
+"""Distance, m, from a crank's axis to the far end of its tendon, and to its pin. RADIUS / (2 ROD) is the relative error of a
+cosine. MuJoCo treats a pin within 1e-6 m of the axis as a pin on the axis."""
 LIGHT, FIRM = 1e-3, 0.03
-"""Inertia of a crank as what turns it feels it, over the inertia of that; of the crank that a play is limited by."""
+"""Inertia of a crank, as seen by the joint that turns it, over the reflected inertia of that joint: of most cranks, and of
+those that limit a play."""
 SELF = Harmonic(1.0, -np.pi / 2.0, 1.0)
-"""A joint's own small coordinate x: cos(x - pi / 2)."""
+"""A small coordinate x as a harmonic of itself: cos(x - pi / 2) = sin(x), about x."""
 
 
 def with_cranks(mechanism: Mechanism) -> Mechanism:
-    """A mechanism with a massless body on a hinge for each harmonic of its couplings and plays: it turns with their joint.
+    """A mechanism with cranks for the harmonics of its couplings and plays: massless bodies that turn with a joint.
 
-    All that follow one joint share its cranks.
+    Couplings and plays that follow the same joint with the same rate share a crank.
     """
     base = mechanism.bodies[0].name
     bodies, couplings = [], []
@@ -38,7 +44,7 @@ def with_cranks(mechanism: Mechanism) -> Mechanism:
 
 
 def _cranks(mechanism: Mechanism) -> Mapping[tuple[str, float], str]:
-    """Names of the cranks, by the joint that turns them and their turn for a unit of it."""
+    """Names of the cranks, by the joint that turns them and their rotation per unit of its coordinate, rad per m or rad."""
     turned = [(c.other, h.rate) for c in mechanism.couplings for h in c.curve.harmonics]
     for play in mechanism.plays:
         turned += [*((play.other, h.rate) for h in play.half.harmonics), (play.joint, SELF.rate)]
@@ -49,10 +55,10 @@ def _cranks(mechanism: Mechanism) -> Mapping[tuple[str, float], str]:
 
 
 def add_couplings(root: Element, tendons: Element, mechanism: Mechanism) -> None:
-    """Equalities of the couplings; of those with harmonics, between tendons.
+    """Write the couplings as equality constraints: between joints if their curve is a line, else between two tendons.
 
-    A tendon has a length of a constant less the sum of the harmonics (:func:`_rod`). A second one is the part of the joint's
-    coordinate that is not proportional to the other's.
+    The length of one tendon is a constant less the sum of the harmonics (:func:`_rod`). The length of the other is the
+    following joint's coordinate less the part that is proportional to the other joint's.
     """
     equality = root.find("equality")
     assert equality is not None
@@ -71,7 +77,7 @@ def add_couplings(root: Element, tendons: Element, mechanism: Mechanism) -> None
         SubElement(own, "joint", joint=coupling.joint, coef="1")
         SubElement(own, "joint", joint=coupling.other, coef=numbers(-curve.proportion))
         _rod(root, tendons, mechanism, f"{coupling.joint}_waves", [(coupling.other, h) for h in curve.harmonics])
-        # Lengths count from home, where the curve's harmonics have a value of their own.
+        # The constraint counts tendon lengths from their values at home. The harmonics are not zero there: add their sum.
         start = curve.offset + sum(h.amplitude * np.cos(h.phase) for h in curve.harmonics)
         attributes = {"tendon1": f"{coupling.joint}_bends", "tendon2": f"{coupling.joint}_waves"}
         follows = numbers(start, -1.0, 0.0, 0.0, 0.0)
@@ -79,14 +85,15 @@ def add_couplings(root: Element, tendons: Element, mechanism: Mechanism) -> None
 
 
 def add_plays(root: Element, tendons: Element, mechanism: Mechanism) -> None:
-    """Limits of the plays that vary, to both sides, as tendons: half the play less the joint's coordinate is not below zero."""
+    """Write the limits of plays that vary as limits of tendons: half the play minus, and plus, the joint's coordinate >= 0."""
     for play in mechanism.plays:
         for side, sign in (("ahead", -1.0), ("behind", 1.0)):
             parts = [(play.other, h) for h in play.half.harmonics]
             parts.append((play.joint, replace(SELF, amplitude=sign * SELF.amplitude)))
             rod = _rod(root, tendons, mechanism, f"{play.joint}_{side}", parts)
             length = sum(abs(h.amplitude) for _, h in parts) * ROD / RADIUS
-            length += SELF.amplitude * (np.hypot(ROD, RADIUS) - ROD) / RADIUS  # the pin of SELF stands across
+            # At x = 0, the pin of SELF is not on the rod's line, but at a right angle to it.
+            length += SELF.amplitude * (np.hypot(ROD, RADIUS) - ROD) / RADIUS
             rod.set("range", numbers(0.0, length + play.half.offset))
             rod.set("solreflimit", STIFF["solref"])
             rod.set("solimplimit", STIFF["solimp"])
@@ -95,9 +102,10 @@ def add_plays(root: Element, tendons: Element, mechanism: Mechanism) -> None:
 def _rod(
     root: Element, tendons: Element, mechanism: Mechanism, name: str, parts: Sequence[tuple[str, Harmonic]]
 ) -> Element:
-    """A tendon from pins of cranks to a point far away, by a pulley for each amplitude.
+    """Add a tendon from the pins of cranks to a point far away, with a pulley for each harmonic that sets its amplitude.
 
-    Its length is a constant less the sum of harmonics, each of a joint's coordinate.
+    ``parts``: the harmonics, each with the joint whose coordinate it depends on. The tendon's length is a constant less their
+    sum.
     """
     cranks, far = _cranks(mechanism), _far(root)
     rod = SubElement(tendons, "spatial", name=name, width="0.001", rgba="0 0 0 0")
@@ -113,7 +121,7 @@ def _rod(
 
 
 def _far(root: Element) -> str:
-    """The point of the base that the tendons of cranks end at."""
+    """Name of the point on the base at which the tendons of all cranks end; added if there is none yet."""
     name, base = "cranks_end", root.find("worldbody/body")
     assert base is not None
     if not any(site.get("name") == name for site in base.findall("site")):

@@ -1,4 +1,4 @@
-"""Drives in MJCF: position actuators, joints that follow their motors, and the friction beyond a play."""
+"""Drives in MJCF: position actuators, the reflected inertia of their joints, and the friction behind a play."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from gtpin.export.mechanism import Guide, Joint, Mechanism, Spring
 from gtpin.export.text import numbers
 
 DRIVE = 2000.0
-"""Largest natural frequency of drives, rad/s, for the time step; reflected inertia reduces it to this value."""
+"""Largest natural frequency of drives, rad/s, that the time step allows. Drives have a reflected inertia that limits their
+frequency to this value."""
 SAG = 3e-7
-"""Deflection of a drive, m, under the weight of all moving bodies."""
+"""Deflection of a drive, m, under the weight of all moving bodies and the friction of its guide."""
 GRIP = 2.0
-"""Friction of a guide beyond a play: multiple of the machine's weight (times its reach, where the actuator turns), and of the
-largest load of the fit."""
+"""Friction of a guide behind a play, over the larger of two loads: the machine's weight (times its size, if the actuator is
+revolute), and the largest load of the model's fit."""
 STIFF = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
 """Constraints as stiff as the time step allows."""
 
 
 def add_guides(tendons: Element, mechanism: Mechanism) -> None:
-    """Friction of the guides beyond a play, as tendons over the joints whose sum it holds."""
+    """Write the friction of the guides behind plays, as tendons over the joints whose sum of coordinates it holds."""
     joints = {joint.name: joint for body in mechanism.bodies for joint in body.joints}
     for guide in mechanism.guides:
         friction = {"frictionloss": numbers(_friction(mechanism, guide, joints[guide.joints[0]]))}
@@ -32,7 +33,7 @@ def add_guides(tendons: Element, mechanism: Mechanism) -> None:
 
 
 def _friction(mechanism: Mechanism, guide: Guide, joint: Joint) -> float:
-    """Friction force of a guide, N, or moment, N m."""
+    """Friction of a guide: force, N, or moment, N m."""
     return max(GRIP * _weight(mechanism) * _reach(mechanism, joint), GRIP * guide.load)
 
 
@@ -43,7 +44,7 @@ def _weight(mechanism: Mechanism) -> float:
 
 
 def _reach(mechanism: Mechanism, joint: Joint) -> float:
-    """m by which a joint's travel moves the machine: the machine's size where the joint turns."""
+    """Motion of the machine per unit of a joint's coordinate: 1 for a slide; the machine's size, m per rad, for a hinge."""
     return 1.0 if joint.kind == "slide" else mechanism.reach
 
 
@@ -54,7 +55,8 @@ def add_actuators(root: Element, mechanism: Mechanism) -> None:
     elements = {str(element.get("name")): element for element in root.iter("joint") if element.get("name")}
     follower = {coupling.other: coupling.joint for coupling in mechanism.couplings if coupling.other.endswith("_motor")}
     for coupling in mechanism.couplings:
-        # Reflected inertia, also of what follows a motor and of play: it makes couplings and friction firm.
+        # Joints that follow a motor, and joints with play, need a reflected inertia too: MuJoCo's constraints get stiffer with
+        # it.
         stiffness = _weight(mechanism) * _reach(mechanism, joints[coupling.joint]) ** 2 / SAG
         elements[coupling.joint].set("armature", numbers(stiffness / DRIVE**2))
     for drive in mechanism.drives:
@@ -65,7 +67,7 @@ def add_actuators(root: Element, mechanism: Mechanism) -> None:
         spring = Spring((_weight(mechanism) * reach + friction) * reach / SAG)
         for name in {drive.joint, moved, *(name for guide in guides for name in guide.joints)}:
             elements[name].set("armature", numbers(spring.stiffness / DRIVE**2))
-        # A gear turns commands into travel, and the force of the drive with it.
+        # MuJoCo's gear is the inverse of the travel per command; it also scales the force of the drive.
         attributes = {
             "name": drive.site,
             "joint": drive.joint,

@@ -14,7 +14,8 @@ from gtpin.robot.robot import Robot
 def with_anchors(robot: Robot) -> str:
     """URDF of a robot in which both anchors of every loop are separate links, ``LOOP_A`` and ``LOOP_B``.
 
-    Without shapes: the loader removes a frame after shapes refer to frames by number, and then crashes on some.
+    Shapes are left out: the loader of example-parallel-robots removes a frame although shapes refer to frames by their number,
+    and then crashes with some robots.
 
     Raises
     ------

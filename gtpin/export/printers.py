@@ -1,4 +1,4 @@
-"""Corrections for Klipper and RepRapFirmware: dimensions of a delta, offset, skew, and heights on a grid."""
+"""Correction files for Klipper and RepRapFirmware: dimensions of a delta, offset, skew, and heights on a grid."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ AXES = 3
 
 @dataclass(frozen=True, eq=False)
 class _Present:
-    """A delta as its firmware has it: its drives, and by tower the rotation distance, mm, or steps per mm."""
+    """A delta as its firmware is configured now: its drives, and for each tower the rotation distance, mm, or steps per mm."""
 
     drives: Drives
     per_tower: Floats
@@ -42,7 +42,7 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
     Raises
     ------
     GtpinError
-        If the robot has not three actuators, a box is missing or can't be reached, or the firmware's file does not fit the
+        If the robot does not have three actuators, a box is missing or can't be reached, the firmware's file does not fit the
         robot, or there is nothing to correct.
     """
     robot, box = model.robot, wanted.box
@@ -61,7 +61,7 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
     machines = [replace(machine, temperatures=temperatures) for temperatures in known]
 
     def corrected(part: Machine) -> tuple[Towers | None, Controller]:
-        """The dimensions, which serve all temperatures: they are those of the first."""
+        """The dimensions and the controller with them. They are fitted at the lowest temperature, and used at all."""
         if present is None:
             return None, plain
         towers = fitted_towers(replace(part, temperatures=known[0]), present.drives, box)

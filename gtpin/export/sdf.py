@@ -18,21 +18,24 @@ Floats = npt.NDArray[np.float64]
 
 VERSION = "1.9"
 SQUARE = 1e-9
-"""Largest distance, m, and deviation from a right angle, rad, of the axes of two joints that become a universal joint."""
+"""Two joints become a universal joint if their axes are at most so far apart, m, and so far from a right angle, rad."""
 SMALLEST = pin.Inertia(1e-3, np.zeros(3), 1e-6 * np.eye(3))
-"""Inertia of links without mass, for which physics engines would assume a kilogram."""
+"""Inertia of links without mass: 1 g and 1e-6 kg m^2. Without one, physics engines assume a mass of 1 kg."""
 
 
 def to_sdf(mechanism: Mechanism) -> str:
-    """SDF of a mechanism at home: every loop a ``ball`` joint, two crossing joints of a rod a ``universal`` one.
+    """SDF of a mechanism at home. Every loop is a ``ball`` joint, two joints of a rod with crossing axes are a ``universal``
+    one.
 
     The platform floats: only the rods' joints hold it. In SDF a joint's position is zero at the pose in the file, which is
-    home. Where home is not at zero, ranges are shifted by it, and ``gtpin:home`` gives the URDF's coordinate at home.
+    home. For a joint whose coordinate at home is not zero, the range is shifted by this coordinate, and ``gtpin:home`` gives
+    it.
 
     Raises
     ------
     RobotError
-        If a link without mass, which is merged, had joints whose axes do not intersect at a right angle.
+        If a body has two joints whose axes do not intersect at a right angle, or more than two. A link without mass between
+        two joints, which is merged with the next link, can cause this.
     """
     root = Element("sdf", {"version": VERSION, "xmlns:gtpin": "urn:gtpin"})
     base = mechanism.bodies[0]

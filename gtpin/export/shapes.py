@@ -1,4 +1,4 @@
-"""Shapes of links, for drawings: boxes, cylinders and spheres, which every format has."""
+"""Shapes of links, for drawings: boxes, cylinders and spheres, which all formats can represent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The conditions of tables that correct all errors: controller, its coordinates, and temperatures."""
+"""What a table that corrects the sum of all errors is made for: controller, its coordinates, and temperatures."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class TablesFor:
     controller
         The model whose kinematics the controller has; by default the nominal robot.
     temperatures
-        degC; by default the reference temperature of the fit.
+        Temperatures, degC, for each of which there is a table; by default only the reference temperature of the fit.
     box
-        The part of the workspace; needed for printers.
+        The part of the workspace that the tables cover; needed for printers.
     firmware
         The present printer.cfg or config.g of a delta, to correct its dimensions too.
     """

@@ -1,4 +1,4 @@
-"""The errors that remain with a controller's tables, at points where no table was fitted, with both directions of approach."""
+"""The errors that remain with a controller's tables, at points other than their nodes, with both directions of approach."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Left:
         return _rms(self.before) < LEAST
 
     def words(self, where: str, temperatures: Mapping[str, float]) -> str:
-        """Text with both errors, root mean square, in micrometres."""
+        """Text with the root mean squares of both errors, um."""
         warm = "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
         return (
             f"leaves {_um(self.after)} of {_um(self.before)} um of the TCP's error in {where}{warm}"
@@ -55,7 +55,8 @@ def both_approaches(count: int) -> Floats:
 def by_parts(
     machines: Mapping[str, Machine], left: Callable[[Machine], Left]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Texts with the error that remains of each part when tables are made for it alone, and the names of absent effects."""
+    """The remaining error of each part of the model if tables are made for it alone, as texts, and the names of effects that
+    move nothing under the conditions of the tables."""
     words, absent = [], []
     for name, machine in machines.items():
         found = left(machine)

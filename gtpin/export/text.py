@@ -1,4 +1,4 @@
-"""XML text: numbers that read back bit by bit, indented elements."""
+"""XML text: numbers with as many digits as needed to read back the same values, indented elements."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element, indent, tostring
 
 
 def numbers(*values: float) -> str:
-    """Numbers separated by blanks."""
+    """Numbers separated by blanks; -0.0 becomes 0.0."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 

@@ -1,4 +1,4 @@
-"""Drive scales in a URDF, as transmissions: readers of kinematics skip them, ros2_control reads them."""
+"""Drive scales in a URDF, as transmissions: software that reads only the kinematics ignores them, ros2_control reads them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ SIMPLE = "transmission_interface/SimpleTransmission"
 
 
 def with_transmissions(urdf: str, robot: Robot, scales: Mapping[str, float]) -> str:
-    """The URDF with a transmission for each drive whose travel per command is not 1: its reduction is divided by it.
+    """The URDF with a transmission for each drive whose travel per command is not 1: its reduction is divided by this scale.
 
-    A ``<mimic>`` would need an additional joint, which readers would take for another driven one.
+    A ``<mimic>`` is not used: it needs an additional joint, which other software would treat as another driven joint.
     """
     odd = [
         (actuator, scales[site])
@@ -38,7 +38,7 @@ def with_transmissions(urdf: str, robot: Robot, scales: Mapping[str, float]) -> 
 
 
 def _reduction(root: Element, transmission: Element | None, joint: str) -> Element:
-    """The element with a joint's reduction, which is made where there is none."""
+    """The element with a joint's reduction; added if there is none."""
     if transmission is None:
         transmission = SubElement(root, "transmission", name=f"{joint}_scale")
         SubElement(transmission, "type").text = SIMPLE

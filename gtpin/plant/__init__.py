@@ -1,4 +1,4 @@
-"""Virtual machines to try the package on: one without errors but its geometry's, and one with hidden effects."""
+"""Virtual machines to try the package on: with errors of the geometry alone, or with effects as well."""
 
 from gtpin.plant.bulk import draw_case
 from gtpin.plant.case import make_case

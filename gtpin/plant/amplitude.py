@@ -1,4 +1,4 @@
-"""How large an effect must be to be as hard to see as it shall be."""
+"""The amplitude at which an effect has a given energy."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ STEPS = 6
 def amplitude_for(
     plant: Plant, cause: Cause, rows: npt.NDArray[np.int_], past: Past, energy: float, largest: float
 ) -> float:
-    """Amplitude, in typical sizes, at which a cause has the energy at some of the visits; the largest if it never has."""
+    """Amplitude of a cause, in typical sizes, at which it has ``energy`` at the visits ``rows``; at most ``largest``."""
     amplitude = 1.0
     for _ in range(STEPS):
         reached = past.energy(plant.displacement([(cause, amplitude)])[rows])
         if abs(reached - energy) <= CLOSE * energy:
             break
-        # Energy goes all but exactly with the square.
+        # The energy is almost proportional to the square of the amplitude.
         wanted = amplitude * np.sqrt(energy / reached) if reached > 0.0 else largest
         if wanted >= largest and amplitude == largest:
             break

@@ -1,4 +1,4 @@
-"""Weak other effects that every machine has, too weak to be seen."""
+"""The background: weak further effects that every machine has, too weak to be detected."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from gtpin.plant.energy import Past
 from gtpin.plant.response import Plant
 
 BESIDE = (2.0, 12.0)
-"""Between which their energy together is drawn where the machine has an effect."""
+"""Range from which their joint energy is drawn where the machine has a wanted effect."""
 ALONE = (0.5, 4.0)
-"""The same where it has none."""
+"""The same range where it has none."""
 MANY = (2, 5)
 MOST = 2.0
-"""Times the typical size: beyond, an effect that hardly shows is left out."""
+"""Largest amplitude, in typical sizes: an effect with little energy is not made larger."""
 
 
 def weak_others(
@@ -29,7 +29,10 @@ def weak_others(
     beside: bool,
     rng: np.random.Generator,
 ) -> tuple[list[tuple[Cause, float]], float]:
-    """Some effects that are not ``taken``, with their amplitudes, and the energy that they have together."""
+    """Some effects at sites that are not ``taken``, with their amplitudes, and their joint energy.
+
+    ``beside``: whether the machine has a wanted effect.
+    """
     robot = plant.machine.robot
     causes, shares, displaced = [], [], []
     kinds = listed(robot)

@@ -1,4 +1,4 @@
-"""From what a machine shall have to a case: the machine is drawn, sent on its way, and measured."""
+"""Makes a case from a recipe: the machine is drawn from its tolerances, commanded, and measured."""
 
 from __future__ import annotations
 
@@ -42,26 +42,26 @@ Rows = npt.NDArray[np.int_]
 
 @dataclass(frozen=True)
 class Built:
-    """A machine with its effects on its way through a day, before anything is measured.
+    """A machine with its effects and its visits of a day, before anything is measured.
 
     Parameters
     ----------
     plant
         The machine and all its visits.
     active, truths
-        All that it has, and of the effects that were wanted what they are.
+        All its effects with their amplitudes, and the truth about those that the recipe asks for.
     rows
-        The visits that are measured, in the order of the dataset's rows.
+        Indices of the measured visits, in the order of the dataset's rows.
     background
-        E of the weak others together.
+        Joint energy E of the weak effects.
     repeatability
-        (n,) 1 sigma of each cart, m.
+        (n,) standard deviation of each actuator, m or rad.
     jitter
-        What goes by nothing at every visit.
+        Random deviations by the repeatability, at every visit.
     away
-        Where the base frame lies in the instrument's; None where the two are the same.
+        Position (3,), m, and rotation (3, 3) of the base frame in the instrument's frame; None where the two are the same.
     rng
-        For the instrument's noise.
+        Source of the instrument's noise.
     """
 
     plant: Plant
@@ -75,12 +75,12 @@ class Built:
     rng: np.random.Generator
 
     def in_frame(self, seen: Poses) -> Poses:
-        """Poses (N) in the instrument's frame."""
+        """Poses (N), base frame, in the instrument's frame."""
         return seen if self.away is None else seen.moved(*self.away)
 
 
 def assemble(recipe: Recipe) -> Built:
-    """Build the machine of a recipe and send it on its way.
+    """Draw the machine and the visits of a recipe.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def assemble(recipe: Recipe) -> Built:
     if recipe.poses < 2 or recipe.held_out < 1:
         what = f"{recipe.poses} poses and {recipe.held_out} held out"
         raise GtpinError(what, hint="ask for at least two, and one held out")
-    # A stream for each part: what one of them draws does not change the others.
+    # A random stream for each part, so that the draws of one part do not change the others.
     streams = [np.random.default_rng(part) for part in np.random.SeedSequence([recipe.seed, 1]).spawn(5)]
     robot = known_robot(recipe.robot)
     if noise.free_target and not isinstance(robot, Arm):
@@ -151,7 +151,7 @@ def build(recipe: Recipe) -> Case:
 def strong(
     wanted: Sequence[Wanted], seed: int, plant: Plant, rows: Rows, past: Past
 ) -> tuple[list[tuple[Cause, float]], list[Truth]]:
-    """The effects wanted, with their amplitudes, and what they do at the rows that are measured."""
+    """The effects that a recipe asks for, with their amplitudes, and their truth at the measured rows."""
     causes, truths = [], []
     for want, part in zip(wanted, np.random.SeedSequence([seed, 2]).spawn(len(wanted)), strict=True):
         found = kind(want.effect, plant.machine.robot)
@@ -166,7 +166,7 @@ def strong(
 
 
 def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column], seen: Poses) -> Dataset:
-    """What was measured, as users have it."""
+    """The measurements as a dataset."""
     robot, noise = recipe.robot, recipe.noise
     return Dataset(
         robot=str(Path(robot).absolute()) if robot.endswith(".urdf") or "/" in robot or os.sep in robot else robot,
@@ -181,13 +181,13 @@ def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column],
 
 
 def ids(numbers: Rows) -> Ids:
-    """(N,) numbers of poses as a dataset names them."""
+    """(N,) ids of poses, from their numbers."""
     return np.array([str(number) for number in numbers], dtype=object)
 
 
 @cache
 def known_robot(robot: str) -> Robot | Arm:
-    """A robot, loaded once: nothing here changes it."""
+    """A robot by its name or path. It is loaded once, because the plant does not change it."""
     found = load_robot(robot)
     if found.rods:
         return found
@@ -195,12 +195,12 @@ def known_robot(robot: str) -> Robot | Arm:
 
 
 def capacity(robot: Robot | Arm) -> float:
-    """What a robot may carry, kg."""
+    """Payload that a robot may carry, kg; 20 kg for a robot with rods."""
     return robot.capacity if isinstance(robot, Arm) else 20.0
 
 
 def drawn_machine(robot: Robot | Arm, rng: np.random.Generator) -> Machine | ArmMachine:
-    """A machine of a robot, off nominal by its tolerances."""
+    """A machine of a robot, drawn from its tolerances."""
     if isinstance(robot, LoopedArm):
         return LoopedMachine.draw(robot, rng)
     return ArmMachine.draw(robot, rng) if isinstance(robot, Arm) else Machine.draw(robot, rng)

@@ -1,4 +1,4 @@
-"""Cases in bulk, with everything drawn at random."""
+"""Many cases, with everything drawn at random."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from gtpin.plant.recipe import Recipe
 from gtpin.plant.tracker import Noise
 
 SHARES = {"one": 0.70, "two": 0.12, "none": 0.08, "unknown": 0.10}
-"""How often a machine has one effect of the catalogue, two, none, or one that is in no catalogue."""
+"""Probability that a machine has one effect of the catalogue, two, none, or one that is in no catalogue."""
 LACKING: tuple[tuple[str, ...], ...] = ((), ("temp",), ("payload",), ("session",), ("speed",), ("time",), ("approach",))
-"""Columns that a rough case lacks."""
+"""Beginnings of the names of columns that a rough case lacks: one of these sets, drawn at random."""
 
 
 def draw_case(seed: int, *, rough: bool = False, poses: int | None = None, robot: str = "gantry_tau") -> Case:
-    """Draw a case: what the machine has, how strong it is, and how it was measured.
+    """Draw a case: the machine's effects, their energies, and how it is measured.
 
     Parameters
     ----------
     seed
-        Same seed, same bytes.
+        Seed of the random numbers. The same seed gives the same bytes.
     rough
-        Draw also heavy tails, gross errors, noise by range or undeclared, missing columns, and 70 to 200 poses.
+        Whether heavy tails, gross errors, noise that grows with the distance or is not declared, missing columns, and 70 to 200
+        poses are drawn as well.
     poses
-        Number of poses, where it shall not be drawn.
+        Number of poses; None: it is drawn.
     robot
         As for :func:`~gtpin.plant.case.make_case`.
     """

@@ -1,4 +1,4 @@
-"""Cases for a blind check: a machine with an effect at random, or with the effects asked for."""
+"""Cases for a blind check: a machine with random effects, or with the effects that are asked for."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from gtpin.robot.robot import Robot
 __all__ = ["Case", "Truth", "make_case"]
 
 ENERGY = (30.0, 4000.0)
-"""Between which an effect's energy is drawn, uniformly in its logarithm."""
+"""Range from which an effect's energy is drawn, uniformly in its logarithm."""
 ENERGY_OF_ARMS = (30.0, 20000.0)
-"""The same of arms, whose errors are some ten times a tracker's noise: 0.1 to 0.2 mm are left of a UR5's after calibration."""
+"""The same range for arms, whose errors are about ten times a tracker's noise: 0.1 to 0.2 mm remain on a calibrated UR5."""
 POSES = (140, 280)
-"""Between which the number of poses is drawn."""
+"""Range from which the number of poses is drawn."""
 
 
 def energies(robot: Robot | Arm) -> tuple[float, float]:
-    """Between which an effect's energy is drawn on a robot."""
+    """Range from which the energy of an effect on a robot is drawn."""
     return ENERGY_OF_ARMS if isinstance(robot, Arm) else ENERGY
 
 

@@ -17,11 +17,11 @@ Bools = npt.NDArray[np.bool_]
 
 STEPS = 12
 SHORTER = 0.25
-"""What each Newton step must be of the one before, at most, for the start to count as near."""
+"""Largest ratio of each Newton step to the one before; with a larger one the start was not near the solution."""
 FINE = 1e-8
-"""Step, m or rad, below which rounding decides how steps follow each other."""
+"""Step, m or rad, below which this ratio is not checked, because rounding errors dominate it."""
 SHORTEST = 1.0 / 256.0
-"""Of a way to new ends: where shorter strides are needed, the ends can't be reached."""
+"""Smallest stride, as a share of the path to new ends. Where shorter ones are needed, the ends can't be reached."""
 
 
 @dataclass(frozen=True)
@@ -41,16 +41,16 @@ class RodEnds:
         )
 
     def rods(self, poses: Poses) -> tuple[Floats, Floats]:
-        """From each carrier's joint to the platform's, and from the TCP to the platform's, both (N, k, 3), base frame."""
+        """Vectors from each rod's carrier joint, and from the TCP, to its platform joint: both (N, k, 3), base frame, m."""
         arm = self.P @ np.swapaxes(poses.R, 1, 2)
         return poses.T[:, None] + arm - self.C, arm
 
     def gaps(self, poses: Poses) -> Floats:
-        """(N, k) by how much the rods are too short, m."""
+        """(N, k) distance of each rod's joints less its length, m."""
         return np.asarray(np.linalg.norm(self.rods(poses)[0], axis=2) - self.L)
 
     def squares(self, poses: Poses) -> Floats:
-        """(N, k) half the square of the distance that each rod spans, less half that of its length, m^2."""
+        """(N, k) half the difference of the squares of that distance and the rod's length, m^2."""
         rods = self.rods(poses)[0]
         return np.asarray((np.einsum("nki,nki->nk", rods, rods) - self.L**2) / 2.0)
 
@@ -74,7 +74,8 @@ def each_solved(matrices: Floats, right: Floats) -> Floats:
 
 
 def closed(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, Bools]:
-    """Poses (N) that close the rods, from poses near them, and (N,) whether they do, to rounding of a length ``size``."""
+    """Poses (N) at which the rods close, from nearby poses, and (N,) whether they close to the rounding error of ``size``,
+    m."""
     T, R = start.T.copy(), start.R.copy()
     done = np.zeros(len(T), dtype=bool)
     before = np.full(len(T), np.inf)
@@ -96,10 +97,10 @@ def closed(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, Bools]:
 
 
 def led(way: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Poses:
-    """Poses (N) at the end of a way that begins at closed poses, with the platform on the same side of all singularities.
+    """Closed poses (N) at the end of a path of the rods' ends, from the closed poses ``start``, in the same assembly mode.
 
-    ``way`` gives the ends at fractions (m,) of the way of poses (m,). Strides are halved until Newton's method goes straight
-    to the next pose; NaN where they get too short.
+    ``way`` gives the ends at fractions (m,) of the path, for m of the poses. A stride along the path is halved until Newton's
+    method converges fast to the next pose without crossing a singularity; NaN where the stride becomes too short.
     """
     T, R = start.T.copy(), start.R.copy()
     at, stride = np.zeros(len(T)), np.ones(len(T))

@@ -1,4 +1,4 @@
-"""How a machine is measured: what it carries, how it moves, how many sessions, which columns are kept."""
+"""Measurement conditions of a machine: payloads, motion, number of sessions, columns that are recorded."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class Conditions(BaseModel):
-    """How a machine is measured.
+    """Measurement conditions of a machine.
 
     Parameters
     ----------
     rest
-        Share of the poses at which it stands still; it passes the others at speed.
+        Share of the poses at which the machine stands still; it passes the others in motion.
     sessions
-        Number of sessions; from two on there is a column ``session``.
+        Number of sessions. With two or more there is a column ``session``.
     payloads
-        What it carries, kg, in ``payload_blocks`` blocks of time.
+        Payloads, kg, in ``payload_blocks`` blocks of time.
     push
-        1 sigma per axis, N, of forces on its tool. They act at half of the visits, drawn at random. Above 0 there are
-        columns ``fx fy fz``.
+        Standard deviation per axis, N, of forces on the tool. They act at half of the visits, drawn at random. Above 0 there
+        are columns ``fx fy fz``.
     interval
         Mean time between visits, s.
     direct
-        Share of the visits that are reached straight from the one before; the others through a point some centimetres
-        off, from either side of each actuator.
+        Share of the visits that are reached directly from the one before; the others through a point at some centimetres, so
+        that each actuator approaches from a random side.
     order
         ``random``, or ``layers``: by the mean of the actuators' places in their ranges, in layers, and within a layer by the
         difference of the first two commands. The second visits follow after all first ones.
     warming
         Factor on the drawn changes of temperature.
     reference_temperature
-        degC: of everything when the day starts.
+        Temperature of everything when the day starts, degC.
     without
         Columns (or beginnings of their names, such as ``temp``) that the files lack.
     """
@@ -58,9 +58,9 @@ class Conditions(BaseModel):
 
     @staticmethod
     def draw(rng: np.random.Generator, needs: Collection[str] = (), capacity: float = 20.0) -> Conditions:
-        """Conditions at random; those that ``needs`` names (``session``, ``speed``, ``payload``, ``force``, ``heat``) vary.
+        """Random conditions; those that ``needs`` names (``session``, ``speed``, ``payload``, ``force``, ``heat``) vary.
 
-        Payloads are up to ``capacity``, kg, and pushes in proportion.
+        Payloads are up to ``capacity``, kg, and forces on the tool are proportional to it.
         """
         part = capacity / 20.0
         resting = rng.random() < 0.15 and "speed" not in needs

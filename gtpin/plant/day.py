@@ -1,4 +1,4 @@
-"""A day in the hall: how the air, the frame and the links warm."""
+"""Temperatures over a day: of the air, the frame and the links."""
 
 from __future__ import annotations
 
@@ -11,21 +11,23 @@ from gtpin.plant.fields import curve
 
 Floats = npt.NDArray[np.float64]
 
-STEP = 20.0  # s
+STEP = 20.0
+"""Time between two temperatures of a day, s."""
 
 
 @dataclass(frozen=True)
 class Day:
-    """Temperatures over time, degC, from the time when everything was at the reference temperature.
+    """Temperatures over time, degC. At time 0 everything is at the reference temperature.
 
     Parameters
     ----------
     time
-        (M,) s, from 0.
+        (M,) times, s, from 0.
     frame, link
-        (M,) what the two sensors read: the frame follows the air slowly, the links follow it and the work.
+        (M,) readings of the two sensors, degC: the frame follows the air slowly; the links follow the air and are heated by
+        work.
     end
-        When the day's work ends, s: slow changes go by the share of it that has passed.
+        End of the day's work, s: slow changes depend on the time over ``end``.
     """
 
     time: Floats
@@ -35,7 +37,7 @@ class Day:
 
     @staticmethod
     def draw(rng: np.random.Generator, duration: float, reference: float, warming: float = 1.0) -> Day:
-        """A day of so many seconds; ``warming`` is a factor on the drawn changes of temperature."""
+        """A random day of ``duration``, s, from ``reference``, degC; ``warming``: a factor on the changes of temperature."""
         time = np.arange(0.0, duration + 2.0 * STEP, STEP)
         hours = time / 3600.0
         span = max(float(hours[-1]), 1e-3)
@@ -48,7 +50,7 @@ class Day:
         return Day(time, reference + warming * frame, reference + warming * link, float(time[-1]))
 
     def continued(self, time: Floats, frame: Floats, link: Floats) -> Day:
-        """The day and what the sensors read at later times (N,), ascending."""
+        """The day, continued by readings of the sensors (N,), degC, at later times (N,), s, ascending."""
         return Day(
             np.concatenate([self.time, time]),
             np.concatenate([self.frame, frame]),
@@ -57,16 +59,16 @@ class Day:
         )
 
     def frame_at(self, time: Floats, delay: float = 0.0) -> Floats:
-        """What the frame's sensor read at times (N,) less a delay, s."""
+        """Readings of the frame's sensor, degC, at times (N,) less a delay, s."""
         return np.asarray(np.interp(time - delay, self.time, self.frame))
 
     def link_at(self, time: Floats, delay: float = 0.0) -> Floats:
-        """What the links' sensor read at times (N,) less a delay, s."""
+        """Readings of the links' sensor, degC, at times (N,) less a delay, s."""
         return np.asarray(np.interp(time - delay, self.time, self.link))
 
 
 def _lagged(source: Floats, constant: float) -> Floats:
-    """What follows a source (M,) with a time constant, s, from zero."""
+    """(M,) response of a first-order lag with a time constant, s, to a source (M,), from zero."""
     from scipy.signal import lfilter
 
     share = STEP / (constant + STEP)

@@ -1,4 +1,4 @@
-"""What effects do to the machine and to what is seen of it: small changes that add up."""
+"""Deviations of a machine and of its measurement, caused by effects. They are small, and are added."""
 
 from __future__ import annotations
 
@@ -28,21 +28,22 @@ class Deviation(Additive):
     Parameters
     ----------
     travel
-        (N, n) of the carts along their tracks, m, of arms about their axes, rad, or of legs in length, m.
+        (N, n) motions of the carts along their tracks, m, of arms about their axes, rad, or changes of the legs' lengths, m.
     shift
-        (N, n, 3) of the carts, base frame, m.
+        (N, n, 3) shifts of the carts, base frame, m.
     turn
         (N, n, 3) rotation vectors of the carts about the mean of their joints, base frame, rad.
     length
-        (N, k) of the rods, m.
+        (N, k) changes of the rods' lengths, m.
     joint
-        (N, k, 3) of the joints on the platform, TCP frame, m.
+        (N, k, 3) shifts of the joints on the platform, TCP frame, m.
     target
-        (N, 3) of the target from the TCP, TCP frame, m.
+        (N, 3) shift of the target from the TCP, TCP frame, m.
     frame
-        (N, 6) of what the instrument sees, about its station: translation, m, and rotation vector, rad, base frame.
+        (N, 6) motion of everything that the instrument measures, about its station: translation, m, and rotation vector, rad,
+        base frame.
     scale
-        (N,) relative change of the lengths that the instrument reads from its station.
+        (N,) relative change of the distances that the instrument reads from its station.
     """
 
     travel: Floats
@@ -56,7 +57,7 @@ class Deviation(Additive):
 
     @staticmethod
     def none(visits: int, carts: int, rods: int) -> Deviation:
-        """No change at all."""
+        """Zeros."""
         return Deviation(
             travel=np.zeros((visits, carts)),
             shift=np.zeros((visits, carts, 3)),

@@ -1,4 +1,4 @@
-"""Which plant it was: a digest of its sources, printed before a run and kept with its score."""
+"""A digest of the plant's sources. It is printed before a check and recorded with its score."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How hard an effect is to see: the whitened energy of what it does to the poses, past what geometry absorbs."""
+"""E of an effect: the whitened energy of its displacement of the poses that the geometry can't absorb."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ Floats = npt.NDArray[np.float64]
 
 
 class Past(Protocol):
-    """What measures how hard an effect is to see."""
+    """Computes E of displacements."""
 
     def energy(self, displacement: Floats) -> float:
-        """E of a displacement (N, 6) of the poses, m and rad, base frame, and of the joints that are read, if any."""
+        """E of a displacement (N, 6 + k) of the poses, m and rad, base frame, and of k joints that are read."""
 
 
 @dataclass(frozen=True)
 class PastGeometry:
-    """Measures displacements d (N, 6) by E = d' (I + B B')^-1 d, all whitened by the instrument's sigmas.
+    """Computes E = d' (I + B B')^-1 d of displacements d (N, 6) that are whitened by the instrument's sigmas.
 
     Parameters
     ----------
     B
         (6 N, p) whitened derivative of the poses by the geometry's parameters, in units of their tolerances.
     sigma
-        (6,) m and rad.
+        (6,) the instrument's sigmas, m and rad.
     """
 
     B: Floats

@@ -1,6 +1,6 @@
-"""Random functions: Gaussian-process draws along a line and over several coordinates, and play.
+"""Random functions: draws of Gaussian processes over one or several coordinates, and play.
 
-None of them is a series in fixed functions along a coordinate, which is what a diagnosis would fit.
+None of them is a series of fixed functions of a coordinate, because a diagnosis fits such series.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ WAVES = 96
 
 @dataclass(frozen=True)
 class Curve:
-    """A function of one coordinate by its values at nodes, straight in between and constant beyond."""
+    """A function of one coordinate by its values at nodes, linear between them and constant outside."""
 
     nodes: Floats
     values: Floats
@@ -31,7 +31,7 @@ class Curve:
         return np.asarray(np.interp(x, self.nodes, self.values))
 
     def scaled(self) -> Curve:
-        """The same with mean 0 and rms 1 over its nodes."""
+        """The function, shifted and scaled to mean 0 and rms 1 over its nodes."""
         centred = self.values - self.values.mean()
         return Curve(self.nodes, centred / np.sqrt((centred**2).mean()))
 
@@ -39,7 +39,12 @@ class Curve:
 def curve(
     rng: np.random.Generator, lower: float, upper: float, length: float, smoothness: Smoothness = "smooth"
 ) -> Curve:
-    """A Gaussian-process draw (Matern 1/2, 3/2, 5/2 or squared exponential) with mean 0 and rms 1 between two ends."""
+    """A draw of a Gaussian process from ``lower`` to ``upper``, scaled to mean 0 and rms 1; ``length``: the kernel's length
+    scale.
+
+    The kernel is Matern 1/2 (``rough``), 3/2 (``once``, differentiable once), 5/2 (``twice``) or squared exponential
+    (``smooth``).
+    """
     nodes = np.linspace(lower, upper, NODES)
     r = np.abs(nodes[:, None] - nodes) / length
     covariance = _covariance(r, smoothness) + 1e-6 * np.eye(NODES)
@@ -57,7 +62,7 @@ def _covariance(r: Floats, smoothness: Smoothness) -> Floats:
 
 
 def uneven_curve(rng: np.random.Generator, lower: float, upper: float) -> Curve:
-    """A smooth draw with rough patches and, every other time, a step: mean 0, rms 1."""
+    """A smooth random function, rough in places and, in half of the cases, with a step: mean 0, rms 1."""
     width = upper - lower
     base = curve(rng, lower, upper, width * rng.uniform(0.12, 0.4), rng.choice(["twice", "smooth"]))
     rough = curve(rng, lower, upper, width * rng.uniform(0.02, 0.06), rng.choice(["rough", "once"]))
@@ -70,7 +75,7 @@ def uneven_curve(rng: np.random.Generator, lower: float, upper: float) -> Curve:
 
 @dataclass(frozen=True)
 class Field:
-    """A stationary Gaussian-process draw over d coordinates by random Fourier features: mean 0, variance 1."""
+    """A draw of a stationary Gaussian process over d coordinates, by random Fourier features: mean 0, variance 1."""
 
     frequencies: Floats
     phases: Floats
@@ -91,7 +96,8 @@ class Field:
 
 
 def play(x: Floats, width: float) -> Floats:
-    """(N,) what a part does that is dragged along x (N,), in the order of time, by a pin with play of +-width."""
+    """(N,) position of a part that a pin at x (N,), in the order of time, drags along with a play of ``width`` to either
+    side."""
     dragged = np.empty_like(x)
     at = float(x[0]) if len(x) else 0.0
     for i, pin in enumerate(x.tolist()):

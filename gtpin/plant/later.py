@@ -1,4 +1,4 @@
-"""The machine of a case measured again, at commands and conditions of the user's choice."""
+"""New measurements of a case's machine, at commands and conditions of the user's choice."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from gtpin.plant.visits import BACK_OFF, Visits
 Floats = npt.NDArray[np.float64]
 
 LATER = 600.0
-"""From the day's last visit to the first of the new ones, where the commands do not say the time, s."""
+"""Time from the day's last visit to the first new one, where the commands have no column ``time``, s."""
 
 
 def measure_at(case: Case, commands: Commands, seed: int = 0) -> Dataset:
-    """Measure the machine of a case again, after its day, with the same instrument where it stands.
+    """Measure the machine of a case again, after its day, with the same instrument at the same place.
 
-    The commands' covariates are obeyed: ``approach1..n`` and ``speed1..n`` (which go the same way), ``payload``,
-    ``fx fy fz``, ``session``, ``time`` (after the day's last visit), ``temp_frame`` and ``temp_link``. What they do not say
-    is as at the day's end; approaches are then at random, speeds and forces zero. What goes by the history of earlier
-    loads and moves starts anew.
+    These covariates of the commands are applied: ``approach1..n`` and ``speed1..n`` (with equal signs), ``payload``,
+    ``fx fy fz``, ``session``, ``time`` (after the day's last visit), ``temp_frame`` and ``temp_link``. Covariates that are not
+    given have their values at the end of the day; directions of approach are then random, speeds and forces zero. Effects that
+    depend on earlier loads and moves start without this history.
 
     Parameters
     ----------
     commands
-        In the order in which they are measured.
+        Commands, and covariates by name, in the order in which they are measured.
     seed
-        Of the instrument's noise and the carts' repeatability; same seed, same bytes.
+        Seed of the instrument's noise and the repeatability. The same seed gives the same bytes.
 
     Returns
     -------
     Dataset
-        A row for each command; its covariates are those of the case's dataset and those of the commands.
+        One row for each command, with the covariates of the case's dataset and those of the commands.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A tree of joints whose loops close at points: the passive joints follow by Newton's method."""
+"""A tree of joints whose loops close at points: the passive joints' coordinates are solved by Newton's method."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 STRIDES = 24
-"""In which commands go from home to where they are wanted."""
+"""Number of equal steps in which commands change from home to the wanted ones."""
 STEPS = 12
 HOMING = 160
-"""Steps of Newton's method from each of them."""
+"""Largest number of Newton's steps from each posture that is tried at home."""
 CLOSED = 1e-12
 """Gap, m, at which a loop counts as closed."""
 STARTS = 40
-"""Postures that are tried at home."""
+"""Number of random postures that are tried at home."""
 NEARLY = 1e-8
-"""Gap, m, from which one more of Newton's steps closes a loop to rounding."""
+"""Gap, m, below which one more of Newton's steps closes a loop to rounding errors."""
 NUDGE = 1e-6
 
 
@@ -39,22 +39,23 @@ class Loops:
     Parameters
     ----------
     joints
-        The joints where they really are, parents first.
+        The joints with their true placements, parents first.
     driven, passive
-        Indices of the commanded joints, and of those that follow.
+        Indices of the commanded joints, and of the passive ones.
     pairs
-        Points that coincide.
+        Pairs of points that coincide.
     ends, axes
         Names (``pin.left_far``: the loop, and the link that has the point) of the 2 L points, first and second of each pair,
         and (2 L, 3, 3) the rotations from the frames of these links to the frames of their joints.
     across
-        (L, 3, 3) what closes of each gap, in the first frame of its pair: all of it, or what lies in a planar loop's plane.
+        (L, 3, 3) projection of each gap, in the first frame of its pair, on the part that closes: the whole gap, or that in the
+        plane of a planar loop.
     tcp
         The TCP frame.
     home_q
         (n,) commands at home.
     home, home_of
-        The pose there that the URDF tells, or None, and the frame whose pose it is.
+        The pose at home that the URDF gives, or None, and the frame whose pose it is.
     """
 
     joints: tuple[Joint, ...]
@@ -71,9 +72,9 @@ class Loops:
 
     @staticmethod
     def of(robot: Robot, twists: Mapping[str, Floats], moved: Mapping[str, Floats] | None = None) -> Loops:
-        """The loops of a robot whose joints are off by twists (6,), m and rad, and whose points are off by (3,), m.
+        """The loops of a robot whose joints deviate by twists (6,), m and rad, and whose points by (3,), m.
 
-        ``twists`` has the names of joints, ``moved`` those of :attr:`ends`; what is not named is where the URDF says.
+        ``twists`` has the names of joints, ``moved`` those of :attr:`ends`; all others are as in the URDF.
         """
         urdf = read_urdf(robot.description.xml)
         if any(joint.follows for joint in urdf.joints):
@@ -94,7 +95,7 @@ class Loops:
         named = (told and told.link) or robot.description.tcp or robot.description.platform or robot.tcp_frame
         home = None if told is None else Poses(np.array(told.tcp_xyz)[None], exp(told.tcp_rotvec)[None])
         passive = tuple(sorted(_closing(joints, pairs) - set(driven)))
-        # Bearings' play takes up what a planar loop's gap has across its plane, where the package finds planes.
+        # Across the plane of a planar loop the play of bearings closes the gap. `planes`: where the package finds such loops.
         planes = getattr(robot, "planes", (None,) * len(pairs))
         across = np.array([np.eye(3) if n is None else np.eye(3) - np.outer(n, n) for n in planes])
         return Loops(
@@ -125,7 +126,7 @@ class Loops:
     def forward(self, q: Floats) -> Poses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close.
 
-        They come with the coordinates of the passive joints.
+        The poses have the coordinates of the passive joints.
         """
         x = self.led(q)
         return placed(self.joints, x).at(self.tcp).with_joints({self.joints[j].name: x[:, j] for j in self.passive})
@@ -147,7 +148,7 @@ class Loops:
 
     @cached_property
     def _home(self) -> Floats | None:
-        """(J,) coordinates at home: the first closed ones found, next to the pose that the URDF tells."""
+        """(J,) coordinates at home: of the closed postures found, the first, or the nearest to the pose that the URDF gives."""
         rng, best, nearest = np.random.default_rng(0), None, np.inf
         starts = rng.uniform(-np.pi, np.pi, (STARTS, len(self.joints)))
         starts[0] = 0.0
@@ -162,7 +163,8 @@ class Loops:
         return best
 
     def closed(self, x: Floats, driven: Floats, bending: Bending = STRAIGHT, steps: int = STEPS) -> Floats:
-        """(N, J) coordinates that close the loops, from near ones x (N, J), at driven ones (N, n); NaN where none are found."""
+        """(N, J) coordinates that close the loops at ``driven`` coordinates (N, n), from nearby ones x (N, J); NaN where none
+        are found."""
         x = x.copy()
         x[:, self.driven] = driven
         rows = np.flatnonzero(np.isfinite(x).all(axis=1))
@@ -184,11 +186,11 @@ class Loops:
         return x
 
     def pulls(self, bodies: Placed, bending: Bending, loads: Floats) -> tuple[Floats, Floats]:
-        """(N, L, 3) forces on the first bodies of the pairs, base frame, N, that hold the passive joints still, and where.
+        """(N, L, 3) forces on the first bodies of the pairs, N, that balance the passive joints, and the points where they act.
 
-        By virtual work: ``loads`` (N, p) are what pushes these joints along their coordinates, N m or N, and the slopes of
-        the gaps are the levers of the forces. No force is held across the plane of a planar loop; where play leaves its two
-        points apart, the force acts in the middle, (N, L, 3), m.
+        By virtual work: ``loads`` (N, p) are the loads of the passive joints along their coordinates, N m or N, and the
+        derivatives of the gaps are the levers of the forces. There is no force across the plane of a planar loop. The force
+        acts in the middle of the two points, (N, L, 3), m, which play can separate. Forces and points are in the base frame.
         """
         middle = self._ends(bodies, bending).mean(axis=1)
         levers = np.swapaxes(self._slopes(bodies, bending, np.stack([middle, middle], axis=1)), 1, 2)
@@ -197,7 +199,7 @@ class Loops:
         return np.einsum("nlij,ljk,nlk->nli", frames, self.across, own), middle
 
     def _gaps(self, bodies: Placed, bending: Bending) -> Floats:
-        """(N, 3 L) from each second point to the first, as far as it closes, in the first one's frame, m."""
+        """(N, 3 L) vectors from each second point to the first, projected on the part that closes, first point's frame, m."""
         ends = [(bodies.at(one, bending), bodies.at(other, bending)) for one, other in self.pairs]
         gaps = [np.einsum("nji,nj->ni", one.R, one.T - other.T) for one, other in ends]
         return np.hstack([gap @ part for gap, part in zip(gaps, self.across, strict=True)])
@@ -210,7 +212,7 @@ class Loops:
         )
 
     def _slopes(self, bodies: Placed, bending: Bending, ends: Floats) -> Floats:
-        """(N, 3 L, p) derivative of the gaps by the passive joints where they are closed; near enough elsewhere.
+        """(N, 3 L, p) derivative of the gaps by the passive joints: exact where the gaps are closed, else an approximation.
 
         ``ends`` (N, 2, L, 3) are the points, base frame, m.
         """
@@ -230,7 +232,7 @@ class Loops:
 
 
 def _on_the_way(joints: tuple[Joint, ...], joint: int) -> list[int]:
-    """Indices of the joints from one to the base."""
+    """Indices of the joints from a joint to the base."""
     found = []
     while joint >= 0:
         found.append(joint)

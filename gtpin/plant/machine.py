@@ -1,4 +1,4 @@
-"""The machine itself: a geometry drawn from its tolerances, masses that are not quite nominal, and what moves its joints."""
+"""A machine on six rods as it was really built: geometry and masses deviate from the nominal ones."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 MASS_SPREAD = 0.04
-"""1 sigma of each mass about nominal."""
+"""Standard deviation of each mass, relative to the nominal mass."""
 ACROSS = 0.3
 """Repeatability across a track, as a share of that along it."""
 REACH = 0.8
-"""Drives and guideways err over places from -REACH to REACH, whatever the machine's range."""
+"""Errors of drives and guideways are functions of places from -REACH to REACH, for every length of range."""
 
 
 @dataclass(frozen=True)
 class Machine:
     """A robot on six rods as it was really built: on carts, on arms, or on legs of variable length.
 
-    What a drive moves is called its cart: a cart along a track, an arm about an axis, or a leg's foot, which stays where
-    it is while the leg gets longer.
+    Here everything that a drive moves is called a cart: a cart along a track, an arm about an axis, or the foot of a leg, which
+    does not move when the leg's length changes.
 
     Parameters
     ----------
     geometry
         Its true geometry.
     plate_mass, plate_center
-        Mass of the platform, kg, and its centre, TCP frame, m.
+        Mass of the platform, kg, and its centre of mass, TCP frame, m.
     rod_masses
-        (k,) kg; the centre of a rod of fixed length is at its middle.
+        (k,) masses of the rods, kg; the centre of mass of a rod of fixed length is at its middle.
 
     Raises
     ------
     RobotError
-        If it has not six rods, each of which a drive moves.
+        If the robot does not have six rods, has a rod without a drive, or a drive without a rod.
     """
 
     geometry: Geometry
@@ -66,7 +66,7 @@ class Machine:
 
     @staticmethod
     def draw(robot: Robot, rng: np.random.Generator) -> Machine:
-        """A machine that is off nominal by normal draws from the tolerances, and by some per cent in its masses."""
+        """A machine whose parameters deviate from nominal by normal draws from the tolerances, its masses by some per cent."""
         geometry = Geometry.nominal(robot)
         built = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
         plate = robot.tcp_placement.inverse() * robot.model.inertias[robot.tcp_joint]
@@ -87,17 +87,17 @@ class Machine:
 
     @property
     def n_carts(self) -> int:
-        """How many carts it has."""
+        """Number of carts."""
         return self.robot.n_actuators
 
     @property
     def per_metre(self) -> float:
-        """Repeatability of a cart, in its own unit, for one m."""
+        """Repeatability of a cart, m or rad, over that of a cart on a track, m."""
         return 1.0
 
     @property
     def n_rods(self) -> int:
-        """How many rods it has."""
+        """Number of rods."""
         return len(self.robot.rods)
 
     @cached_property
@@ -107,12 +107,12 @@ class Machine:
 
     @cached_property
     def is_leg(self) -> npt.NDArray[np.bool_]:
-        """(n,) whether a drive changes a leg's length."""
+        """(n,) whether the drive changes a leg's length."""
         return np.array([any(rod.extension == c for rod in self.robot.rods) for c in range(self.n_carts)])
 
     @cached_property
     def slides(self) -> npt.NDArray[np.bool_]:
-        """(n,) whether a drive slides a cart along a track."""
+        """(n,) whether the drive moves a cart along a track."""
         return np.asarray(~self.is_leg & ~self.robot.revolute)
 
     @cached_property
@@ -129,33 +129,39 @@ class Machine:
 
     @cached_property
     def levers(self) -> Floats:
-        """(k, 3) from the mean of a cart's joints to each of them, base frame, m."""
+        """(k, 3) vectors from the mean of a cart's joints to each of them, with all commands zero, base frame, m."""
         C0 = self.kinematics.C0
         means = np.array([C0[self.driver == c].mean(axis=0) for c in range(self.n_carts)])
         return np.asarray(C0 - means[self.driver])
 
     @cached_property
     def zoom(self) -> Floats:
-        """(n,) places per commanded unit: the power of two that brings the range just within REACH, so as not to round."""
+        """(n,) change of the place by a unit command, 1/m or 1/rad: the largest power of two with which places stay within
+        REACH.
+
+        A power of two has no rounding error.
+        """
         half = (self.robot.upper - self.robot.lower) / 2.0
         return np.asarray(2.0 ** np.floor(np.log2(REACH / np.where(np.isfinite(half), half, REACH))))
 
     def places(self, q: Floats) -> Floats:
-        """(N, n) where commands (N, n) are in their ranges: from about -REACH to REACH, about the middle to a decimetre."""
+        """(N, n) places of commands (N, n) in their ranges: no unit, from about -REACH to REACH; the middle is rounded to
+        0.1."""
         middle = (self.robot.upper + self.robot.lower) / 2.0
         return np.asarray((q - np.round(np.where(np.isfinite(middle), middle, 0.0), 1)) * self.zoom)
 
     @cached_property
     def leg_masses(self) -> Floats:
-        """(k, 2) of each rod's mass at zero: the centre's distance from the platform, m, and the share that slides."""
+        """(k, 2) for each rod: distance of its centre of mass from its platform joint at command zero, m, and the share of its
+        mass that a leg's drive moves."""
         return np.array([_centre_and_sliding(self.robot, i) for i in range(self.n_rods)])
 
     def unbent(self, visits: int) -> Deviation:
-        """A deviation of zero at a number of visits."""
+        """Deviations of zero at a number of visits."""
         return Deviation.none(visits, self.n_carts, self.n_rods)
 
     def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
-        """What carts of a repeatability (n,), m, add at every visit."""
+        """Random deviations at every visit, of carts with the repeatabilities ``sigmas`` (n,), m or rad."""
         deviation = self.unbent(visits)
         deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
         sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, self.n_carts, 2))
@@ -168,14 +174,14 @@ class Machine:
         return Universal.of(self.robot, 0)
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + k, n) derivative of the poses, and of the k joints that come with them, by the commands."""
+        """(N, 6 + k, n) derivative by the commands of the poses, and of the k joints whose coordinates the poses have."""
         J = self.kinematics.command_jacobian(q, poses)
         return self._with_joint(J, q, poses, self.kinematics.commanded(q)) if poses.joints else J
 
     def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6 + k, p) derivative of the poses by the geometry's parameters, in units of their tolerances.
 
-        The k joints are those that come with the poses.
+        The k joints are those whose coordinates the poses have.
         """
         J = self.kinematics.geometry_jacobian(q, poses)
         J = self._with_joint(J, q, poses, self.kinematics.changed(q)) if poses.joints else J
@@ -186,7 +192,7 @@ class Machine:
         return np.concatenate([J, own], axis=1)
 
     def ends(self, q: Floats, deviation: Deviation) -> RodEnds:
-        """Where the rods end at commands q (N, n), and how long they are."""
+        """Ends and lengths of the rods at commands q (N, n), with a deviation."""
         arms = ~self.is_leg & ~self.slides
         straight = self.kinematics.ends(q + deviation.travel * arms if arms.any() else q)
         moved = deviation.shift + (deviation.travel * self.slides)[..., None] * self.tracks
@@ -198,7 +204,7 @@ class Machine:
         return RodEnds(straight.P + deviation.joint, C, L)
 
     def close(self, start: Poses, ends: RodEnds) -> Poses:
-        """(N) closed poses, base frame, from poses that are less than some millimetres off.
+        """(N) closed poses, base frame, from poses at a distance of less than some millimetres.
 
         Raises
         ------

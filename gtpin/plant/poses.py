@@ -16,9 +16,9 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Poses:
-    """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a common frame; NaN where there is none.
+    """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a common frame; NaN out of reach.
 
-    ``joints`` are coordinates (N,), rad or m, of joints that follow and are read there, by name.
+    ``joints``: coordinates (N,), rad or m, of passive joints that an encoder reads, by name.
     """
 
     T: Floats
@@ -33,12 +33,12 @@ class Poses:
 
     @property
     def reached(self) -> npt.NDArray[np.bool_]:
-        """(N,) which poses are there."""
+        """(N,) which poses can be reached."""
         return np.isfinite(self.T[:, 0])
 
     @property
     def quaternions(self) -> Floats:
-        """(N, 4) unit quaternions, scalar first, on the side of the first one; NaN where a pose is not there."""
+        """(N, 4) unit quaternions, scalar first, with the signs nearest to the first one; NaN out of reach."""
         wxyz = np.full((len(self), 4), np.nan)
         there = np.flatnonzero(self.reached)
         if there.size:
@@ -51,11 +51,11 @@ class Poses:
         return replace(self, joints=joints)
 
     def moved(self, T: Floats, R: Floats) -> Poses:
-        """The same poses in a frame in which the present one lies at T (3,), turned by R (3, 3)."""
+        """The same poses in another frame, in which the present frame has the position T (3,), m, and rotation R (3, 3)."""
         return Poses(self.T @ R.T + T, R @ self.R)
 
     def minus(self, other: Poses) -> Floats:
-        """(N, 6) these poses less others: position, m, and rotation vector, rad, in the common frame; NaN where one is not."""
+        """(N, 6) these poses less others: position, m, and rotation vector, rad, in the common frame; NaN if one is NaN."""
         difference = np.full((len(self), 6), np.nan)
         both = self.reached & other.reached
         difference[both, :3] = self.T[both] - other.T[both]
@@ -63,5 +63,5 @@ class Poses:
         return difference
 
     def change(self, other: Poses) -> Floats:
-        """(N, 6 + k) as :meth:`minus`, and after it the same of the k joints that are read, rad or m."""
+        """(N, 6 + k) as :meth:`minus`, followed by the differences of the k joints' coordinates, rad or m."""
         return np.column_stack([self.minus(other), *(x - other.joints[name] for name, x in self.joints.items())])

@@ -1,4 +1,4 @@
-"""Which commands a machine is sent to: the TCP all over its workspace, turned at random where it can be turned."""
+"""Random commands of a machine on rods: the TCP all over its workspace, with random orientations where it can rotate."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ from gtpin.plant.rotations import exp
 Floats = npt.NDArray[np.float64]
 
 BOX = (0.232, 0.159, 0.147)
-"""Half the sides of a gantry's box of TCP positions, in rod lengths: x along the tracks, base frame."""
+"""Half the sides of a gantry's box of TCP positions, in rod lengths, base frame; x along the tracks."""
 CENTER = (-0.012, -0.011, 0.0)
-"""Its centre from home, in rod lengths."""
+"""Centre of this box relative to home, in rod lengths, base frame."""
 WIDE, TURNED = 0.25, 0.25
-"""Half the side of a hexapod's box about the middle of its ranges, in rod lengths, and how far it turns, rad."""
+"""Half the side of a hexapod's box about the middle of its ranges, in rod lengths, and its largest rotation per axis, rad."""
 PARALLEL = 0.99
-"""Cosine from which on tracks count as parallel."""
+"""Smallest absolute cosine of the angle between parallel tracks."""
 CONDITIONED = 1.5
-"""Motion of other machines' TCP by their drives, over that in the middle of the ranges, beyond which nobody would measure."""
+"""Largest ratio of the TCP's motion by unit commands to that in the middle of the ranges: others are not used. This holds for
+machines that are neither gantry nor hexapod."""
 RESOLUTION = 1e-6
-"""Commands are rounded to this, m or rad."""
+"""Step to which commands are rounded, m or rad."""
 TRIES = 50
 
 
 def reachable(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
-    """(count, n) commands that put the TCP all over the workspace, m or rad.
+    """(count, n) random commands, m or rad, with the TCP all over the workspace.
 
     Raises
     ------
     UnreachableError
-        If the ranges hold hardly any of it.
+        If hardly any of them are in the ranges.
     """
     robot = machine.robot
     draw = _in_box if _is_gantry(machine) else _hexapod if _is_hexapod(machine) else _in_ranges
@@ -48,7 +49,7 @@ def reachable(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
 
 
 def _is_gantry(machine: Machine) -> bool:
-    """Whether three carts on level, parallel tracks move the platform without turning it."""
+    """Whether three carts on parallel tracks that are not vertical move the platform."""
     parallel = np.abs(machine.tracks @ machine.tracks[0]) > PARALLEL
     return (
         machine.n_carts == 3 and bool(machine.slides.all() and parallel.all()) and abs(machine.tracks[0, 2]) < PARALLEL
@@ -56,12 +57,12 @@ def _is_gantry(machine: Machine) -> bool:
 
 
 def _is_hexapod(machine: Machine) -> bool:
-    """Whether each rod has a drive of its own, so that the platform turns at will."""
+    """Whether each rod has its own drive, a leg's or a cart's, so that the platform can rotate."""
     return machine.n_carts == 6 and bool((machine.slides | machine.is_leg).all())
 
 
 def _in_box(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
-    """(count, n) commands for positions at random in home's orientation, which the machine all but keeps; NaN out of reach."""
+    """(count, n) commands for random positions in home's orientation, which the machine nearly keeps; NaN out of reach."""
     home = machine.kinematics.home
     size = float(machine.kinematics.L0.mean())
     T = home.T[0] + size * (np.array(CENTER) + np.array(BOX) * rng.uniform(-1.0, 1.0, (count, 3)))
@@ -70,7 +71,7 @@ def _in_box(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
 
 
 def _hexapod(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
-    """(count, 6) commands for positions and turns at random about the middle of the ranges; NaN out of reach."""
+    """(count, 6) commands for random poses about the middle of the ranges; NaN out of reach."""
     kinematics = machine.kinematics
     middle, pose = _middle(machine)
     size = float(kinematics.ends(middle).L.mean())
@@ -85,7 +86,7 @@ def _hexapod(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
 
 
 def _in_ranges(machine: Machine, count: int, rng: np.random.Generator) -> Floats:
-    """(count, n) commands at random in the ranges; NaN where the machine is not as well conditioned as in their middle."""
+    """(count, n) random commands in the ranges; NaN where the machine is worse conditioned than ``CONDITIONED`` allows."""
     robot = machine.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
@@ -95,7 +96,7 @@ def _in_ranges(machine: Machine, count: int, rng: np.random.Generator) -> Floats
 
 
 def _gain(machine: Machine, q: Floats) -> Floats:
-    """(N,) motion of the TCP by unit motions of the drives; infinite where the machine can't go."""
+    """(N,) motion of the TCP by unit commands: the norm of its derivative; infinite out of reach."""
     poses = machine.kinematics.forward(q)
     gain, there = np.full(len(q), np.inf), poses.reached
     gain[there] = np.linalg.norm(machine.kinematics.command_jacobian(q[there], poses[there]), axis=(1, 2))
@@ -112,7 +113,8 @@ def _middle(machine: Machine) -> tuple[Floats, Poses]:
 
 
 def _carts(machine: Machine, joints: Floats) -> Floats:
-    """(N, k) travel of each rod's own cart for joints on the platform (N, k, 3), base frame; NaN out of reach."""
+    """(N, k) travel, m, of the cart of each rod for positions of the platform's joints (N, k, 3), base frame; NaN out of
+    reach."""
     kinematics = machine.kinematics
     # |T + R P - C0 - q v|^2 = L^2, a quadratic in q; the carts stay on home's side of the platform.
     a = joints - kinematics.C0

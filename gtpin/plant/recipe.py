@@ -1,4 +1,4 @@
-"""The inputs that make the same machine and case again."""
+"""The inputs from which the same machine and case are made again."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from gtpin.plant.tracker import Noise
 
 @dataclass(frozen=True)
 class Wanted:
-    """An effect that a machine shall have: how strong by its energy, or else by its amplitude in typical sizes.
+    """An effect that the machine gets, with its energy or, where that is None, its amplitude in typical sizes.
 
-    ``periods`` are an arm's periodic error's lines, periods a turn each; drawn where there are none.
+    ``periods``: for a periodic error of an arm, the number of periods a turn of each line; drawn where empty.
     """
 
     effect: str
@@ -24,7 +24,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Recipe:
-    """All that a case is made from; same recipe, same bytes.
+    """Everything that a case is made from. The same recipe gives the same bytes.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""What a machine does with its errors: the closed chain solved with all of them, its forces at the postures reached."""
+"""Poses of a machine with all its errors: the closed chain is solved with them, and the forces are those at the solved
+poses."""
 
 from __future__ import annotations
 
@@ -28,19 +29,19 @@ Active = Sequence[tuple[Cause, float]]
 
 ROUNDS = 8
 SETTLED = 1e-10
-"""Change of a pose, m or rad, at which forces and deflections agree."""
+"""Change of a pose, m or rad, below which the iteration of forces and deflections ends."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """A machine on its way through a day's visits, watched by an instrument.
+    """A machine, its visits of a day, and the instrument that measures them.
 
     Parameters
     ----------
     machine, visits
-        Everything depends on the visits before, so that all of them are solved together.
+        The machine, and all its visits. They are solved together, because effects can depend on earlier visits.
     station
-        (3,) where the instrument stands, base frame, m.
+        (3,) position of the instrument, base frame, m.
     read
         Names of the joints that encoders read.
     """
@@ -52,7 +53,7 @@ class Plant:
 
     @cached_property
     def ideal(self) -> Any:
-        """The machine without any error but its geometry's: an ArmSituation of an arm, else a Situation."""
+        """The machine with errors of its geometry alone: an ArmSituation or LoopedSituation, or a Situation for rods."""
         if isinstance(self.machine, ArmMachine):
             kind = LoopedSituation if isinstance(self.machine, LoopedMachine) else ArmSituation
             return kind.of(self.machine, self.visits)
@@ -60,23 +61,24 @@ class Plant:
 
     @cached_property
     def there(self) -> Poses:
-        """(N) its poses, base frame, with the joints that are read."""
+        """(N) poses of this machine without effects, base frame, with the coordinates of the joints ``read``."""
         seen: Poses = self.ideal.seen(self.read)
         return seen
 
     def by_command(self) -> Floats:
-        """(N, 6 + k, n) derivative of these poses, position and rotation vector, and of the k joints, by the commands."""
+        """(N, 6 + k, n) derivative of these poses, position and rotation vector, base frame, and of the k joints, by
+        commands."""
         if isinstance(self.machine, ArmMachine):
             return self.machine.command_jacobian(self.visits.q, self.read)
         return self.machine.command_jacobian(self.visits.q, self.there)
 
     def settled(self, active: Active, jitter: Any = None) -> tuple[Any, Any]:
-        """The postures reached with some causes, and with ``jitter`` on top that goes by nothing.
+        """The situation with some causes and with ``jitter``, random deviations by the repeatability; and the total deviation.
 
         Raises
         ------
         ConvergenceError
-            If forces and deflections do not come to agree.
+            If the iteration of forces and deflections does not converge.
         """
         now = self.ideal
         for _ in range(ROUNDS):
@@ -94,7 +96,7 @@ class Plant:
         return total
 
     def seen(self, active: Active, jitter: Any = None) -> Poses:
-        """(N) poses that the instrument would read without noise, base frame, with the joints that encoders read."""
+        """(N) poses that the instrument reads without noise, base frame, with the coordinates of the joints ``read``."""
         now, deviation = self.settled(active, jitter)
         T = now.poses.T + np.einsum("nij,nj->ni", now.poses.R, deviation.target) - self.station
         turn = exp(deviation.frame[:, 3:])
@@ -102,5 +104,6 @@ class Plant:
         return Poses(T + self.station, turn @ now.poses.R, now.seen(self.read).joints)
 
     def displacement(self, active: Active) -> Floats:
-        """(N, 6 + k) what the causes alone do to the poses seen, m and rad, base frame, and to the k joints that are read."""
+        """(N, 6 + k) displacement by the causes alone of the measured poses, m and rad, base frame, and of the k joints
+        ``read``."""
         return self.seen(active).change(self.there)

@@ -18,14 +18,15 @@ from gtpin.robot.parameters import Kind
 Floats = npt.NDArray[np.float64]
 
 CHUNK = 4096
-"""Poses that are solved together."""
+"""Largest number of poses that are solved together."""
 NUDGE = 1e-5
-"""Step of the differences by which derivatives are found, m or rad: gaps are curved over metres."""
+"""Step of the central differences from which derivatives are computed, m or rad: small, as gaps have curvatures of about
+1/m."""
 
 
 @dataclass(frozen=True)
 class Rods:
-    """Where six rods hold a platform.
+    """Kinematics of a platform on six rods.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ class Rods:
 
     @cached_property
     def scale(self) -> Floats:
-        """(k,) travel per commanded unit."""
+        """(k,) travel over command; no unit."""
         return np.asarray(1.0 + self._off("scale", 1)[:, 0])
 
     @cached_property
@@ -86,7 +87,7 @@ class Rods:
 
     @cached_property
     def size(self) -> float:
-        """What coordinates amount to, m."""
+        """Largest length or coordinate of the machine, m, which determines rounding errors."""
         return max(self.geometry.robot.size, float(np.abs(self.C0).max()), float(self.L0.max()))
 
     # -------------------------------------------------------------------------------------------------- motion
@@ -119,7 +120,7 @@ class Rods:
 
     @cached_property
     def home(self) -> Poses:
-        """(1) pose at the home commands, on the assembly mode that the URDF's home tells."""
+        """(1) pose at the home commands, on the assembly mode of the home pose in the URDF."""
         robot = self.geometry.robot
         nominal = Rods(Geometry(robot, (), np.zeros(0)))
         before, after = nominal.ends(robot.home_q[None]), self.ends(robot.home_q[None])
@@ -155,8 +156,8 @@ class Rods:
         return replace(self, geometry=self.geometry.with_values(values))
 
     def _answer(self, q: Floats, poses: Poses, moved: list[tuple[RodEnds, RodEnds]], nudge: float) -> Floats:
-        """What the platform does to close the gaps that pairs of ends, to either side of the true ones, open."""
-        # Gaps by half the squares of the lengths: the same at closed poses, and what published cases took at others.
+        """(N, 6, m) derivative of the pose by m numbers, from pairs of ends ``moved`` by +-``nudge`` of each number."""
+        # Gaps as half the differences of squared lengths: the same at closed poses, and published cases were made with them.
         opened = [(one.squares(poses) - other.squares(poses)) / (2.0 * nudge) for one, other in moved]
         rods, arm = self.ends(q).rods(poses)
         by = np.concatenate([rods, np.cross(arm, rods)], axis=2)
@@ -164,7 +165,7 @@ class Rods:
 
 
 def _assembled(nominal: Rods, ends: RodEnds) -> Poses:
-    """(1) closed pose at the home commands next to the one that the URDF tells, by damped Newton steps.
+    """(1) closed pose at the home commands, near the home pose in the URDF, by damped Newton steps.
 
     Raises
     ------

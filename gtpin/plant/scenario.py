@@ -1,4 +1,4 @@
-"""Scenario files: short TOML that says what a virtual machine has and how it is measured."""
+"""Scenario files: TOML files with the effects of a virtual machine and its measurement conditions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class Effect(BaseModel):
-    """One ``[[effect]]``: its id; a site, an energy or an amplitude (in typical sizes), and periods a turn, unless drawn."""
+    """One ``[[effect]]``: its id; and, unless they are drawn, its site, its energy or its amplitude in typical sizes, and its
+    numbers of periods a turn."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -37,7 +38,8 @@ class Effect(BaseModel):
 
 
 class Scenario(BaseModel):
-    """What a scenario file says; ``covariates`` that are left out are drawn so that the effects can show."""
+    """The content of a scenario file. Keys of ``covariates`` that are left out are drawn so that the effects can be
+    detected."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -52,12 +54,12 @@ class Scenario(BaseModel):
 
 
 def read_scenario(file: Path | str) -> Scenario:
-    """Read a scenario file; a path to a URDF in it starts at its folder.
+    """Read a scenario file. A path of a URDF in it is relative to its folder.
 
     Raises
     ------
     GtpinError
-        For what is no TOML, or says what a scenario can't.
+        If the file is no TOML, or has an unknown key or a value that is not allowed.
     """
     file = Path(file)
     try:
@@ -83,7 +85,7 @@ def read_scenario(file: Path | str) -> Scenario:
 def simulate_scenario(
     file: Path | str, *, seed: int | None = None, poses: int | None = None, robot: str | None = None
 ) -> Case:
-    """Make the case of a scenario file; what is given here takes precedence.
+    """Make the case of a scenario file. ``seed``, ``poses`` and ``robot`` take precedence over those in the file.
 
     Raises
     ------
@@ -132,7 +134,7 @@ def scenario_recipe(
 
 
 def _explained(file: Path, error: ValidationError) -> GtpinError:
-    """The first of pydantic's complaints in one line."""
+    """The first validation error of pydantic as a :class:`~gtpin.errors.GtpinError`."""
     first: Any = error.errors(include_url=False)[0]
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":

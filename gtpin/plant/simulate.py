@@ -19,13 +19,13 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 TRIES = 50
-"""Draws per wanted pose before a robot counts as unable to reach its own range."""
+"""Number of draws for each wanted pose after which a robot counts as unable to reach its range."""
 REPEATED = 0.1
-"""Share of the poses that are visited twice, so that the noise shows."""
+"""Share of the poses that are visited twice, so that the noise can be estimated."""
 CONDITIONED = 1.5
-"""Motion of the TCP by the actuators, over that at home, beyond which nobody would measure."""
+"""Largest ratio of the TCP's motion by unit commands to that at home: commands with a larger one are not used."""
 RESOLUTION = 1e-6
-"""Commands are rounded to this, m or rad, as a controller's are."""
+"""Step to which commands are rounded, as by a controller, m or rad."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Simulation:
 
 
 def draw_machine(robot: Robot, rng: np.random.Generator) -> TrueRobot:
-    """A machine whose every geometric parameter is off by a normal draw from its tolerance."""
+    """A machine whose geometric parameters deviate from nominal by normal draws from their tolerances."""
     geometry = Geometry.nominal(robot)
     drawn = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
     return true_robot(geometry.with_values(drawn))
@@ -93,7 +93,7 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
 
 
 def _gain(machine: TrueRobot, q: Floats) -> Floats:
-    """(N,) motion of the TCP by unit motions of the actuators; infinite where the machine can't go."""
+    """(N,) motion of the TCP by unit commands: the norm of its derivative; infinite out of reach."""
     poses = machine.predict(q)
     gain = np.full(len(q), np.inf)
     there = poses.reached
@@ -102,12 +102,12 @@ def _gain(machine: TrueRobot, q: Floats) -> Floats:
 
 
 def measure(machine: TrueRobot, q: Floats, instrument: Instrument, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Measured positions (N, 3), m, and quaternions (N, 4), wxyz, with the instrument's noise.
+    """Measured positions (N, 3), m, and quaternions (N, 4), scalar first, base frame, with the instrument's noise.
 
     Raises
     ------
     GtpinError
-        If the instrument does not say how noisy it is.
+        If the instrument states no sigmas.
     """
     if instrument.position_sigma is None or instrument.orientation_sigma is None:
         raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")

@@ -1,4 +1,4 @@
-"""What the machine is in at every visit: posture, forces and motion. Effects go by it."""
+"""Posture, forces and motion of a machine on rods at every visit. Effects depend on them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Situation:
     Parameters
     ----------
     machine, visits
-        What was moved, and how.
+        The machine, and its commands and conditions.
     poses, ends
         The platform's poses, base frame, and the rods' ends there.
     """
@@ -37,12 +37,12 @@ class Situation:
 
     @staticmethod
     def of(machine: Machine, visits: Visits) -> Situation:
-        """The machine without any error but its geometry's."""
+        """The machine with errors of its geometry alone."""
         ends = machine.ends(visits.q, machine.unbent(len(visits)))
         return Situation(machine, visits, machine.kinematics.forward(visits.q), ends)
 
     def settled_by(self, deviation: Deviation) -> Situation:
-        """The postures with a deviation, from near ones."""
+        """The postures with a deviation, solved from the present ones."""
         ends = self.machine.ends(self.visits.q, deviation)
         return Situation(self.machine, self.visits, self.machine.close(self.poses, ends), ends)
 
@@ -56,15 +56,15 @@ class Situation:
 
     @cached_property
     def places(self) -> Floats:
-        """(N, n) where the carts are in their ranges: see :meth:`~gtpin.plant.machine.Machine.places`."""
+        """(N, n) places of the carts in their ranges: see :meth:`~gtpin.plant.machine.Machine.places`."""
         return self.machine.places(self.q)
 
     def seen(self, read: Sequence[str]) -> Poses:
-        """The platform's poses, with the angle of the first rod's universal joint where that is read."""
+        """The platform's poses, with the angle of the first rod's universal joint where ``read`` names it."""
         return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
 
     def unbent(self) -> Deviation:
-        """No deviation, to be filled in."""
+        """Deviations of zero, to be filled in."""
         return self.machine.unbent(len(self))
 
     @cached_property
@@ -79,18 +79,19 @@ class Situation:
         return np.asarray(d / np.linalg.norm(d, axis=2, keepdims=True))
 
     def held(self, wrench: Floats) -> Floats:
-        """(N, k) forces in the rods, tension positive, N, that hold a wrench (N, 6) on the platform at the TCP, base frame."""
+        """(N, k) rod forces, tension positive, N, that balance a wrench (N, 6) on the platform: force, N, and moment about the
+        TCP, N m, base frame."""
         return each_solved(np.swapaxes(by_pose(*self._rods), 1, 2), wrench)
 
     @cached_property
     def forces(self) -> Floats:
-        """(N, k) forces in the rods, tension positive, N: of all weights, the payload and the push on the tool."""
+        """(N, k) rod forces, tension positive, N, by all weights, the payload and the force on the tool."""
         machine, visits = self.machine, self.visits
         gravity = np.array(machine.robot.model.gravity.linear)
         wrench = np.zeros((len(self), 6))
         wrench[:, :3] = (machine.plate_mass + visits.payload[:, None]) * gravity + visits.force
         wrench[:, 3:] = np.cross(self.poses.R @ machine.plate_center, machine.plate_mass * gravity)
-        # Half of a rod's weight hangs on the platform, less of a leg that is drawn out; the axial force is at its middle.
+        # The platform carries half of a rod's weight, and less of an extended leg's. A rod's force is that at its middle.
         for i, mass in enumerate(machine.rod_masses):
             weight = np.multiply.outer(mass * self._hanging(i), gravity)
             wrench[:, :3] += weight
@@ -98,7 +99,7 @@ class Situation:
         return self.held(wrench)
 
     def _hanging(self, rod: int) -> Floats:
-        """() or (N,) share of a rod's weight that hangs on the platform."""
+        """() or (N,) share of a rod's weight that the platform carries."""
         if self.machine.robot.rods[rod].extension is None:
             return np.array(0.5)
         centre, sliding = self.machine.leg_masses[rod]
@@ -106,13 +107,13 @@ class Situation:
         return np.asarray(1.0 - (centre + sliding * (length - self.machine.kinematics.L0[rod])) / length)
 
     def pull(self, cart: int, forces: Floats | None = None) -> Floats:
-        """(N, 3) force of the rods on a cart, base frame, N; of other rod forces (N, k) where they are given."""
+        """(N, 3) force of the rods on a cart, base frame, N; ``forces`` (N, k): rod forces to use instead of :attr:`forces`."""
         mine = self.machine.driver == cart
         forces = self.forces if forces is None else forces
         return np.asarray(np.einsum("nk,nki->ni", forces[:, mine], self.along[:, mine]))
 
     def pressing(self, cart: int, forces: Floats | None = None) -> Floats:
-        """(N,) force of the rods against a drive, N: along its track, along the arc of its arm, or along its leg."""
+        """(N,) force of the rods on a drive, N: along its track, along the arc of its arm, or along its leg."""
         machine = self.machine
         if machine.slides[cart]:
             return np.asarray(self.pull(cart, forces) @ machine.tracks[cart])

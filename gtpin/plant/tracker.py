@@ -1,4 +1,4 @@
-"""Noise of the instrument, the noise that the dataset states, and the repeatability of the machine."""
+"""True noise of the instrument, the noise that the dataset declares, and the repeatability of the machine."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ class Noise(BaseModel):
     Parameters
     ----------
     position_sigma, orientation_sigma
-        1 sigma per axis, m and rad.
+        Standard deviation per axis, m and rad.
     repeatability
-        1 sigma, m, of each cart along its track, anew at every visit; each cart's is drawn between the two numbers. Across
-        the track it is 0.3 of that along it, in both directions.
+        Range, m, from which the standard deviation of each cart along its track is drawn; the errors are drawn at every visit.
+        Across the track the standard deviation is 0.3 of that along it, in both directions.
     declared
         Whether the dataset states the sigmas.
     by_range
-        Relative increase of the position's sigma from the mean distance from the instrument to twice that; 0: the same
-        everywhere.
+        Relative increase of the position's sigma between the mean distance from the instrument and twice this distance; 0: the
+        sigma is constant.
     tails
-        Degrees of freedom of a Student distribution of the same sigma; None for a normal one.
+        Degrees of freedom of a Student distribution with the same sigma; None for a normal one.
     gross
-        Share of the measurements that are off by ten to a hundred sigma.
+        Share of the measurements with gross errors, of 10 to 100 sigma.
     orientations
         Whether orientations are measured.
     free
-        Whether the instrument measures in a frame of its own, somewhere in the hall.
+        Whether the instrument measures in its own frame, whose pose is unknown to the user.
     free_target
-        Whether what is measured sits on an arm's platform some tens of mm from the TCP, turned at will, nobody knows how.
+        Whether the target of an arm has an unknown pose in the TCP frame: a distance of some tens of mm, and any orientation.
     station
-        Where the instrument stands, base frame, m.
+        Position of the instrument, base frame, m.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -67,13 +67,13 @@ class Noise(BaseModel):
 
     @property
     def sigma(self) -> Floats:
-        """(6,) 1 sigma of what is measured, m and rad; infinite for what is not."""
+        """(6,) standard deviation of each component of the pose, m and rad; infinite for components that are not measured."""
         turns = self.orientation_sigma if self.orientations else np.inf
         return np.array([self.position_sigma] * 3 + [turns] * 3)
 
     @property
     def instrument(self) -> Instrument:
-        """What the dataset states of the instrument."""
+        """The instrument as the dataset declares it."""
         frame: Literal["robot", "free"] = "free" if self.free else "robot"
         target: Literal["tcp", "free"] = "free" if self.free_target else "tcp"
         if not self.declared:
@@ -82,16 +82,17 @@ class Noise(BaseModel):
         return Instrument(position_sigma=self.position_sigma, orientation_sigma=turns, frame=frame, target=target)
 
     def elsewhere(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """The base frame in the instrument's own frame: T (3,), m, and R (3, 3); z vertical to about half a degree."""
+        """A random pose of the base frame in the instrument's frame: T (3,), m, and R (3, 3), with z vertical to about 0.6
+        degrees per axis."""
         turn = exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])) @ exp(0.01 * rng.standard_normal(3))
         return np.asarray(rng.uniform(-5.0, 5.0, 3)), np.asarray(turn)
 
     def repeatability_of(self, machine: Machine | ArmMachine, rng: np.random.Generator) -> Floats:
-        """(n,) 1 sigma of each cart along its track, m, or of each joint of an arm, rad or m."""
+        """(n,) standard deviation of each cart along its track, m, or of each joint of an arm, rad or m."""
         return np.asarray(rng.uniform(*self.repeatability, machine.n_carts) * machine.per_metre)
 
     def target(self, rng: np.random.Generator) -> Frame:
-        """Where the target of an arm sits in the TCP frame."""
+        """A random pose of an arm's target in the TCP frame."""
         return Frame(-1, exp(rng.standard_normal(3)), np.asarray(rng.uniform(-0.06, 0.06, 3)))
 
     def measured(self, true: Poses, rng: np.random.Generator) -> Poses:
@@ -107,7 +108,7 @@ class Noise(BaseModel):
         return Poses(true.T + errors[:, :3], exp(errors[:, 3:]) @ true.R)
 
     def drawn(self, rng: np.random.Generator, shape: tuple[int, int]) -> Floats:
-        """Draws of sigma 1."""
+        """Random draws with standard deviation 1."""
         if self.tails is None:
             return rng.standard_normal(shape)
         return np.asarray(rng.standard_t(self.tails, shape) * np.sqrt((self.tails - 2.0) / self.tails))

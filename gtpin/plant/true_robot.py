@@ -1,4 +1,4 @@
-"""A robot with a geometry of its own and no effect: where its TCP really is."""
+"""A robot with deviations of its geometry and no effects: its true poses."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ Floats = npt.NDArray[np.float64]
 
 
 class TrueRobot(Protocol):
-    """What a simulation asks of a robot; all in the base frame."""
+    """A robot without effects, as a simulation uses it; everything is in the base frame."""
 
     @property
     def geometry(self) -> Geometry:
         """Its true geometry."""
 
     def predict(self, q: Floats) -> Poses:
-        """Poses at commands q (N, n), with the coordinates of joints that follow in loops; NaN where it can't go."""
+        """Poses at commands q (N, n), with the coordinates of passive joints of loops; NaN out of reach."""
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the poses by the commands: position and rotation vector."""
 
 
 def true_robot(geometry: Geometry) -> TrueRobot:
-    """The robot of a geometry: on rods, an open chain, or with loops of another kind.
+    """The robot of a geometry: with rods, an open chain, or with other loops.
 
     Raises
     ------
     ModelError
-        If it has rods, but not six.
+        If the robot has rods, but not six.
     """
     robot = geometry.robot
     if robot.rods:
@@ -53,7 +53,7 @@ def true_robot(geometry: Geometry) -> TrueRobot:
 
 @dataclass(frozen=True)
 class OnRods:
-    """A platform on six rods; with ``read``, the angle of the first rod's universal joint comes with its poses."""
+    """A platform on six rods; with ``read``, its poses have the angle of the first rod's universal joint."""
 
     geometry: Geometry
     read: bool = False
@@ -84,7 +84,7 @@ class Open:
 
     @cached_property
     def machine(self) -> ArmMachine:
-        """The chain with its joints where the geometry puts them."""
+        """The chain with its joints as in the geometry."""
         robot = Arm.of(self.geometry.robot)
         off = twists(self.geometry)
         counted = np.array([off.get(name, np.zeros(6)) for name in robot.sites])
@@ -101,7 +101,7 @@ class Open:
 
 @dataclass(frozen=True)
 class Looped:
-    """A chain with loops that are no rods."""
+    """A chain whose loops are not rods."""
 
     geometry: Geometry
 
@@ -119,7 +119,7 @@ class Looped:
 
 
 def anchors(geometry: Geometry) -> dict[str, Floats]:
-    """Displacement (3,), m, of each loop's point that is off, in its link's frame, by the names of loop and link."""
+    """Displacement (3,), m, link's frame, of each point of a loop that deviates from nominal, by the names of loop and link."""
     found: dict[str, Floats] = {}
     for parameter, value in zip(geometry.parameters, geometry.deviation, strict=True):
         place, _, axis = parameter.name.rpartition(".")
@@ -130,7 +130,7 @@ def anchors(geometry: Geometry) -> dict[str, Floats]:
 
 
 def twists(geometry: Geometry) -> dict[str, Floats]:
-    """Twist (6,), m and rad, of each joint whose placement is off, by its name; ``platform`` is the tool's."""
+    """Twist (6,), m and rad, of each joint whose placement deviates from nominal, by its name; ``platform``: of the tool."""
     axes = ("x", "y", "z", "rx", "ry", "rz")
     found: dict[str, Floats] = {}
     for parameter, value in zip(geometry.parameters, geometry.deviation, strict=True):

@@ -1,4 +1,4 @@
-"""A dataset of a virtual machine, and the truth about it."""
+"""A dataset of a virtual machine, and its truth: effects and true poses."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from gtpin.plant.visits import Visits
 Floats = npt.NDArray[np.float64]
 
 TABLES = tuple(f"{name}.csv" for name in ("tracker", "camera", "wire", "bed", "cup", "level", "encoder", "ballbar"))
-"""The tables of the plant's instruments."""
+"""Files with the tables of the plant's instruments."""
 DATASET_FILES = (*FILES, *TABLES, "commands.csv", "truth.csv")
-"""What the folder of a virtual machine's dataset may consist of."""
+"""Files that the folder of a virtual machine's dataset may contain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,14 @@ class Truth:
     Parameters
     ----------
     effect, site
-        What it is, and where.
+        Its id and its site.
     energy
-        The E reached.
+        Its E.
     amplitude
-        Its size in multiples of the typical one.
+        Its size in typical sizes.
     displacement
-        (N, 6) what it alone does at the dataset's rows: position, m, and rotation vector, rad, base frame.
+        (N, 6) displacement of the TCP by this effect alone at the dataset's rows: position, m, and rotation vector, rad, base
+        frame.
     """
 
     effect: str
@@ -61,21 +62,21 @@ class Case:
     Parameters
     ----------
     name
-        Of its folder.
+        Name of its folder.
     dataset, commands
-        What was measured, and the held-out commands with their covariates.
+        The measurements, and the held-out commands with their covariates.
     truth
-        The machine's poses at the commands: instrument's frame, no noise, no lack of repeatability.
+        The machine's poses at the commands, instrument's frame, without noise and errors by repeatability.
     effects
-        What it has; empty for a null.
+        The true effects; empty for a machine without an effect.
     machine, visits
-        What was measured and how: ``visits`` are those of the dataset's rows, in their order.
+        The machine, and the visits of the dataset's rows, in their order.
     true
-        Poses at the dataset's rows without the instrument's noise.
+        Poses at the dataset's rows without the instrument's noise, instrument's frame.
     background
-        E of all weak effects that are always on, together.
+        Joint energy E of the weak effects.
     recipe
-        What the case was made from.
+        The recipe of the case.
     """
 
     name: str
@@ -92,12 +93,12 @@ class Case:
     def write(self, folder: Path | str, name: str | None = None, *, force: bool = False) -> None:
         """Write ``FOLDER/NAME/`` (the dataset and commands.csv), ``NAME.truth.json`` and ``NAME.truth.csv``.
 
-        Files that gtpin wrote are replaced; with ``force``, others of these names are moved aside (``NAME.old-1``).
+        Files that gtpin wrote are replaced; with ``force``, other files of these names are renamed (``NAME.old-1``).
 
         Raises
         ------
         GtpinError
-            If the folder can't be written, or, without ``force``, holds files of these names that gtpin has not written, or
+            If the folder can't be written, or, without ``force``, contains files of these names that gtpin has not written or
             that were changed since.
         """
         name = name or self.name
@@ -123,7 +124,7 @@ def write_truth(
     poses: Poses,
     more: Mapping[str, object] | None = None,
 ) -> None:
-    """Write ``NAME.truth.json``, with what ``more`` there is to it, and ``NAME.truth.csv``, the poses at the commands."""
+    """Write ``NAME.truth.json``, with the further keys ``more``, and ``NAME.truth.csv``, the poses at the commands."""
     json_name, csv_name = truth_names(name)
     listed = [{"effect": t.effect, "site": t.site, "energy": t.energy} for t in effects]
     text = json.dumps({"effects": listed, **(more or {})}, indent=1, allow_nan=False) + "\n"
@@ -134,15 +135,15 @@ def write_truth(
 
 
 def truth_names(name: str) -> tuple[str, str]:
-    """Names of the two files that tell the truth about a dataset."""
+    """Names of the two files with the truth of a dataset."""
     return f"{name}.truth.json", f"{name}.truth.csv"
 
 
 @contextlib.contextmanager
 def dataset_folder(dataset: Path, *, force: bool = False) -> Iterator[Path]:
-    """Give a folder to write a dataset to that no truth is written of.
+    """Context with a folder to which a dataset without a truth is written.
 
-    The truth of the dataset that it replaces is taken away with that, if gtpin wrote it and nobody changed it since.
+    If it replaces another dataset, the truth of that one is removed too, if gtpin wrote it and nobody has changed it since.
     """
     place = Path(os.path.abspath(dataset))
     old = [name for name in truth_names(place.name) if _is_own(place.with_name(name))] if place.name else []
@@ -161,7 +162,7 @@ def _is_own(file: Path) -> bool:
 
 @contextlib.contextmanager
 def case_folders(dataset: Path, *, force: bool = False) -> Iterator[tuple[Path, Path]]:
-    """Give two folders to write to: one for the dataset's files, one for the truth."""
+    """Context with two folders to write to: one for the dataset's files, one for the truth."""
     truth = truth_names(dataset.name)
     with (
         results_folder(dataset.parent, truth, force=force, key=truth[0]) as outside,

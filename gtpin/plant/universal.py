@@ -1,4 +1,4 @@
-"""The universal joint by which a rod hangs on the platform: how far its first axis is turned, by where the rod points."""
+"""The universal joint between a rod and the platform: the angle about its first axis, from the direction of the rod."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 STRIDES, STEPS = 12, 8
-"""On the way from the URDF's zero to where the rod points, and Newton's steps at its end."""
+"""Number of equal steps from the rod's direction at the URDF's zero to the wanted one, and number of Newton's steps at the
+end."""
 CLOSED = 1e-12
-"""Difference of two unit vectors that counts as none."""
+"""Largest difference of two unit vectors that count as equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Universal:
-    """Two axes that cross: at angles x the rod points along R1 exp(a1 x1) R2 exp(a2 x2) t in the TCP frame.
+    """Two axes that intersect: at angles x the rod has the direction R1 exp(a1 x1) R2 exp(a2 x2) t in the TCP frame.
 
     Parameters
     ----------
     name
-        Of the joint of the first axis, whose angle is read.
+        Name of the joint of the first axis, whose angle an encoder reads.
     rod
         Index of the rod.
     R1, R2
-        (3, 3) placement of the first joint's frame in the TCP frame, and of the second's in the first's.
+        (3, 3) rotations of the first joint's frame to the TCP frame, and of the second's to the first's.
     a1, a2, t
-        (3,) unit vectors: the axes, and the rod, own frames.
+        (3,) unit vectors: each axis in its joint's frame, and the rod's direction in the second joint's frame.
     """
 
     name: str
@@ -49,12 +50,12 @@ class Universal:
 
     @staticmethod
     def of(robot: Robot, rod: int) -> Universal:
-        """The joint of a rod: names are the package's, numbers those of the URDF's text.
+        """The joint of a rod. Names are from ``robot``, numbers from the URDF's text.
 
         Raises
         ------
         RobotError
-            If the rod does not hang on the platform by two turning joints.
+            If the rod is not connected to the platform by two revolute joints.
         """
         urdf = read_urdf(robot.description.xml, still=("floating",))
         loop, which = robot.description.loops[robot.rods[rod].loop], robot.rods[rod].rod_end
@@ -77,13 +78,13 @@ class Universal:
         )
 
     def coordinate(self, poses: Poses, ends: RodEnds) -> Floats:
-        """(N,) angle about the first axis, rad, where rods have some ends; NaN where the rod lies along it."""
+        """(N,) angle about the first axis, rad, at poses with the rods' ends; NaN where the rod is parallel to the axis."""
         return self._angles(self._direction(poses, ends))[:, 0]
 
     def by_motion(self, poses: Poses, ends: RodEnds, J: Floats, moved: list[tuple[RodEnds, RodEnds]]) -> Floats:
-        """(N, 1, m) derivative of the angle by m numbers, by which the poses move as J (N, 6, m) says.
+        """(N, 1, m) derivative of the angle by m numbers; J (N, 6, m) is the derivative of the poses by them.
 
-        ``moved`` are the ends where each number is larger, and smaller, by ``NUDGE``.
+        ``moved`` has the rods' ends with each number larger, and smaller, by ``NUDGE``.
         """
         u = self._direction(poses, ends)
         x = self._angles(u)
@@ -101,12 +102,12 @@ class Universal:
         return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
 
     def _points(self, x: Floats) -> Floats:
-        """(N, 3) where the rod points at angles (N, 2)."""
+        """(N, 3) direction of the rod at angles (N, 2), rad, TCP frame."""
         turned = exp(x[:, :1] * self.a1) @ self.R2 @ exp(x[:, 1:] * self.a2)
         return np.asarray(turned @ self.t @ self.R1.T)
 
     def _step(self, x: Floats, change: Floats) -> Floats:
-        """(N, 2) change of the angles that changes the direction by (N, 3)."""
+        """(N, 2) change of the angles, rad, that changes the direction by ``change`` (N, 3)."""
         first = exp(x[:, :1] * self.a1)
         inner = exp(x[:, 1:] * self.a2) @ self.t
         ways = (np.cross(self.a1, (first @ self.R2 @ inner[..., None])[..., 0]), np.cross(self.a2, inner))
@@ -114,7 +115,8 @@ class Universal:
         return np.asarray((np.linalg.pinv(self.R1 @ slopes) @ change[..., None])[..., 0])
 
     def _angles(self, u: Floats) -> Floats:
-        """(N, 2) angles at which the rod points along unit vectors (N, 3), on the side of the URDF's zero."""
+        """(N, 2) angles, rad, at which the rod has the directions u (N, 3); of the solutions, that connected to the URDF's
+        zero."""
         x = np.zeros((len(u), 2))
         start = self._points(x)
         for s in np.arange(1, STRIDES + 1) / STRIDES:

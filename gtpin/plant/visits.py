@@ -1,4 +1,4 @@
-"""The machine's way through its poses in the course of a day, and what is known of every visit."""
+"""The visits of a machine over a day: commands, motion, loads and times."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ Bools = npt.NDArray[np.bool_]
 REPEATED = 0.1
 """Share of the poses that are visited twice."""
 BACK_OFF = (0.010, 0.040)
-"""How far each actuator backs off before an approach of its own, m."""
+"""Range of the distance, m or rad, from which each actuator approaches where a visit is not reached directly."""
 SPEED = (0.05, 0.30)
-"""Of the fastest actuator where the machine does not stop, m/s."""
+"""Range of the fastest actuator's speed where the machine does not stop, m/s or rad/s."""
 
 
 @dataclass(frozen=True)
@@ -42,17 +42,17 @@ class Visits:
     held
         (N,) mask of visits that are not measured: the held-out commands.
     q, before
-        (N, n) commands, and start positions of the actuators' last moves, m.
+        (N, n) commands, and starts of the actuators' last moves, m or rad.
     time
-        (N,) s.
+        (N,) time, s.
     session
-        (N,) from 0.
+        (N,) number of the session, from 0.
     payload
-        (N,) kg.
+        (N,) payload, kg.
     force
-        (N, 3) on the tool, base frame, N.
+        (N, 3) force on the tool, base frame, N.
     speed, acceleration
-        (N, n) m/s, m/s^2; the acceleration is not recorded in the dataset.
+        (N, n) in m/s and m/s^2, or rad/s and rad/s^2; the acceleration is not recorded in the dataset.
     day
         The temperatures.
     """
@@ -79,7 +79,7 @@ class Visits:
 
     @property
     def phase(self) -> Floats:
-        """(N,) time as a share of the day, 0 to 1; beyond 1 later on."""
+        """(N,) time over the end of the day: 0 to 1, and more for later visits."""
         return np.asarray(self.time / self.day.end)
 
     def take(self, rows: Ints | Bools) -> Visits:
@@ -88,7 +88,7 @@ class Visits:
         return replace(self, **changed)
 
     def columns(self, conditions: Conditions) -> dict[str, Column]:
-        """The covariates as a dataset has them."""
+        """The covariates that the dataset records, by name."""
         columns: dict[str, Column] = {"time": self.time}
         if conditions.sessions > 1:
             columns["session"] = session_ids(self.session)
@@ -103,14 +103,14 @@ class Visits:
 
 
 def session_ids(session: Ints) -> Ids:
-    """(N,) sessions as a dataset names them."""
+    """(N,) names of sessions, from their numbers."""
     return np.array([str(s) for s in session], dtype=object)
 
 
 def plan(
     machine: Machine | ArmMachine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator
 ) -> Visits:
-    """A day's visits: ``poses`` poses, a tenth of them twice, and ``held_out`` others in between.
+    """A day's visits: of ``poses`` poses, a tenth of them twice, and of ``held_out`` others in between.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def plan(
 
 
 def drawn(machine: Machine | ArmMachine, count: int, rng: np.random.Generator) -> Floats:
-    """(count, n) commands all over the workspace.
+    """(count, n) random commands all over the workspace, m or rad.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def visited(
     conditions: Conditions,
     rng: np.random.Generator,
 ) -> Visits:
-    """A day's visits of poses q (P, n): the first ``poses`` are measured, a tenth of the first ``repeatable`` twice."""
+    """A day's visits of commands q (P, n): the first ``poses`` are measured, a tenth of the first ``repeatable`` twice."""
     again = rng.choice(repeatable, size=int(REPEATED * repeatable), replace=False)
     pose = np.concatenate([np.arange(len(q)), again])
     pose = rng.permutation(pose)
@@ -174,7 +174,7 @@ def visited(
 
 
 def _starts(q: Floats, direct: float, rng: np.random.Generator) -> Floats:
-    """(N, n) where the actuators' last moves begin: at the visit before, or a little to one side."""
+    """(N, n) starts of the actuators' last moves: the visit before, or a point at a small distance to a random side."""
     before = np.vstack([q[:1], q[:-1]])
     via = (rng.random(len(q)) >= direct) | (np.abs(q - before).min(axis=1) < 1e-3)
     side = rng.choice([-1.0, 1.0], q.shape)
@@ -183,7 +183,7 @@ def _starts(q: Floats, direct: float, rng: np.random.Generator) -> Floats:
 
 
 def _blocks(total: int, levels: Floats, blocks: int, rng: np.random.Generator) -> Floats:
-    """(total,) levels in blocks of time, each as often as the others."""
+    """(total,) levels in blocks of time; each level has about as many blocks as the others."""
     rounds = [rng.permutation(levels) for _ in range(-(-blocks // len(levels)))]
     return np.concatenate(rounds)[: max(blocks, len(levels))][np.arange(total) * max(blocks, len(levels)) // total]
 

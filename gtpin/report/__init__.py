@@ -1,1 +1,1 @@
-"""What people read: results as text and as pages."""
+"""Results as text, JSON, figures and HTML pages."""

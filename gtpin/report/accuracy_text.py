@@ -9,12 +9,12 @@ from gtpin.accuracy.analysis import Accuracy
 
 
 def accuracy_text(accuracy: Accuracy) -> str:
-    """Expected errors over the workspace."""
+    """Expected errors over the workspace, as text."""
     return expected_text(accuracy.to_json())
 
 
 def expected_text(values: Mapping[str, Any]) -> str:
-    """The same, of the content of accuracy.json."""
+    """Expected errors over the workspace, as text, from the content of accuracy.json."""
     position, orientation = values["expected"]["position"], values["expected"]["orientation"]
     lines = [f"Expected error of {values['robot']} over {values['poses']} poses, from {values['uncertainty']}:"]
     for what, unit, error in (("position", "um", position), ("orientation", "urad", orientation)):

@@ -25,28 +25,28 @@ Layer = Literal["measured", "before", "after"]
 
 DIRECTIONS: tuple[Direction, ...] = ("counterclockwise", "clockwise")
 SAME_PLANE = np.cos(np.deg2rad(5.0))
-"""Cosine of the angle between planes of runs that are one circle."""
+"""Smallest cosine of the angle between the planes of two runs along one circle."""
 SAME_RADIUS = 0.05
-"""Difference of the radii of runs that are one circle, and of the heights of their planes, over the radius."""
+"""Largest difference of the radii, and of the heights of the planes, of two runs along one circle, over the radius."""
 ALONG_AXIS = np.cos(np.deg2rad(5.0))
-"""Cosine of the angle between the normal of a plane that is called XY, YZ or ZX, and the axis."""
+"""Smallest cosine of the angle between the normal of a plane that is called XY, YZ or ZX, and the axis normal to it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """Deviations of the radius on one way along a circle.
+    """Deviations of the radius on one run along a circle.
 
     Parameters
     ----------
     direction
-        Counterclockwise from the circle's first axis to its second.
+        Direction of travel; counterclockwise: from the circle's first axis to its second.
     rows
         (m,) rows of the residuals, in the order of travel.
     angle
         (m,) commanded angle from the first axis to the second, rad.
     deviation
-        By layer (m,), m, positive away from the centre: ``measured``, about the least-squares circle of all ways along it;
-        ``before`` and ``after``, what geometry alone and geometry with the causes leave.
+        By layer (m,), m, positive away from the centre. ``measured``: about the least-squares circle of all runs along it.
+        ``before`` and ``after``: residuals of geometry alone and of geometry with the causes.
     """
 
     direction: Direction
@@ -62,13 +62,13 @@ class Circle:
     Parameters
     ----------
     instrument, station, target
-        Names of what was read; the latter two are "" where there is one alone.
+        Names of the instrument, station and target; the latter two are "" where there is only one.
     normal
         (3,) unit normal of its plane, base frame.
     radius
         Commanded radius, m.
     traces
-        Each way along it.
+        The runs along it.
     """
 
     instrument: str
@@ -80,7 +80,7 @@ class Circle:
 
     @property
     def plane(self) -> str:
-        """``XY``, ``YZ`` or ``ZX``; of other planes ``normal (0.34, 0.00, 0.94)``."""
+        """Name of its plane: ``XY``, ``YZ`` or ``ZX``; of other planes the normal: ``normal (0.34, 0.00, 0.94)``."""
         axis = int(np.argmax(self.normal))
         if self.normal[axis] >= ALONG_AXIS:
             return ("YZ", "ZX", "XY")[axis]
@@ -88,7 +88,7 @@ class Circle:
 
     @property
     def axes(self) -> tuple[str, str]:
-        """Names of its first and second axis: those of the plane; of other planes the nearest ones, projected."""
+        """Names of its first and second axis; in a plane that is not XY, YZ or ZX, of the base axes nearest to them."""
         axis = int(np.argmax(self.normal))
         return ("YZ", "ZX", "XY")[axis][0], ("YZ", "ZX", "XY")[axis][1]
 
@@ -98,18 +98,19 @@ class Circle:
         return tuple(d for d in DIRECTIONS if any(trace.direction == d for trace in self.traces))
 
     def radial(self, layer: Layer, direction: Direction) -> tuple[float, float]:
-        """Radial deviations F of a direction: the least and the largest, m."""
+        """Radial deviations F of a direction: the smallest and the largest, m."""
         values = np.concatenate([t.deviation[layer] for t in self.traces if t.direction == direction])
         return float(values.min()), float(values.max())
 
     def circular(self, layer: Layer, direction: Direction | None = None) -> float:
-        """Circular deviation G of a direction, the range of its deviations, m; of all directions the bidirectional one."""
+        """Circular deviation G, m: the range of the deviations of a direction; None: of both, the bidirectional deviation
+        G(b)."""
         ends = [self.radial(layer, d) for d in ((direction,) if direction else self.directions)]
         return max(high for _, high in ends) - min(low for low, _ in ends)
 
 
 def circles(residuals: Residuals) -> tuple[Circle, ...]:
-    """The circular tests among the readings of ``range`` instruments; none where there are no such.
+    """The circular tests among the readings of ``range`` instruments; empty where there are none.
 
     Rows are taken in the order of ``time``, where there is one, else in that of the table.
     """
@@ -141,12 +142,12 @@ def _of_instrument(residuals: Residuals, index: int, one: Range) -> list[Circle]
 
 
 def _named(known: Mapping[str, object], index: int) -> str:
-    """The id of a station or target; "" where there is one alone."""
+    """The id of a station or target; "" where there is only one."""
     return list(known)[index] if len(known) > 1 else ""
 
 
 def _groups(found: list[Run], away: Floats) -> list[list[Run]]:
-    """Runs of one circle together."""
+    """The runs, grouped by circle."""
     groups: list[list[Run]] = []
     for run in found:
         for group in groups:
@@ -159,7 +160,7 @@ def _groups(found: list[Run], away: Floats) -> list[list[Run]]:
 
 
 def _alike(one: Run, two: Run, away: Floats) -> bool:
-    """Whether two runs are ways along one circle."""
+    """Whether two runs are along one circle."""
     if abs(float(one.normal @ two.normal)) < SAME_PLANE:
         return False
     radii = [float(np.linalg.norm(away[run.rows], axis=1).mean()) for run in (one, two)]
@@ -169,7 +170,7 @@ def _alike(one: Run, two: Run, away: Floats) -> bool:
 
 
 def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], names: tuple[str, str]) -> Circle:
-    """A circle of some runs, whose rows are the instrument's."""
+    """The circle of the runs ``same``. Their rows are indices into ``mine``, the instrument's rows."""
     normal = same[0].normal * np.sign(same[0].normal[np.argmax(np.abs(same[0].normal))])
     rows = np.concatenate([run.rows for run in same])
     model = residuals.model

@@ -1,4 +1,4 @@
-"""Polar plots of circular tests: deviations of the radius, magnified, as ball-bar users know them."""
+"""Polar plots of circular tests: magnified deviations of the radius, as usual for ball bars."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 COLORS = {"counterclockwise": ACCENT, "clockwise": FIT}
 INSIDE, OUTSIDE = 2.2, 1.15
-"""Radii of the plot inside and outside the circle without a deviation, over the largest deviation."""
+"""Space in the plot inside and outside the circle of zero deviation, over the largest deviation."""
 ROUND = np.linspace(0.0, 360.0, 181)
 """Angles of a drawn circle, degrees."""
 
 
 @dataclass(frozen=True)
 class CircularTest:
-    """A circle of a page: its name in the page's plots, its title, and a plot of each layer."""
+    """A circle on a page: its key among the page's plots, its title, and one plot for each layer."""
 
     key: str
     title: str
@@ -38,12 +38,12 @@ class CircularTest:
 
 
 def circular_tests(residuals: Residuals, causes: bool) -> list[CircularTest]:
-    """The circles that readings lie on, with their plots.
+    """The circles along which readings were taken, with their plots.
 
     Parameters
     ----------
     causes
-        Whether there are any, so that a last layer shows what they leave.
+        Whether there are causes: a last layer then shows the residuals with them.
     """
     layers, found = _layers(causes), []
     for number, circle in enumerate(circles(residuals)):
@@ -63,14 +63,14 @@ def circular_tests(residuals: Residuals, causes: bool) -> list[CircularTest]:
 
 
 def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
-    """The layers of a circle beside each other.
+    """The layers of a circle, side by side.
 
     Parameters
     ----------
     number
-        Place of the circle among those of the data, counted from 0.
+        Index of the circle in the data, counted from 0.
     causes
-        Whether there are any, so that a last layer shows what they leave.
+        Whether there are causes: a last layer then shows the residuals with them.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
 
 
 def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, Any]:
-    """The axes of a plot: the circle without a deviation at two thirds of its radius."""
+    """The axes of a plot; the circle of zero deviation is at two thirds of the plot's radius."""
     _, _, top = scale(circle, one_scale(layer, layers))
     step = division(top)
     first, last = (-np.floor(INSIDE * top / step), np.floor(OUTSIDE * top / step))

@@ -1,4 +1,4 @@
-"""Circular tests in words, with the quantities of ISO 230-4, and the scale that their plots are drawn at."""
+"""Circular tests in words, with the quantities of ISO 230-4, and the scale of their plots."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def name_of(circle: Circle) -> str:
 
 
 def caption(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> str:
-    """The quantities of ISO 230-4 of a layer, and what a division of its plot is."""
+    """The quantities of ISO 230-4 of a layer, and the size of a division of its plot."""
     first, *others = lines(circle, layer, layers)
     return f"{first}. {'. '.join(others)}."
 
 
 def lines(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
-    """The same, a line for each: the division, each direction, both."""
+    """The same as lines: the division, the quantities of each direction, and those of both together."""
     _, unit, top = scale(circle, one_scale(layer, layers))
     words = [f"{LAYERS[layer]}, {division(top):g} {unit} a division"]
     for direction in circle.directions:
@@ -44,18 +44,18 @@ def lines(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
 
 
 def scale(circle: Circle, layers: Sequence[Layer]) -> tuple[float, str, float]:
-    """Factor from m to the unit that layers are drawn in, the unit, and the largest deviation in it."""
+    """Factor from m to the unit of a plot of some layers, the unit, and their largest deviation in this unit."""
     values = np.concatenate([t.deviation[layer] for t in circle.traces for layer in layers])
     factor, unit = scale_of(values, "m")
     return factor, unit, factor * max(float(np.abs(values).max()), 1e-12)
 
 
 def one_scale(layer: Layer, layers: Sequence[Layer]) -> Sequence[Layer]:
-    """The layers that are drawn at the scale of one: what is left before and after, at one, as it is compared."""
+    """The layers with the same scale as ``layer``: ``before`` and ``after`` have one scale, because they are compared."""
     return [one for one in layers if (one == "measured") == (layer == "measured")]
 
 
 def division(top: float) -> float:
-    """A round step, of which the largest deviation has two to five."""
+    """Step of a plot's divisions: 1, 2 or 5 times a power of ten, so that the largest deviation has two to five steps."""
     power = 10.0 ** np.floor(np.log10(top / 2.0))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= top / 2.0))

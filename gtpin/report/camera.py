@@ -24,7 +24,7 @@ class Drawable(Protocol):
 
     @property
     def lines(self) -> tuple[Floats, Floats]:
-        """(m, 3) where the lines that shall not hide each other begin, and where they end."""
+        """(m, 3) start points and end points of the lines that should not hide each other."""
 
     @property
     def up(self) -> Floats:
@@ -41,12 +41,12 @@ class Camera:
 
     @staticmethod
     def of(machine: Drawable, beyond: Floats | None = None) -> Camera:
-        """From a little above, from the side where the rods hide each other the least.
+        """A camera a little above the machine, in the direction in which its lines hide each other least.
 
         Parameters
         ----------
         beyond
-            (m, 3) places that are to be in the picture as well, m.
+            (m, 3) further points that must be in the picture, m.
         """
         best = max(
             (_axes(machine.up, a) for a in np.deg2rad(np.arange(0.0, 360.0, 10.0))), key=lambda v: _open(machine, v)
@@ -63,7 +63,7 @@ class Camera:
 
 
 def _axes(up: Floats, azimuth: float) -> Floats:
-    """(2, 3) right and up of a picture taken from an azimuth about the vertical."""
+    """(2, 3) unit vectors to the right and upwards in a picture, for an azimuth about the vertical, rad."""
     side = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
     side /= np.linalg.norm(side)
     right = np.cos(azimuth) * side + np.sin(azimuth) * np.cross(up, side)
@@ -72,7 +72,7 @@ def _axes(up: Floats, azimuth: float) -> Floats:
 
 
 def _open(machine: Drawable, axes: Floats) -> float:
-    """How far apart the rods' ends and middles are in a picture, over its size."""
+    """Score of a view: larger where the lines' ends and middles are farther apart in the picture, and it is less flat."""
     seats, joints = (ends @ axes.T for ends in machine.lines)
     flat = np.vstack([seats, (seats + joints) / 2.0])
     apart = np.linalg.norm(flat[:, None] - flat[None, :], axis=2)[np.triu_indices(len(flat), 1)]

@@ -1,4 +1,4 @@
-"""What each number of a certificate is: its formula, and where the standard defines it, in words of our own."""
+"""Definition of each number of a certificate: its formula, and the clause of the standard, in our own words."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ ISO_230_2 = "ISO 230-2:2014"
 
 @dataclass(frozen=True)
 class Definition:
-    """Name, formula and explanation of a number, and the clause that it follows; ``estimate`` where it only resembles it."""
+    """Name, formula and explanation of a number, and the clause of the standard; ``estimate``: the number is only similar to
+    that of the clause."""
 
     name: str
     formula: str

@@ -1,4 +1,4 @@
-"""What ``gtpin certify`` writes, and the result's ``save``."""
+"""The files that ``gtpin certify`` and the result's ``save`` write."""
 
 from __future__ import annotations
 

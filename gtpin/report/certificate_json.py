@@ -1,4 +1,4 @@
-"""A certificate as ``certificate.json`` holds it."""
+"""A certificate as the content of ``certificate.json``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def row_of(q: Quantity) -> dict[str, Any]:
-    """A number of a certificate: value, standard uncertainty, unit, on how many poses and rows it rests, why it is blank."""
+    """A number of a certificate: value, standard uncertainty, unit, numbers of poses and rows, and why it is blank."""
     return {
         "symbol": q.symbol,
         "site": q.site,
@@ -28,7 +28,7 @@ def row_of(q: Quantity) -> dict[str, Any]:
 
 
 def certificate_json(c: Certificate) -> dict[str, Any]:
-    """The content of ``certificate.json``; SI units, None where the data do not suffice, with a ``reason``."""
+    """The content of ``certificate.json``, in SI units. Where the data do not suffice, a value is None and has a ``reason``."""
     b, count = c.budget, 6 if c.budget.orientation else 3
     return {
         "schema": "gtpin-certificate/1",

@@ -1,4 +1,4 @@
-"""The page of a certificate: to be printed, or saved as PDF by the browser's print dialogue."""
+"""The page of a certificate. It can be printed, or saved as PDF by the browser's print dialogue."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _table(found: list[Quantity]) -> Table:
 
 
 def _blanks(c: Certificate) -> Table:
-    """Blank numbers; those of actuators with the same reason in one row."""
+    """The blank numbers, each with its reason; actuators with the same reason are in one row."""
     rows: dict[tuple[str, str], list[str]] = {}
     for q in c.quantities:
         if q.value is None:

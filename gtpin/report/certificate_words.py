@@ -1,4 +1,4 @@
-"""A certificate in sentences: what it certifies, where it holds, and why numbers are blank."""
+"""A certificate in sentences: the certified uncertainty, its limits, and why numbers are blank."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def headline(c: Certificate) -> str:
 
 
 def statement(c: Certificate) -> list[str]:
-    """What the certificate says, where it holds, and what limits it."""
+    """The certified uncertainty, its basis, and the limits within which it holds."""
     U = COVERAGE * c.budget.combined[:3]
     axes = joined([f"{axis} {quantity(float(u), 'm')}" for axis, u in zip("xyz", U, strict=True)])
     found = [
@@ -98,14 +98,14 @@ def statement(c: Certificate) -> list[str]:
 
 
 def visits_words(c: Certificate) -> str:
-    """Which visits repeatabilities are of."""
+    """The visits from which repeatabilities are computed."""
     if c.one_way:
         return "Repeatabilities are of visits with the same directions of approach."
     return "Repeatabilities are of visits from any side: reversal is part of them. The standard asks for visits from one side."
 
 
 def limits(c: Certificate) -> str:
-    """The commands between which it holds."""
+    """The ranges of commands in which the certificate holds."""
     low, high = c.dataset.q.min(axis=0), c.dataset.q.max(axis=0)
     units = ["rad" if turns else "m" for turns in np.asarray(c.model.robot.revolute)]
     return joined([f"{site} {low[i]:.3f} to {high[i]:.3f} {units[i]}" for i, site in enumerate(c.model.robot.sites)])

@@ -1,4 +1,4 @@
-"""What an effect moves at a robot without rods: a joint along or about its axis, the axis itself, a link's tip."""
+"""Quantities that an effect displaces on a robot without rods: a joint's coordinate, a joint's axis, a link's tip."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def travel(at: Situation, basis: Basis) -> list[Motion]:
 
 
 def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
-    """Motions of a joint's axis, or of the tips of links, those first that move the TCP the most."""
+    """Motions of a joint's axis, or of the tips of links; those that move the TCP most are first."""
     found = []
     for index, twists in basis.placements:
         link = None if site in at.robot.sites else _link(at, site, index)
         owner, ways = _ways(at, site, link)
         frame, moved = index, np.broadcast_to(np.eye(6), (len(at), 6, 6))
-        if link is not None and link.tip != index:  # a link of a loop, all of which moves
+        if link is not None and link.tip != index:  # a link of a loop: the whole link moves
             frame, moved = link.tip, tip_to_joint(at, link)
         own = np.linalg.solve(moved, twists) if frame != index else twists
         for place, way in ways:
@@ -59,7 +59,7 @@ def _at_tcp(motion: Motion, sigma: Floats) -> float:
 
 
 def _link(at: Situation, site: str, index: int) -> MovingLink:
-    """The link of a site whose tip, or in a robot with loops whose own placement frame, has an index."""
+    """The link of a site whose tip has the index; in a robot with loops, whose own placement frame has it."""
     found = links_at(at.robot, site)
     if at.robot.constraints:
         return next(link for link in found if link.joint_id - 1 == index)
@@ -67,7 +67,7 @@ def _link(at: Situation, site: str, index: int) -> MovingLink:
 
 
 def _ways(at: Situation, site: str, link: MovingLink | None) -> tuple[str, list[tuple[str, Floats]]]:
-    """Of what a placement frame is displaced, and six directions with their names."""
+    """Name of the part that is displaced, and six directions, as twists (6,), with their names."""
     if link is None:
         frame = joint_frame(at, site)
         owner, along, (a, b), it = f"the axis of {site}", frame.axis, frame.across, "itself"

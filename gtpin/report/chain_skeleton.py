@@ -27,7 +27,7 @@ class ChainSkeleton:
     joints, axes
         By actuated joint: (3,) its origin and the unit vector of its axis.
     links
-        By moving link: (2, 3) from its own joint to its tip.
+        By moving link: (2, 3) positions of its own joint and of its tip.
     fixed
         (m, 2, 3) lines from the base to the first joints, and along bodies that no actuated joint moves.
     tcp
@@ -50,13 +50,13 @@ class ChainSkeleton:
 
     @property
     def lines(self) -> tuple[Floats, Floats]:
-        """(m, 3) where the lines of the drawing begin, and where they end."""
+        """(m, 3) start points and end points of the drawing's lines."""
         lines = np.concatenate([np.stack(list(self.links.values())), self.fixed]) if self.links else self.fixed
         return lines[:, 0], lines[:, 1]
 
 
 def chain_skeleton(model: Model, q: Floats | None = None) -> ChainSkeleton | None:
-    """The skeleton at a command (n,), by default home; None of robots with rods, or if the pose can't be reached."""
+    """The skeleton at a command (n,), by default home; None for robots with rods, or if the pose can't be reached."""
     kinematics = model.kinematics
     if not isinstance(kinematics, ChainKinematics):
         return None
@@ -79,7 +79,7 @@ def chain_skeleton(model: Model, q: Floats | None = None) -> ChainSkeleton | Non
 
 
 def _fixed(robot: Robot, T: Floats, links: Mapping[str, Floats]) -> Floats:
-    """(m, 2, 3) lines from each joint's parent to it that are no moving link, and to the TCP."""
+    """(m, 2, 3) lines from each joint's parent to the joint, and to the TCP, without those of moving links."""
     drawn = {(tuple(a), tuple(b)) for a, b in links.values()}
     found = []
     for j in range(1, robot.model.njoints):

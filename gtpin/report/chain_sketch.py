@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 AXIS = 15.0
 """Half the length of a joint's axis as drawn, pixels."""
 APART = 14.0
-"""Least distance of two labels one above the other, pixels."""
+"""Smallest vertical distance of two labels, pixels."""
 
 
 def chain_sketch(
@@ -35,7 +35,7 @@ def chain_sketch(
         Shares of the gap by site (joints, links, all links, platform, instrument), in which the parts are coloured;
         empty where there is no gap.
     causes
-        Sites of the causes, which are ringed or edged.
+        Sites of the causes; joints are marked by a ring, links by a wide edge.
     marks
         Instruments that are drawn under the machine.
     """

@@ -8,13 +8,13 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 STEPS = 20
-"""Steps of the fit of a centre."""
+"""Largest number of steps of the fit of a centre."""
 SMALLEST = 1e-12
-"""Step, m, at which it has converged."""
+"""Step, m, below which the fit has converged."""
 
 
 def middle_of(flat: Floats) -> Floats:
-    """(2,) centre of the circle that fits points (N, 2) best: |p|^2 = 2 p . c + k."""
+    """(2,) centre c of the circle that fits points p (N, 2) by least squares of |p|^2 = 2 p . c + k."""
     matrix = np.column_stack([2.0 * flat, np.ones(len(flat))])
     return np.asarray(np.linalg.lstsq(matrix, (flat**2).sum(axis=1), rcond=None)[0][:2])
 

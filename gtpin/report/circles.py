@@ -1,4 +1,4 @@
-"""Circles in a path about a point: its parts in one plane, with one radius, in one direction of travel."""
+"""Circles in a path about a point: parts of the path in one plane, with one radius, in one direction of travel."""
 
 from __future__ import annotations
 
@@ -11,30 +11,31 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 STEP, JUMP = np.deg2rad(1.5), np.deg2rad(60.0)
-"""Angle about the point by which a path goes on at least before its direction of travel is judged, and at most."""
+"""Smallest step of a path, as an angle about the point, from which its direction of travel is determined, and the largest step
+within one circle."""
 KEPT = np.cos(np.deg2rad(35.0))
-"""Cosine of the angle by which the axis of travel may turn from one step to the next."""
+"""Cosine of the largest angle by which the axis of travel may change from one step to the next."""
 HALF = 0.98 * np.pi
-"""Swept angle of a circle that is shown: half a turn, less the gap between its last and first readings."""
+"""Smallest swept angle of a circle that is shown, rad: half a turn, less the gap between its last and first readings."""
 LEAST = 8
-"""Readings of a circle that is shown."""
+"""Smallest number of readings of a circle that is shown."""
 ROUND, FLAT = 0.15, 0.05
-"""How far the radius of a circle may vary, and how far it may leave its plane, over its radius: a station that is set up by eye
-makes the distance vary as well."""
+"""Largest variation of a circle's radius, and largest distance from its plane, over its radius. A station that is set up by eye
+is not at the circle's centre, so that the distance from it varies."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One way along a circle.
+    """One run along a circle.
 
     Parameters
     ----------
     rows
         (m,) rows of the path, in the order of travel.
     normal
-        (3,) unit normal of its plane, right-handed to the direction of travel.
+        (3,) unit normal of its plane; the direction of travel is counterclockwise about it.
     swept
-        Swept angle, rad, above 0.
+        Swept angle, rad, positive.
     """
 
     rows: Indices
@@ -48,14 +49,14 @@ def runs(away: Floats) -> list[Run]:
     Parameters
     ----------
     away
-        (N, 3) from the point to the places of the path, in the order of travel, m.
+        (N, 3) vectors from the point to the positions of the path, in the order of travel, m.
     """
     found = [_run(np.arange(a, b), away[a:b]) for a, b in _parts(away)]
     return [run for run in found if run is not None]
 
 
 def _parts(away: Floats) -> list[tuple[int, int]]:
-    """First row, and the row after the last, of each part that goes about one axis."""
+    """First row, and the row after the last, of each part that turns about one axis."""
     direction = away / np.maximum(np.linalg.norm(away, axis=1), 1e-12)[:, None]
     starts, last, axis = [0], 0, None
     for i in range(1, len(direction)):
@@ -75,7 +76,7 @@ def _parts(away: Floats) -> list[tuple[int, int]]:
 
 
 def _run(rows: Indices, away: Floats) -> Run | None:
-    """A part of a path as a circle; None if it is none."""
+    """A part of a path as a circle; None if it is no circle."""
     if len(rows) < LEAST:
         return None
     middle = away.mean(axis=0)
@@ -94,9 +95,9 @@ def _run(rows: Indices, away: Floats) -> Run | None:
 
 
 def plane_axes(normal: Floats) -> tuple[Floats, Floats]:
-    """(3,) unit vectors e1 and e2 of a plane, e1 x e2 = normal: of a coordinate plane its axes, XY, YZ or ZX.
+    """(3,) unit vectors e1 and e2 of a plane, with e1 x e2 = normal; of the planes XY, YZ and ZX, their axes.
 
-    e1 is the base's axis after the one that is nearest to the normal, projected to the plane.
+    e1 is a base axis, projected on the plane: in the cyclic order x, y, z the one after the axis that is nearest to the normal.
     """
     first = np.zeros(3)
     first[(int(np.argmax(np.abs(normal))) + 1) % 3] = 1.0

@@ -21,7 +21,7 @@ MODELS = {
 
 
 def comparison_page(comparison: Comparison, dataset: Dataset, robot: Robot) -> str:
-    """The whole report of a comparison as one HTML file that needs nothing else."""
+    """The whole report of a comparison as one self-contained HTML file."""
     carts = dataset.carts
     plots = {"errors": errors_plot(comparison)}
     angles = [held for held in comparison.held if held.angles is not None]
@@ -50,7 +50,7 @@ def comparison_page(comparison: Comparison, dataset: Dataset, robot: Robot) -> s
 
 
 def _verdict(c: Comparison) -> tuple[str, list[str]]:
-    """Which model predicts best, and whether that is sure."""
+    """Which model predicts best, and whether the intervals show it."""
     intervals = {held.model: ends["mean_um"] for held, ends in zip(c.held, c.intervals(), strict=True)}
     means = {held.model: float(held.position.mean() * 1e6) for held in c.held}
     order = sorted(means, key=lambda model: means[model])

@@ -26,18 +26,18 @@ ANGLES = Choice("angle", "Angle", (("alpha", "alpha"), ("beta", "beta"), ("gamma
 
 
 def errors_plot(comparison: Comparison) -> Plot:
-    """The place of :func:`errors_drawing`."""
+    """:func:`errors_drawing` as a plot of a page."""
     title = "Position errors of each model with 95 % intervals"
     return Plot("errors", title, partial(errors_drawing, comparison), height=360)
 
 
 def angles_plot(comparison: Comparison) -> Plot:
-    """The place of :func:`angles_drawing`."""
+    """:func:`angles_drawing` as a plot of a page."""
     return Plot("angles", "Orientation errors pose by pose", partial(angles_drawing, comparison), (ANGLES,))
 
 
 def carts_plot(carts: CartMeasurements) -> Plot:
-    """The place of :func:`carts_drawing`."""
+    """:func:`carts_drawing` as a plot of a page."""
     title = "What a straight line leaves of each cart's measured track"
     return Plot("carts", title, partial(carts_drawing, carts), height=320)
 
@@ -49,7 +49,7 @@ def errors_drawing(comparison: Comparison) -> Drawing:
         figures = held.figures()
         values = np.array([figures[name] for name in FIGURES], dtype=float)
         between = np.array([ends[name] for name in FIGURES], dtype=float)
-        # A resampled maximum never exceeds the one seen, nor need the figure lie amid its interval.
+        # A resampled maximum never exceeds the measured one, and a figure need not be inside its interval.
         bars = {
             "type": "data",
             "symmetric": False,

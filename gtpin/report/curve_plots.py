@@ -1,4 +1,4 @@
-"""Figures of effects' own curves."""
+"""Figures of effects' curves."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def curve_plots(name: str, found: Sequence[Curve]) -> list[Plot]:
     Parameters
     ----------
     name
-        What the plots' names begin with.
+        Beginning of the plots' names.
     """
     return [
         Plot(f"{name}-{i}", f"{curve.name} against {curve.x_title}", partial(curve_drawing, curve), height=300)
@@ -53,7 +53,7 @@ def curve_drawing(curve: Curve) -> Drawing:
 
 
 def curve_notes(found: Sequence[Curve]) -> list[str]:
-    """How to read an effect's curves, and quantities without a detected displacement."""
+    """Notes on an effect's curves: how to read them, and which quantities have no detected displacement."""
     if not found:
         return []
     taken = "mean and a straight line" if any(curve.straightened for curve in found) else "mean"
@@ -80,7 +80,7 @@ def reach(found: Sequence[Curve]) -> str:
 
 
 def _at_tcp(found: Sequence[Curve], name: str) -> str:
-    """What a quantity moves the TCP by, of a robot without rods; nothing where that says the same again."""
+    """Motion of the TCP by a quantity, for a robot without rods; empty where it is the quantity itself."""
     curve = next(curve for curve in found if curve.name == name)
     if curve.lever is None or curve.name.startswith("shift along"):
         return ""
@@ -125,7 +125,7 @@ def _traces(curve: Curve, line: Line, factor: float, color: str, band: str, rank
         bars = {"type": "data", "array": columns["reach"], "color": color, "thickness": 1, "width": 0}
         marks = {"mode": "markers", "marker": {"color": color, "size": 5}, "error_y": bars}
         return [points, effect | marks]
-    # The band is filled from its lower edge to the effect and on to the upper edge: so the legend shows the effect on its band.
+    # The band is filled in two parts, below and above the effect, so that the legend shows the effect on its band.
     filled = {"fill": "tonexty", "fillcolor": band}
     edge = {"type": "scatter", "mode": "lines", "hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
     look = {"mode": "lines", "line": {"color": color, "width": 2.2}}
@@ -140,7 +140,7 @@ def _traces(curve: Curve, line: Line, factor: float, color: str, band: str, rank
 def _layout(curve: Curve, factor: float, unit: str) -> dict[str, Any]:
     points = np.concatenate([line.points_y for line in curve.lines])
     ends = np.concatenate([line.y + s * WIDE * line.sigma for line in curve.lines for s in (-1.0, 1.0)])
-    # A few points far out shall not flatten the curve.
+    # A few distant points must not flatten the curve.
     inner = np.quantile(points, (0.01, 0.99)) if len(points) else np.zeros(2)
     low, high = min(inner[0], float(ends.min())), max(inner[1], float(ends.max()))
     room = 0.06 * max(high - low, 1e-12)

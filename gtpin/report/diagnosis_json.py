@@ -1,4 +1,4 @@
-"""A diagnosis as ``diagnosis.json`` holds it."""
+"""A diagnosis as the content of ``diagnosis.json``."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _errors(gap: Gap) -> dict[str, Any]:
 
 
 def gap_method(gap: Gap) -> str:
-    """How the gap on poses that were not fitted was found."""
+    """How the gap on left-out poses was computed, in words."""
     left_out = {
         "region": f"{number_word(TOGETHER)} neighbouring poses",
         "session": f"each of {gap.blocks} sessions",
@@ -127,7 +127,8 @@ ONE_SESSION = "the data are of one session, as far as they tell, so that the int
 
 
 def _turns(d: Diagnosis | HealthCheck) -> dict[str, float]:
-    """Orientation errors on left-out poses, rad, of robots without rods: their wrists turn the tool, and hardly shift it."""
+    """Orientation errors on left-out poses, rad; only for robots without rods, whose wrists rotate the tool and hardly shift
+    it."""
     if d.gap.turns is None or d.model.robot.rods:
         return {}
     return {

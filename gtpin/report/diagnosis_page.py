@@ -153,7 +153,7 @@ def _number(one: InstrumentGap, causes: bool) -> tuple[str, str]:
 
 
 def _shrinkage(d: Diagnosis) -> list[tuple[str, str]]:
-    """The key figure of how far the causes explain the gap; none where there is no gap."""
+    """The explained fraction of the gap as a key figure; empty where there is no gap."""
     if d.gap.shrinkage is None or d.gap.before <= d.gap.floor:
         return []
     between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""

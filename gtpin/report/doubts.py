@@ -17,7 +17,7 @@ WORDS = {
     "scatter": "Visits scatter by more than the instrument, and the columns that would tell why contradict each other.",
     "chi_square": "Poses are farther from the earlier model than noise and its uncertainty allow, and no change explains them.",
 }
-"""By reason; of other reasons a warning, a question or the headline says it."""
+"""Sentences by reason. For other reasons there is a warning, a question or the headline."""
 
 
 def doubt_words(doubts: Iterable[Doubt]) -> list[str]:

@@ -26,14 +26,14 @@ def drawing(
     rod_share: Mapping[str, float] | None = None,
     causes: Collection[str] = (),
 ) -> Markup | None:
-    """A machine, its parts in the colours of their shares of the gap, and its instruments; None if its pose can't be reached.
+    """A machine and its instruments; parts have the colours of their shares of the gap. None if the pose can't be reached.
 
     Parameters
     ----------
     q
-        (n,) commands at which a robot without rods is drawn, by default home; one with rods stands mid-range.
+        (n,) commands at which a robot without rods is drawn, by default home; a robot with rods is drawn mid-range.
     site_share, rod_share, causes
-        See :func:`~gtpin.report.sketch.sketch`; left out, no part has a share.
+        See :func:`~gtpin.report.sketch.sketch`; by default no part has a share.
     """
     places = InstrumentPlaces.of(model.instruments)
     machine = skeleton(model)

@@ -1,4 +1,4 @@
-"""An effect's own curves with their 95 % bands: a track's straightness, a rack's period, a drift."""
+"""Curves of an effect with their 95 % bands: a track's straightness, a rack's periodic error, a drift."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Curve:
     straightened
         Whether a straight line was subtracted, not only the mean.
     lever
-        Of a robot without rods: how far the TCP moves by one unit of the quantity, mean of the poses, m per unit.
+        For a robot without rods: mean motion of the TCP over the poses by one unit of the quantity, m per unit; else None.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Curve:
 
     @property
     def range(self) -> float:
-        """From its lowest to its highest point, m or rad."""
+        """Difference between its highest and its lowest point, m or rad."""
         return float(max(line.y.max() for line in self.lines) - min(line.y.min() for line in self.lines))
 
 
@@ -92,10 +92,11 @@ class _Level:
 
 
 def curves(active: ActiveEffect, residuals: Residuals) -> tuple[Curve, ...]:
-    """The curves of an effect, of every quantity that it moves.
+    """The curves of an effect, one for every quantity that it displaces.
 
-    If the effect depends on a coordinate that can be swept (a command, time, a temperature), all others are held at their
-    means or medians; if it depends on forces, directions or positions, it is shown at the measured poses.
+    If the effect depends on a coordinate that can be varied alone (a command, time, a temperature), the curve is along this
+    coordinate, with all others at their means or medians. If it depends on forces, directions or positions, it is shown at the
+    measured poses.
     """
     own = _own_coordinates(active, residuals)
     name, levels = _levels(active, residuals, own)
@@ -109,7 +110,8 @@ def _own_coordinates(active: ActiveEffect, residuals: Residuals) -> tuple[str, .
 
 
 def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[str, list[_Level]]:
-    """The swept coordinate, and situations along it, one for each value of a second coordinate."""
+    """Name of the coordinate along which curves are drawn, and situations along it, one for each value of a second
+    coordinate."""
     if not own or own[0] in ("load", "direction", "position"):
         return "", []
     if "session" in own:
@@ -119,7 +121,7 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     if not swept:
         return "", []
     if active.site in residuals.model.robot.sites and len(swept) == residuals.model.robot.n_actuators > 1:
-        swept.sort(key=lambda name: name == _command_of(active, residuals))  # along the other actuators' commands first
+        swept.sort(key=lambda name: name == _command_of(active, residuals))  # commands of other actuators first
     first = swept[0]
     others = [name for name in known if name != first]
     data = _column(residuals, first)
@@ -155,7 +157,7 @@ def _command_of(active: ActiveEffect, residuals: Residuals) -> str:
 
 
 def _column(residuals: Residuals, name: str) -> Floats | None:
-    """A command or numeric covariate; None where it is not there."""
+    """A command or numeric covariate; None where the dataset does not have it."""
     values = residuals.column(name)
     return None if values is None or name == "session" else np.asarray(values, dtype=float)
 

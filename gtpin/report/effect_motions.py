@@ -1,4 +1,5 @@
-"""What an effect moves, quantity by quantity: a cart along or across its track, its turning, a link's length, the frame."""
+"""Quantities that an effect displaces: shifts of a cart along or across its track, its rotations, a link's length, the
+frame."""
 
 from __future__ import annotations
 
@@ -18,11 +19,11 @@ FREEDOMS = ("shift along x", "shift along y", "shift along z", "turn about x", "
 
 
 SMALLEST = 1e-9
-"""Displacement by a coefficient of typical size, m or rad, up to which it is rounding."""
+"""Displacement by a coefficient of typical size, m or rad, up to which it is a rounding error."""
 
 
 def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
-    """All quantities that an effect displaces by more than rounding."""
+    """All quantities that an effect displaces by more than a rounding error."""
     basis = active.basis(at)
     found = [*(_of_rods(active, at, basis) if at.robot.rods else _of_chain(active, at, basis)), *_twist(at, basis)]
     return [motion for motion in found if np.abs(motion.columns * basis.sigma).max(initial=0.0) > SMALLEST]
@@ -47,7 +48,7 @@ def _travel(at: Situation, basis: Basis) -> list[Motion]:
 
 
 def _carrier_joints(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
-    """Shifts of a cart along and across its track, and its turns."""
+    """Shifts of a cart along and across its track, and its rotations."""
     if basis.carrier_joints is None or active.site not in at.robot.sites:
         return []
     rods = np.flatnonzero(np.abs(basis.carrier_joints).max(axis=(0, 2, 3)) > 0.0)

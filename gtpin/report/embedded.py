@@ -1,4 +1,4 @@
-"""Figures in a page: one for each combination of what the reader can choose, and what they share once."""
+"""Figures in a page: one for each combination of the reader's choices. Parts that figures share are written once."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from gtpin.report.figure import LOOK, Drawing
 from gtpin.report.palette import LIGHT, name_of
 
 FEW = 8
-"""Entries up to which a list is written where it is used."""
+"""Largest number of entries of a list that is written where it is used."""
 SHORT = 25
-"""Length, in characters, up to which settings are written where they are used."""
+"""Largest length, in characters, of settings that are written where they are used."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What the reader can choose for several plots together: its name in plots, a label, and (value, label) of the options."""
+    """A choice of the reader for several plots together: its name in plots, its label, and (value, label) of each option."""
 
     name: str
     label: str
@@ -32,7 +32,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Plot:
-    """A place for a figure in a page.
+    """A figure in a page, drawn when the page is made.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ class Plot:
     caption
         Text below the figure.
     height
-        In pixels; the width is the page's.
+        Height in pixels; the width is the page's.
     whole
-        Whether it takes a whole row.
+        Whether the plot takes a whole row of the page.
     """
 
     name: str
@@ -69,7 +69,8 @@ class Plot:
 
 @dataclass(frozen=True)
 class Mark:
-    """What a trace looks like: its name, shape, the name of its colour, and ``choice=option`` where one option alone has it."""
+    """An entry of a legend: name, shape and name of the colour of a trace, and ``choice=option`` where only one option has
+    it."""
 
     name: str
     shape: str
@@ -79,7 +80,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Embedded:
-    """A plot as the page's template has it: its JSON, and what its traces look like by (name, shape, colour)."""
+    """A plot for the page's template: its JSON, and, by name, shape and colour of each trace, the options that have it."""
 
     plot: Plot
     json: Markup
@@ -88,13 +89,13 @@ class Embedded:
 
 @dataclass
 class Shared:
-    """What the plots of a page share, each once: arrays, and settings of traces and layouts."""
+    """Parts that the plots of a page share, each once: arrays, and settings of traces and layouts."""
 
     parts: list[Any] = field(default_factory=list)
     _known: dict[object, int] = field(default_factory=dict)
 
     def embed(self, plot: Plot) -> Embedded:
-        """Draw a plot's figures, and write them with references to what is shared."""
+        """Draw a plot's figures, and write them with references to the shared parts."""
         drawn = plot.drawings()
         figures: list[dict[str, Any]] = []
         marks: dict[tuple[str, str, str], frozenset[tuple[str, ...]]] = {}
@@ -107,7 +108,7 @@ class Shared:
 
     @property
     def json(self) -> Markup:
-        """The parts, the look of all figures, and the names of their colours."""
+        """The shared parts, the layout of all figures, and the names of their colours."""
         return script({"parts": self.parts, "look": LOOK, "palette": {value: name for name, value in LIGHT.items()}})
 
     def _written(self, value: Any) -> Any:
@@ -152,13 +153,14 @@ def _look(trace: Mapping[str, Any]) -> tuple[str, str, str] | None:
 
 
 def script(content: Mapping[str, Any]) -> Markup:
-    """JSON in which no text can end the script element that contains it."""
+    """JSON for a script element of HTML: no text in it can end the element."""
     text = json.dumps(plain(content), allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
 
 def plain(value: Any) -> Any:
-    """Arrays and numbers as JSON has them, with five digits: more than a screen shows. None for what is not finite."""
+    """Arrays and numbers as JSON values, with five digits, more than a screen shows. A number that is not finite becomes
+    None."""
     if isinstance(value, Mapping):
         return {key: plain(one) for key, one in value.items()}
     if isinstance(value, np.ndarray):

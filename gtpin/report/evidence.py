@@ -33,7 +33,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class NamedCause:
-    """A named cause as it is shown on the page."""
+    """A named cause as it is shown on the page: texts, the table of its parameters, and the bars of its class."""
 
     key: str
     words: str

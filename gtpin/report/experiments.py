@@ -40,10 +40,9 @@ def experiment_file(number: int) -> str:
 
 
 def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
-    """Write each experiment's commands as a table that ``predict`` reads too: with the conditions to set, and usual values for
-    all other covariates.
+    """Write the commands of each experiment as a table, with the conditions to set and usual values of all other covariates.
 
-    The folder is made even if it is empty, so that it replaces an older one.
+    ``gtpin predict`` can read the tables. The folder is made even if it is empty, so that it replaces an older one.
     """
     (folder / FOLDER).mkdir()
     for i, experiment in enumerate(d.next_experiment):

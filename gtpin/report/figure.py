@@ -27,7 +27,7 @@ LOOK: Mapping[str, Any] = {
     "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
     "margin": {"l": 58, "r": 12, "t": 36, "b": 46},
 }
-"""Layout of all figures, as plotly's template; a page sets it in its own colours."""
+"""Layout of all figures, as plotly's template. A page replaces its colours by those of the light or dark palette."""
 
 
 def has_plotly() -> bool:
@@ -37,13 +37,14 @@ def has_plotly() -> bool:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Traces and a layout in plotly's terms, as pages embed them: a page has hundreds, and plotly takes 2 ms to check one."""
+    """Traces and a layout in plotly's terms. Pages embed them without plotly's checks, because a page has hundreds of them and
+    one check takes 2 ms."""
 
     traces: Sequence[Mapping[str, Any]]
     layout: Mapping[str, Any] = field(default_factory=dict)
 
     def figure(self) -> Figure:
-        """The same as a plotly figure.
+        """The drawing as a plotly figure.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What ``gtpin calibrate`` and ``gtpin diagnose`` write, and the results' ``save``."""
+"""The files that ``gtpin calibrate``, ``gtpin diagnose`` and the results' ``save`` write."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def write_calibration(calibration: Calibration, folder: Path) -> dict[str, objec
 def write_diagnosis(found: Diagnosis, folder: Path) -> dict[str, object]:
     """Write ``baseline/``, ``model/``, ``diagnosis.json``, ``report.html`` and the next experiments' commands.
 
-    Gives what ``diagnosis.json`` holds.
+    Returns the content of ``diagnosis.json``.
     """
     result = found.to_json()
     write_model(found.baseline.model, folder / "baseline")

@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 LEVELS = 4
 """Largest number of values of a second coordinate for which one line per value is drawn."""
 LINE_SHARE = 0.5
-"""Smallest fraction of the causes' power that the line must explain; otherwise they depend more on other coordinates."""
+"""Smallest fraction of the causes' power that the line must explain; with less, the causes depend more on other coordinates."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,8 @@ class Along:
     x
         (m,) values of the column; NaN between two lines.
     fit
-        By component, (m,): the causes' contribution without a straight line, which geometry absorbs.
+        By component, (m,): the causes' displacement, plus a straight line that is fitted to the rest of ``before - after`` of
+        the residuals, because geometry absorbs a straight line.
     """
 
     x: Floats

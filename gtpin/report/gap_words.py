@@ -10,7 +10,8 @@ from gtpin.report.words import joined, length, quantity
 
 @dataclass(frozen=True)
 class GapWords:
-    """What the errors on left-out data are of; before and after causes were added, and of noise alone, with units."""
+    """The quantity whose errors are given, and these errors on left-out data with units: before and after causes were added,
+    and of noise alone."""
 
     what: str
     before: str

@@ -1,4 +1,4 @@
-"""What ``gtpin diagnose --against`` writes, and the result's ``save``."""
+"""The files that ``gtpin diagnose --against`` and the result's ``save`` write."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def write_check(check: HealthCheck, folder: Path) -> dict[str, object]:
     result = check.to_json()
     write_model(check.baseline, folder / "baseline")
     write_model(check.model, folder / "model")
-    (folder / FOLDER).mkdir()  # a check proposes nothing: those of an older diagnosis are replaced
+    (folder / FOLDER).mkdir()  # a check proposes no experiments: an older diagnosis's are removed
     (folder / "diagnosis.json").write_text(json_text(result), encoding="utf-8")
     (folder / "report.html").write_text(health_page(check), encoding="utf-8")
     return result

@@ -1,4 +1,4 @@
-"""A check against an earlier model as ``diagnosis.json`` holds it."""
+"""A check against an earlier model as the content of ``diagnosis.json``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gtpin.report.diagnosis_json import diagnosis_json
 
 
 def health_json(check: HealthCheck) -> dict[str, Any]:
-    """The content of ``diagnosis.json``: that of a diagnosis, and ``against``."""
+    """The content of ``diagnosis.json``: that of a diagnosis, and the key ``against``."""
     found = diagnosis_json(check)
     found["gap"]["method"] = "each pose left out in turn, and predicted by the earlier model and all other poses"
     found["against"] = {

@@ -22,9 +22,9 @@ CONTENTS = (
     ("provenance", "Provenance"),
 )
 CHANGED = {"none": ("no change", "good"), "explained": ("changed", "accent")}
-"""Badges of verdicts that a check says otherwise than a diagnosis."""
+"""Badges of verdicts for which a check uses other words than a diagnosis."""
 SHOWN = 12
-"""Candidates in the table of evidence."""
+"""Largest number of candidates in the table of evidence."""
 
 
 def health_page(check: HealthCheck) -> str:

@@ -12,7 +12,7 @@ from gtpin.report.words import chance, quantity
 
 
 def health_summary(check: HealthCheck) -> RenderableType:
-    """What has changed, with class and probability, and what such poses show."""
+    """The changes, with class and probability, and the smallest changes that such poses show."""
     parts: list[RenderableType] = [headline(check)]
     if check.causes:
         parts.append(_changes(check))

@@ -1,4 +1,4 @@
-"""A check against an earlier model in sentences: what has changed, what to do, and what could not have been seen."""
+"""A check against an earlier model in sentences: the changes, what to do, and changes that the poses can't show."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def change(check: HealthCheck, effect: str, site: str) -> str:
 
 
 def headline(check: HealthCheck) -> str:
-    """What has changed, in one sentence or two."""
+    """The changes, in one or two sentences."""
     if check.verdict == "none":
         return "Nothing has changed since the model was identified, as far as these poses show."
     sure, doubtful = sure_and_doubtful(check.causes)
@@ -81,7 +81,7 @@ def _thermal(check: HealthCheck, effect: str, site: str) -> bool:
 
 
 def power_words(check: HealthCheck) -> str:
-    """What such poses show with the check's power, of the commonest changes."""
+    """The smallest of the most common changes that such poses show with the check's power."""
     first = dict.fromkeys(s.effect for s in check.smallest if check.effect(s.effect).first_checked)
     parts = [
         f"{effect.replace('_', ' ')} {_largest([s for s in check.smallest if s.effect == effect])}" for effect in first
@@ -99,11 +99,11 @@ def _largest(rows: Sequence[Smallest]) -> str:
 
 
 def unseen(check: HealthCheck) -> list[str]:
-    """Changes that these poses could not have shown, by reason."""
+    """Changes that these poses can't show, by reason."""
     by_reason: dict[str, list[str]] = {}
     for c in check.candidates:
         if not c.testable:
-            # The reason of a site is that of its column: one sentence for all sites of an effect.
+            # Reasons name the column of each site: without its number, one sentence serves all sites of an effect.
             reason = reason_words(c.reason, "the site").rstrip("0123456789")
             by_reason.setdefault(reason, []).append(c.effect)
     return [f"{joined(list(_once(effects)))}: {reason}." for reason, effects in by_reason.items()]

@@ -1,4 +1,4 @@
-"""Adds a check to a log of checks, and makes its page anew."""
+"""Adds a check to a history of checks, and makes the history's page again."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ Add = Callable[[HealthCheck], None]
 
 @contextmanager
 def history(path: Path, *, force: bool = False) -> Iterator[Add]:
-    """Give a function that adds a check to the history at ``path``, ``FILE.html`` or a folder, once the block has ended well.
+    """Context with a function that adds a check to the history at ``path``: ``FILE.html`` or a folder.
 
-    The history is read before the block begins. Its files are replaced together; what gtpin has not written, or what was
-    changed since, is not.
+    The history is read before the block begins, and its files are replaced together when the block ends without an error. Files
+    that gtpin has not written, or that were changed since, are not replaced; with ``force`` they are renamed.
 
     Raises
     ------
     GtpinError
-        If the history is damaged, lost or of another robot.
+        If the history is damaged, missing or of another robot.
     """
     files = HistoryFiles.named(path)
     entries = read_history(files)

@@ -1,4 +1,4 @@
-"""The page of a log of checks: a plot and a table over time."""
+"""The page of a history of checks: a plot and a table over time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WORDS = {
 
 
 def history_page(entries: Sequence[Entry]) -> str:
-    """A log of checks as one self-contained HTML file."""
+    """A history of checks as one self-contained HTML file."""
     last = entries[-1]
     changed = sum(entry.verdict != "none" for entry in entries)
     return render(

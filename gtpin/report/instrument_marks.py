@@ -15,7 +15,8 @@ from gtpin.report.patches import patch
 Floats = npt.NDArray[np.float64]
 
 NEAR = 1.0
-"""Distance from the machine, over its size, up to which instruments are drawn: farther ones would make it small."""
+"""Largest distance of a drawn instrument from the machine, over the machine's size: farther ones would make the machine
+small."""
 PATCH = 0.12
 """Half the side of a plane's patch, over the machine's size."""
 LOOK = "stroke:var(--accent);stroke-width:1.2"
@@ -28,11 +29,11 @@ class InstrumentMarks:
     Parameters
     ----------
     places
-        Where the instruments are.
+        Positions of the instruments.
     machine
         (m, 3) the machine's points, base frame, m.
     tcp
-        (3,) where wires end, base frame, m.
+        (3,) the TCP, at which wires end, base frame, m.
     """
 
     places: InstrumentPlaces
@@ -41,7 +42,7 @@ class InstrumentMarks:
 
     @property
     def points(self) -> Floats:
-        """(k, 3) places of instruments that are drawn, m."""
+        """(k, 3) positions of the drawn instruments, base frame, m."""
         drawn = [at for at in self.places.fixed if self._near(at)]
         corners = [patch(point, n, self._half).reshape(-1, 3) for point, n in self._planes.values()]
         return np.vstack([np.array(drawn).reshape(-1, 3), *corners])
@@ -62,7 +63,7 @@ class InstrumentMarks:
         for name, place in sockets.items():
             x, y = at(place)[0]
             look = f"fill:var(--paper);{LOOK}"
-            title = f"<title>{escape(name)}</title>"  # sockets are near each other: no room for names
+            title = f"<title>{escape(name)}</title>"  # sockets are too close together for names
             made.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" style="{look}">{title}</circle>')
         return "".join(made)
 

@@ -1,4 +1,4 @@
-"""Where the instruments of a model are: stations, planes, sockets, and what is on the platform."""
+"""Positions of a model's instruments: stations, planes, sockets, and the targets and sensors on the platform."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LENGTHS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 @dataclass(frozen=True, eq=False)
 class InstrumentPlaces:
-    """Places of instruments, by names such as ``wire A``; an id is left out where an instrument has one alone.
+    """Positions of instruments, by names such as ``wire A``; the id is left out where an instrument has only one.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ class InstrumentPlaces:
     targets
         (3,) targets, TCP frame, m.
     wires
-        Names of a station and of a target that it looks at.
+        Names of a station and of a target that it measures.
     planes
-        (3,) a point of each plane, m, and (3,) its unit normal, base frame.
+        (3,) a point of each plane, base frame, m, and (3,) its unit normal, base frame.
     sockets
         (3,) points of sockets, base frame, m.
     distances
@@ -123,7 +123,7 @@ def _targets(one: FittedInstrument) -> dict[str, Floats]:
 
 
 def _deviation(one: FittedInstrument, what: str, parts: tuple[str, ...] = LENGTHS) -> Floats:
-    """Deviations of some unknowns from what is declared, zeros where they are known."""
+    """Deviations of some unknowns from their declared values; zeros for those that are known."""
     return np.array([one.unknowns.get(f"{one.name}.{what}.{part}", 0.0) for part in parts])
 
 

@@ -1,4 +1,4 @@
-"""Tables of the instruments: errors of their readings, and what was identified of them."""
+"""Tables of the instruments: errors of their readings, and their identified unknowns."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def gap_table(gap: Gap) -> Table:
 
 
 def unknowns_table(model: Model, c: Calibration) -> Table:
-    """What was identified of the instruments together with a model; empty for one tracker."""
+    """The instruments' unknowns, identified together with a model; empty for one tracker."""
     if not isinstance(c, ReadingsCalibration):
         return NOTHING
     values = {name: value for one in model.instruments for name, value in one.unknowns.items()}

@@ -30,7 +30,7 @@ class MapScale:
     Parameters
     ----------
     factor, unit
-        From m to the unit of the colours.
+        Factor from m to the unit of the colours, and this unit.
     top
         Length, in that unit, at the end of the colour scale.
     magnified
@@ -54,14 +54,14 @@ class MapScale:
 
 @dataclass(frozen=True)
 class Maps:
-    """Maps along each axis, with the end of the colour scale and its unit.
+    """Maps of each pair of axes, with the value at the end of the colour scale and its unit.
 
     Parameters
     ----------
     magnified
-        Magnification of drawn directions; "" where there are none.
+        Magnification of drawn directions; "" where none are drawn.
     instrument
-        Choice of an instrument; None where there is one alone.
+        Choice of an instrument; None where there is only one.
     """
 
     plots: tuple[Plot, ...]
@@ -90,9 +90,9 @@ def residual_map(residuals: Residuals, view: str = "xy", *, after: bool = False)
     Parameters
     ----------
     view
-        The two axes to see: ``xy``, ``xz`` or ``yz``.
+        The two axes of the map: ``xy``, ``xz`` or ``yz``.
     after
-        Show the residuals of geometry with the causes, instead of geometry alone.
+        True: residuals of geometry with the causes; False: of geometry alone.
     """
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
@@ -104,7 +104,7 @@ def residual_map(residuals: Residuals, view: str = "xy", *, after: bool = False)
 
 
 def _magnification(T: Floats, lengths: Floats) -> float:
-    """A round factor that makes the usual residual a fifteenth of the workspace."""
+    """A round factor with which the median residual is drawn as at most a fifteenth of the workspace."""
     usual = max(float(np.median(lengths)), 1e-12)
     wanted = max(float(np.ptp(T, axis=0).max()) / 15.0 / usual, 1.0)
     power = 10.0 ** np.floor(np.log10(wanted))
@@ -114,7 +114,7 @@ def _magnification(T: Floats, lengths: Floats) -> float:
 def _map(residuals: Residuals, view: str, scale: MapScale, after: bool) -> Drawing:
     rows = shown(len(residuals))
     T = residuals.poses.T[rows]
-    # Residuals are the instrument's, the map the base frame's.
+    # Residuals are in the instrument's frame, the map is in the base frame.
     left = (residuals.after if after else residuals.before)[rows, :3] @ residuals.model.frame.R
     ends = T + scale.magnified * left
     x, y = view[0], view[1]

@@ -1,4 +1,4 @@
-"""The next measurement in one or two sentences."""
+"""A proposed measurement in one or two sentences."""
 
 from __future__ import annotations
 

@@ -12,14 +12,15 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Carried:
-    """What pulls at a quantity of a robot without rods: the load that does work along it.
+    """The load that does work along a displaced quantity of a robot without rods.
 
     Parameters
     ----------
     what
-        On what it acts, and in which direction.
+        The part on which it acts, and its direction, in words.
     index, way
-        Placement frame, as in :class:`~gtpin.kinematics.bodies.Bodies`, and (6,) the direction as a twist in its axes.
+        Index of the placement frame, as in :class:`~gtpin.kinematics.bodies.Bodies`, and (6,) the direction as a twist in this
+        frame.
     """
 
     what: str
@@ -28,7 +29,7 @@ class Carried:
 
     @property
     def words(self) -> str:
-        """Its name."""
+        """Its name: ``force on ...`` or ``moment on ...``."""
         return f"{'moment' if self.way[3:].any() else 'force'} on {self.what}"
 
     @property
@@ -46,15 +47,15 @@ class Motion:
     name, unit
         Its name, such as ``travel of cart1``, and ``m`` or ``rad``.
     columns
-        (N, m) its displacement for a value of 1 of each of the effect's m coefficients.
+        (N, m) displacement of the quantity for a value of 1 of each of the effect's m coefficients.
     tcp
-        (N, 6 + k) displacement of the TCP by one unit of it, base frame, m and rad, and of k measured joints.
+        (N, 6 + k) displacement of the TCP, base frame, m and rad, and of k measured joints, by one unit of the quantity.
     rod
         Index of the rod whose length it is; None for other quantities.
     straightened
-        Whether geometry absorbs a straight line of it along the track, not only its mean.
+        Whether geometry absorbs a straight line of the quantity along the track, not only its mean.
     carried
-        What pulls at it, of a robot without rods.
+        For a robot without rods, the load along the quantity; None where there is none.
     """
 
     name: str

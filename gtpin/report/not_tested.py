@@ -17,7 +17,8 @@ LISTED = 3
 
 
 def may_hide(d: Diagnosis) -> list[str]:
-    """Effects that vary between visits and could not be tested because a covariate is missing, if visits scatter."""
+    """A hint on effects that vary between visits and could not be tested because a covariate is missing; empty unless the
+    verdict is ``none`` and visits scatter."""
     if d.verdict != "none" or not scatters(d.baseline):
         return []
     lacking = [c for c in d.candidates if d.effect(c.effect).between_visits and _is_missing(c)]
@@ -33,7 +34,7 @@ def may_hide(d: Diagnosis) -> list[str]:
 
 
 def not_recorded(d: Diagnosis) -> list[str]:
-    """Members of a class that can't be ruled out because a covariate is missing, and how to change that."""
+    """Hints on members of classes that can't be ruled out because a covariate is missing, and on how to test them."""
     lacking = dict.fromkeys(
         (m.effect, m.site) for c in sure_and_doubtful(d.causes)[1] for m in c.members if not m.recorded
     )

@@ -36,7 +36,7 @@ def render(
     provenance: Table | None = None,
     **content: Any,
 ) -> str:
-    """Make a page of a template that extends ``base.html``.
+    """Make a page from a template that extends ``base.html``.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ def render(
     contents
         (id, title) of the sections that the page links to at its top.
     plots
-        By their names in the template; none is drawn if plotly is not installed.
+        Plots by their names in the template; none is drawn if plotly is not installed.
     provenance
-        Versions and digests of the data behind the page.
+        Versions, and digests of the data of the page.
     content
         Other values for the template. Text is escaped.
     """
@@ -82,7 +82,7 @@ def _embedded(shared: Shared, plots: Plot | Sequence[Plot]) -> Embedded | list[E
 
 
 def _hash(script: str) -> str:
-    """Hashes of scripts for the page's security policy, which lets only these run."""
+    """Hash of a script for the page's security policy, which allows only scripts with these hashes."""
     return "'sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() + "'"
 
 
@@ -93,7 +93,7 @@ def _own_script() -> Markup:
 
 @cache
 def plotly_js() -> Markup | None:
-    """The script that draws plots, from the extra ``plots``; None where that is not installed."""
+    """The script of plotly, which draws the plots; None where plotly (the extra ``plots``) is not installed."""
     if not has_plotly():
         return None
     from plotly.offline import get_plotlyjs

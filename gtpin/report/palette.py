@@ -24,7 +24,8 @@ LIGHT = {
     "high": "#b42319",
     "shade": "rgba(27, 31, 36, .28)",
 }
-"""By name, in CSS, as used in figures. All values differ, because a page finds a colour's name by its value."""
+"""Colours of figures and of light pages, as CSS, by name. All values differ, because a page finds a colour's name by its
+value."""
 DARK = {
     "paper": "#14171b",
     "panel": "#1d2127",
@@ -47,7 +48,7 @@ DARK = {
     "high": "#ff7b6e",
     "shade": "rgba(232, 235, 239, .32)",
 }
-"""The same names on a dark screen; a page changes its figures' colours to these."""
+"""Colours of dark pages, with the same names; such a page replaces the colours of its figures by these."""
 INK, LINE, ZERO, DATA, FIT = (LIGHT[name] for name in ("ink", "line", "zero", "data", "fit"))
 ACCENT, GOOD, WARN, BAD, MYSTERY, SOFT = (LIGHT[n] for n in ("accent", "good", "warn", "bad", "mystery", "soft"))
 LOW, MID, HIGH = (LIGHT[name] for name in ("low", "mid", "high"))

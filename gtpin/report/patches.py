@@ -1,4 +1,4 @@
-"""A square part of a plane, as planes are drawn."""
+"""A square part of a plane, to draw the plane."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ Floats = npt.NDArray[np.float64]
 
 
 def patch(point: Floats, normal: Floats, half: float) -> Floats:
-    """(4, 3) corners of a square about a point of a plane, in their order around it, right-handed to the normal.
+    """(4, 3) corners of a square about a point of a plane, base frame, m, counterclockwise about the normal.
 
     Parameters
     ----------
     point, normal
-        (3,) its middle, m, and unit normal.
+        (3,) middle of the square, m, and its unit normal.
     half
         Half its side, m.
     """

@@ -8,12 +8,12 @@ from gtpin.robot.robot import Robot
 
 
 def clause(effect: Effect, site: str, robot: Robot | None = None) -> str:
-    """An effect at a site as a clause, from its class: ``cart1 has backlash``; from its title if it has no clause.
+    """An effect at a site as a clause, such as ``cart1 has backlash``: from the effect's class, or from its title.
 
     Parameters
     ----------
     robot
-        The robot, for words that fit joints and links where it has no rods.
+        The robot: effects of robots without rods have other words.
     """
     own = effect.of_chains if robot is not None and not robot.rods else ChainWords()
     one, many = own.clause or effect.clause, own.plural or effect.plural_clause
@@ -28,6 +28,6 @@ def remedy(effect: Effect, robot: Robot) -> str:
 
 
 def sentence(words: str) -> str:
-    """Words as a sentence: a capital first letter, unless it is a machine's own name, and a full stop."""
+    """Words as a sentence: a full stop, and a capital first letter unless the first word is the name of a site."""
     name = any(c.isdigit() or c == "_" for c in words.split(" ")[0])
     return f"{words if name else words[:1].upper() + words[1:]}."

@@ -1,4 +1,4 @@
-"""A plan of poses as ``plan.json`` holds it."""
+"""A plan of poses as the content of ``plan.json``."""
 
 from __future__ import annotations
 

@@ -13,11 +13,11 @@ from gtpin.health.power import Smallest
 from gtpin.report.words import length, percent, quantity
 
 SHOWN = 12
-"""Effects in the table of a plan for discrimination."""
+"""Largest number of effects in the table of a plan for discrimination."""
 
 
 def plan_words(plan: PosePlan) -> list[str]:
-    """What the poses are for, and what they tell."""
+    """The purpose of the poses, and what they can show."""
     count = len(plan.commands)
     if plan.purpose == "calibration" and plan.information is not None:
         own = plan.information
@@ -35,7 +35,7 @@ def plan_words(plan: PosePlan) -> list[str]:
 
 
 def plan_summary(plan: PosePlan) -> RenderableType:
-    """The sentences, and the table of what the poses tell."""
+    """The sentences, and the table of changes or effects that the poses can show."""
     if plan.purpose == "calibration":
         return Group(*plan_words(plan))
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
@@ -52,7 +52,7 @@ def plan_summary(plan: PosePlan) -> RenderableType:
 
 
 def usual(smallest: Sequence[Smallest]) -> list[Smallest]:
-    """The changes that a plan is made for."""
+    """Those of the smallest changes for which a plan chooses its poses."""
     return [one for one in smallest if one.effect in checked_first()]
 
 

@@ -1,4 +1,4 @@
-"""Where a page's numbers come from: versions, seed, and digests of the files that were read."""
+"""The provenance of a page's numbers: versions, seed, and digests of the files that were read."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ PACKAGES = ("numpy", "scipy")
 
 
 def versions() -> list[list[str]]:
-    """Name and version of gtpin, of what it computes with, and of Python.
+    """Name and version of gtpin, of the packages that it computes with, and of Python.
 
-    Pinocchio's is that of its module: the distribution is called ``pin`` on PyPI, and may have another name elsewhere.
+    The version of Pinocchio is that of its module, because the distribution is called ``pin`` on PyPI and can have another name
+    elsewhere.
     """
     packages = [[name, version(name)] for name in PACKAGES]
     return [["gtpin", version("gtpin")], ["pin", pin.__version__], *packages, ["Python", platform.python_version()]]
@@ -30,8 +31,8 @@ def versions() -> list[list[str]]:
 def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -> Table:
     """Versions, seed and sha256 of the dataset's files and of the robot's URDF.
 
-    A dataset that was not read from files is identified by the digests of the files that `Dataset.write` makes: who has it
-    as a folder can see that it is the same.
+    A dataset that was not read from files is identified by the digests of the files that `Dataset.write` makes, so that it can
+    be compared with a folder.
     """
     rows = versions()
     if seed is not None:

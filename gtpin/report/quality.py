@@ -32,7 +32,8 @@ class Quality:
 
 
 def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] | None = None) -> Quality:
-    """The quality of a dataset, from its calibration; ``aside`` are lines of rejected rows, the calibration's by default."""
+    """The quality of a dataset, from its calibration; ``aside``: line numbers of rejected rows, by default the
+    calibration's."""
     visits = len(np.unique(dataset.visits))
     repeats = len(dataset) - _distinct(dataset)
     facts = [
@@ -57,7 +58,8 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] |
 
 
 def _distinct(dataset: Dataset) -> int:
-    """Number of rows that do not repeat another: of readings, the same thing read at the same commands."""
+    """Number of different rows: a row repeats another one with the same commands and, for readings, of the same instrument,
+    station or target."""
     if dataset.readings is None:
         return len(np.unique(dataset.visits))
     return len(np.unique(np.column_stack([dataset.readings.read, dataset.visits]), axis=0))
@@ -108,7 +110,7 @@ def _noise(c: Calibration) -> str:
 
 
 def scatters(c: Calibration) -> str:
-    """Warning that a large repeatability may contain effects; empty if it is small."""
+    """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
     if isinstance(c, ReadingsCalibration) or c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
         return ""
     return (

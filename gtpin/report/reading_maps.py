@@ -1,4 +1,4 @@
-"""Maps of readings: where the TCP was at each, coloured by what is left of it over its sigma."""
+"""Maps of readings: the TCP's position at each reading, coloured by the reading's residual over its sigma."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 ALL = "all"
 """The option of all instruments together."""
 LEAST = 3.0
-"""Sigmas at the end of the colour scale at least: noise alone reaches it in one of 370 readings."""
+"""Smallest value at the end of the colour scale, in sigmas: noise alone exceeds it in one of 370 readings."""
 
 
 def reading_maps(residuals: Residuals, layers: Choice) -> Maps:
@@ -45,14 +45,14 @@ def reading_maps(residuals: Residuals, layers: Choice) -> Maps:
 
 
 def workspace_figure(residuals: Residuals, view: str = "xy", *, after: bool = False) -> Figure:
-    """Position residuals over the workspace as :func:`~gtpin.report.maps.residual_map`; of readings their size over sigma.
+    """Position residuals over the workspace, as :func:`~gtpin.report.maps.residual_map`; for readings, residuals over sigma.
 
     Parameters
     ----------
     view
-        The two axes to see: ``xy``, ``xz`` or ``yz``.
+        The two axes of the map: ``xy``, ``xz`` or ``yz``.
     after
-        Show the residuals of geometry with the causes, instead of geometry alone.
+        True: residuals of geometry with the causes; False: of geometry alone.
     """
     if residuals.of_poses:
         return residual_map(residuals, view, after=after)
@@ -65,7 +65,7 @@ def workspace_figure(residuals: Residuals, view: str = "xy", *, after: bool = Fa
 
 
 def whitened(residuals: Residuals, after: bool) -> Floats:
-    """(N,) root mean square of what is left of each row, over its sigma."""
+    """(N,) root mean square of each row's residuals over their sigmas."""
     left = (residuals.after if after else residuals.before) / residuals.sigma
     return np.asarray(np.sqrt((left**2).mean(axis=1)))
 

@@ -1,4 +1,4 @@
-"""What residuals are plotted against, and along what they are seen."""
+"""Columns against which residuals are plotted, and components of residuals."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from gtpin.report.words import covariate_unit, travel_words, typeset, with_unit
 Floats = npt.NDArray[np.float64]
 
 FEW = 8
-"""Values up to which a covariate is shown as boxes side by side."""
+"""Largest number of different values of a covariate that is shown by box plots."""
 GROUPS = 18
-"""Groups of neighbouring poses whose means are drawn."""
+"""Largest number of groups of neighbouring poses whose means are drawn."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,12 @@ class View:
     name, title
         The component, and the title of its axis.
     before, after
-        (N,) what geometry alone leaves, and what it leaves with the causes, in the title's unit; NaN in rows without it.
+        (N,) residuals of geometry alone and of geometry with the causes, in the title's unit; NaN in rows without the
+        component.
     factor
-        From m or rad to that unit.
+        Factor from m or rad to this unit.
     rows
-        Those that have the component.
+        Indices of the rows that have the component.
     """
 
     name: str
@@ -59,11 +60,11 @@ class Column:
     name, title
         The column, and the title of its axis.
     values
-        (N,) its values: texts where there are few of them, which are then shown as boxes.
+        (N,) its values; texts where there are few different ones, which are then shown by box plots.
     order
-        The few values, each once, in order; None for a column of numbers.
+        The few different values, in order; None for a column of numbers.
     line
-        What the causes make of residuals along it; None where there is no cause that depends on it.
+        The causes' prediction of the residuals along the column; None where no cause depends on it.
     """
 
     name: str
@@ -73,7 +74,7 @@ class Column:
     line: Along | None
 
     def groups(self, rows: npt.NDArray[np.intp]) -> list[npt.NDArray[np.intp]]:
-        """Of some rows, neighbouring poses whose means are drawn; poses of one value are never parted."""
+        """Groups of neighbouring poses, among some rows, whose means are drawn; poses of one value are in one group."""
         count = min(GROUPS, max(1, len(rows) // 6))
         values = self.values[rows].astype(float)
         edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1]))
@@ -82,7 +83,7 @@ class Column:
 
 
 def scale_of(values: Floats, unit: str) -> tuple[float, str]:
-    """A factor to thousandths or millionths of m or rad, whichever reads better, and the unit's name."""
+    """The factor to mm or µm (mrad or µrad), depending on the largest value, and the unit's name."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     return (1e3, f"m{unit}") if largest >= 2e-3 else (1e6, f"µ{unit}")
 
@@ -105,9 +106,11 @@ def view(residuals: Residuals, name: str) -> View:
 
 
 def leading(residuals: Residuals, sites: Sequence[str], axes: Mapping[str, float]) -> str:
-    """Along what residuals are seen first: the travel of the first of the sites that has any, else the axis of most share.
+    """The component that is shown first: the travel of the first site that is an actuator's, else the axis with the largest
+    share.
 
-    Of readings it is the component of which the causes explain most, in units of its noise: few readings see a travel well.
+    For readings, it is the component of which the causes explain most, in units of its noise: few readings determine a travel
+    well.
     """
     if not residuals.of_poses:
         return max(residuals.axes, key=lambda axis: _explained(residuals, axis))
@@ -128,14 +131,14 @@ def commanded(residuals: Residuals) -> dict[str, Floats]:
 
 
 def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> list[Column]:
-    """Each command and covariate that varies: those that a cause depends on first, then the most telling.
+    """Each command and covariate that varies: first those on which a cause depends, then those with the strongest correlation.
 
     Parameters
     ----------
     share
-        How telling each is.
+        Strength of the residuals' correlation with each, by name.
     causes
-        Whether there are any.
+        Whether there are causes.
     """
     varying = [name for name, values in residuals.dataset.covariates.items() if bool((values != values[0]).any())]
     found = [column(residuals, name, causes) for name in (*commanded(residuals), *varying)]

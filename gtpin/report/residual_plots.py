@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 MOST = 1500
-"""Poses that a plot shows; more of them are thinned evenly."""
+"""Largest number of poses in a plot; of more, an even selection is shown."""
 POINTS = {"size": 4.5, "opacity": 0.6}
 LAYERS = Choice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
 ONE_LAYER = Choice("layer", "Left by", LAYERS.options[:1])
-"""Layers if there are no causes."""
+"""The choice of layer where there are no causes."""
 
 
 def shown(count: int) -> npt.NDArray[np.intp]:
@@ -33,7 +33,7 @@ def shown(count: int) -> npt.NDArray[np.intp]:
 
 
 def selection(residuals: Residuals) -> str:
-    """How many poses the plots show, if not all."""
+    """How many poses the plots show, as text; empty if they show all."""
     drawn = len(shown(len(residuals)))
     if drawn == residuals.used:
         return ""
@@ -53,11 +53,11 @@ def residual_figure(
     against
         A command (``q1``) or covariate.
     component
-        Component: ``x``, ``rx``, ``cart2``, of several instruments ``wire`` or ``cup.x``, ...
+        Component: ``x``, ``rx``, ``cart2``; with several instruments also ``wire`` or ``cup.x``.
     causes
         Whether to draw the causes' prediction.
     after
-        Show the residuals of geometry with the causes, instead of geometry alone.
+        True: residuals of geometry with the causes; False: of geometry alone.
     """
     drawing = _drawing(residuals, column(residuals, against, causes), view(residuals, component), causes, after)
     made = drawing.figure()
@@ -82,9 +82,9 @@ def against_columns(
     share
         Strength of the correlation with each column, by name.
     views
-        By component.
+        Residuals by component.
     follows
-        The choices of component and layer; of two layers, the first also shows the causes' prediction.
+        The choices of component and layer. Where there are two layers, the first also shows the causes' prediction.
     """
     causes = len(follows[1].options) > 1
 
@@ -128,7 +128,7 @@ def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], c
 
 
 def _drawn(seen: View) -> npt.NDArray[np.intp]:
-    """Of the rows that have a component, those that plots show."""
+    """The rows with a component that plots show."""
     return seen.rows[shown(len(seen.rows))]
 
 
@@ -147,7 +147,7 @@ def _drawing(residuals: Residuals, against: Column, seen: View, causes: bool, af
         axis |= {"categoryorder": "array", "categoryarray": list(against.order)}
     else:
         traces = _dots(residuals, against, rows, left[rows], made)
-        if against.line is not None and not after:  # instead of means, which would remove a short period
+        if against.line is not None and not after:  # not means, which would average out a short period
             traces.append(_cause_line(against, seen))
         else:
             traces.append(_means(against, seen.rows, left))

@@ -1,4 +1,4 @@
-"""What geometry alone leaves of the measurements, and what the causes leave: the numbers behind a diagnosis's plots."""
+"""Residuals of geometry alone and of geometry with the causes: the numbers of a diagnosis's plots."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 FINE, FINEST = 401, 1500
-"""Points of a line along a column; the latter where a cause has a nonlinear parameter, which may be a short period."""
+"""Number of points of a line along a column, and where a cause has a nonlinear parameter, which may be a short period."""
 MOST = 20_000
-"""Poses behind the plots; of more an even selection: a mean of neighbouring poses still comes from a thousand."""
+"""Largest number of poses from which plots are made; of more, an even selection is used. A mean of neighbouring poses is then
+still over a thousand poses."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -39,15 +40,16 @@ class Residuals:
     dataset
         The poses.
     used
-        How many there are of which these are a selection.
+        Number of used poses, of which the dataset may be a selection.
     baseline, model
-        Geometry alone, and with the causes.
+        Geometry alone, and geometry with the causes.
     before, after
-        (N, c) what each leaves: position, m, and rotation vector, rad, in the instrument's frame.
+        (N, c) residuals of ``baseline`` and of ``model``: position, m, and rotation vector, rad, instrument's frame; or
+        readings, m and rad.
     sigma
-        (c,) the instrument's noise; (N, c) of readings.
+        (c,) the instrument's noise, m and rad; (N, c) for readings.
     readings
-        Of a dataset of several instruments, what was read; None of poses.
+        For a dataset of schema 2, the readings; None for poses.
     """
 
     dataset: Dataset
@@ -63,14 +65,14 @@ class Residuals:
     def of(
         dataset: Dataset, baseline: Calibration, model: Model | None = None, aside: Collection[int] | None = None
     ) -> Residuals:
-        """Of the rows that were not set aside.
+        """Residuals of the rows that were not set aside.
 
         Parameters
         ----------
         model
-            With the causes; the baseline's own where there are none.
+            Geometry with the causes; None: there are no causes.
         aside
-            Lines of the rows that were; the baseline's by default.
+            Line numbers of the rows that were set aside; by default those of the baseline.
         """
         lines = list(baseline.rejected_rows if aside is None else aside)
         if isinstance(baseline, ReadingsCalibration):
@@ -91,17 +93,17 @@ class Residuals:
 
     @property
     def components(self) -> int:
-        """Numbers a pose."""
+        """c, the numbers per row."""
         return int(self.before.shape[1])
 
     @cached_property
     def poses(self) -> Poses:
-        """(N) the poses of the model's geometry, base frame."""
+        """(N) poses that the model's geometry predicts, base frame, without effects."""
         return self.model.kinematics.forward(self.dataset.q)
 
     @cached_property
     def by_command(self) -> Floats:
-        """(N, 6 + k, n) motion of the TCP, base frame, and of k measured joints by the commands."""
+        """(N, 6 + k, n) derivative of the TCP's pose, base frame, and of k measured joints by the commands."""
         return self.model.kinematics.command_jacobian(self.dataset.q, self.poses)
 
     @property
@@ -113,7 +115,7 @@ class Residuals:
     def axes(self) -> tuple[str, ...]:
         """Names of the numbers that residuals have: axes of poses, or components of readings.
 
-        Those of several instruments are ``wire``, where an instrument reads one number, or ``cup.x``, where it reads more.
+        With several instruments: the instrument's name (``wire``), followed by the component if it reads several (``cup.x``).
         """
         return AXES[: self.components] if self.readings is None else tuple(self._read)
 
@@ -137,17 +139,20 @@ class Residuals:
         return found
 
     def rows_of(self, name: str) -> Indices:
-        """Rows that have a component: of several instruments those of the one that reads it."""
+        """Indices of the rows that have a component: with several instruments, those of the instrument that reads it."""
         return self._read[name][0] if self.readings is not None and name in self._read else np.arange(len(self))
 
     def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
-        """Commands and measurement conditions at the model's geometry."""
+        """The situation at commands q (N, n) and covariates, with the model's geometry."""
         kinematics = self.model.kinematics
         temperature = self.dataset.conditions.reference_temperature
         return Situation(kinematics, q, kinematics.forward(q), dict(covariates), fixed, temperature)
 
     def along(self, residual: Floats, motion: Floats) -> Floats:
-        """(N,) how far a motion (N, 6 + k), for one unit of it, base frame, has to go to explain residuals (N, c) best."""
+        """(N,) size of a motion that explains residuals (N, c) best, by weighted least squares in each row.
+
+        ``motion`` (N, 6 + k): motion of the TCP, base frame, and of k measured joints, for size 1.
+        """
         if self.readings is None:
             u = in_frame(motion[:, :, None], self.model.frame)[:, : self.components, 0] / self.sigma
         else:
@@ -163,7 +168,7 @@ class Residuals:
         Parameters
         ----------
         by_command
-            As the property of this name, of the poses that the residuals are of; by default the dataset's.
+            As the property of this name, for the poses of the residuals; by default those of the dataset.
         """
         if self.readings is not None and name in self._read:
             rows, k, _ = self._read[name]
@@ -177,16 +182,16 @@ class Residuals:
 
     @property
     def component_names(self) -> tuple[str, ...]:
-        """Components of residuals."""
+        """Names of all components of residuals: travels of actuators, and axes of poses or components of readings."""
         return (*self.model.robot.sites, *self.axes)
 
     @property
     def first_component(self) -> str:
-        """The component that is seen where none is chosen and there are no causes."""
+        """The component that is shown where none is chosen and there are no causes."""
         return self.component_names[0] if self.of_poses else self.axes[0]
 
     def unit(self, name: str) -> str:
-        """``m`` or ``rad``: the unit of a component."""
+        """The unit of a component: ``m``, ``rad``, or that of a reading."""
         if self.readings is not None and name in self._read:
             return self._read[name][2]
         if name in AXES:
@@ -200,16 +205,17 @@ class Residuals:
         return self.dataset.covariates.get(name)
 
     def middle(self, given: Mapping[str, Any]) -> tuple[Floats, dict[str, Column]]:
-        """Commands and covariates, of which some are given, one of them at least as (m,) values, and the others are as usual.
+        """Commands (m, n) and covariates (m,): those in ``given``, at least one of them with m values, and usual values of the
+        others.
 
-        Commands at their means, or at home where no command is given; numbers at their medians, the first session.
+        Usual values: means of the commands, or home where no command is given; medians of the covariates; the first session.
         """
         data = self.dataset
         count = max(np.size(values) for values in given.values())
         commands = command_names(data.n_actuators)
         usual_q = (
             data.q.mean(axis=0) if set(commands) & set(given) else self.model.robot.home_q
-        )  # about which frames turn
+        )  # effects of rotating frames are shown at home
         q = np.tile(usual_q, (count, 1))
         for j, name in enumerate(commands):
             q[:, j] = given.get(name, q[:, j])

@@ -42,19 +42,20 @@ WITHIN = {
     True: "Slices of the workspace, about {volume} m³, from {postures:,} postures that fill the joints' ranges: a cell has the "
     "median over the postures that bring the TCP there; blank where none does.",
 }
-"""What the maps show, for robots with and without rods."""
+"""Text on what the maps show: False: for robots with rods; True: for chains."""
 LEGEND = {
     False: "(m, or m/m for v) in each parameter of each link. L: length; P: joint on the platform; C: joint on the cart; v: "
     "direction of the track.",
     True: "(m, or rad for r) in the placement of each joint in its parent, and of the tool on the last link (platform), in "
     "their own axes.",
 }
-"""What the table's rows are, likewise."""
+"""Text on the rows of the table: False: for robots with rods; True: for chains."""
 
 
 @dataclass(frozen=True)
 class Moved:
-    """(p, k) mean change of the TCP's position, m, by a step in each parameter of each link; NaN where a link has none."""
+    """Mean change ``by`` (p, k) of the TCP's position, m, by a ``step``, m or rad, of each parameter of each link; NaN where a
+    link does not have the parameter."""
 
     parameters: tuple[str, ...]
     links: tuple[str, ...]
@@ -63,7 +64,7 @@ class Moved:
 
     @staticmethod
     def of(found: Accuracy | ChainSensitivity) -> Moved:
-        """By an analysis: half the sum over both signs, over the number of poses."""
+        """From an analysis: the sum over both signs of the step and all poses, divided by twice the number of poses."""
         if isinstance(found, ChainSensitivity):
             return Moved(OF_PLACEMENTS, found.links, STEP, found.position / (2.0 * len(found.q)))
         steps = found.sensitivity

@@ -1,4 +1,4 @@
-"""A machine as lines in space: tracks, carts, rods, platform; what sketches and 3-D views draw."""
+"""A machine with rods as points and lines in space (tracks, carts, rods, platform), for sketches and 3-D views."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Skeleton:
 
     @property
     def lines(self) -> tuple[Floats, Floats]:
-        """(k, 3) where the rods begin, and where they end."""
+        """(k, 3) the rods' ends on their carriers, and on the platform."""
         return self.seats, self.joints
 
 
@@ -88,7 +88,7 @@ def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
 
 
 def standing(model: Model) -> Floats:
-    """(n,) where a machine is drawn that no command is given: mid-range with rods, where it can be reached, else home."""
+    """(n,) default command of a drawing, m or rad: for a robot with rods mid-range, where it can be reached; else home."""
     kinematics, robot = model.kinematics, model.robot
     if not isinstance(kinematics, RodKinematics):
         return robot.home_q

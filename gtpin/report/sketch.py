@@ -1,4 +1,4 @@
-"""The machine drawn as SVG, each part in the colour of its share of the gap: one scale for all of them."""
+"""A machine with rods drawn as SVG, each part in the colour of its share of the gap, with one colour scale."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def sketch(
         Shares of the gap by site (carts, links, all links, platform, instrument), in which the parts are coloured; empty
         where there is no gap.
     rod_share
-        Share of the gap by rod. Shown as a tooltip, not as a colour: these shares add up to one by themselves, so
-        that a rod would look worse than the cart that moves it.
+        Share of the gap by rod. It is shown as a tooltip and not as a colour: the rods' shares sum to 1 by themselves, so that
+        a rod would seem to have a larger share than its cart.
     causes
-        Sites of the causes, which are ringed.
+        Sites of the causes, which are marked by rings.
     marks
         Instruments that are drawn under the machine.
     """
@@ -69,7 +69,7 @@ def _base(machine: Skeleton, at: Camera) -> str:
 
 
 def _outline(points: Floats) -> str:
-    """Corners in their order around their middle."""
+    """Corners (m, 2) as text for SVG, in their order around their middle."""
     order = np.argsort(np.arctan2(*(points - points.mean(axis=0)).T[::-1]))
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points[order])
 
@@ -146,7 +146,7 @@ def _labels(
 
 
 def _rod_labels(seats: Floats, joints: Floats, names: Sequence[str]) -> list[str]:
-    """The rods' names along them, where there is the most room."""
+    """The rods' names next to them, where other names are not too near."""
     made: list[str] = []
     taken: list[Floats] = []
     for a, b, name in zip(seats, joints, names, strict=True):

@@ -1,4 +1,4 @@
-"""What drawings of machines share: lines, rings, the instrument, colours and their scale."""
+"""Common parts of drawings of machines: lines, rings, the instrument, colours and their scale."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def shades_of(site_share: Mapping[str, float]) -> dict[str, str]:
 
 
 def color(part: float) -> str:
-    """CSS of a share over the largest: from grey to red."""
+    """Colour, as CSS, of a share over the largest share: from grey to red."""
     return f"color-mix(in oklab, var(--zero), var(--high) {100.0 * min(max(part, 0.0), 1.0):.0f}%)"
 
 
@@ -57,12 +57,13 @@ def line(a: Floats, b: Floats, shade: str, width: float, extra: str = "") -> str
 
 
 def ring(x: float, y: float, radius: float) -> str:
-    """What marks a cause's site."""
+    """The ring that marks a cause's site; centre and radius in pixels."""
     return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" style="fill:none;stroke:var(--accent);stroke-width:2.5"/>'
 
 
 def corners(shades: Mapping[str, str], causes: Collection[str]) -> str:
-    """All links together as three of them, and the instrument as a tripod, wherever it stands; none without shares."""
+    """Symbols at the lower corners: three lines for all links together, and a tripod for the instrument; empty without
+    shares."""
     made = []
     for site, x in CORNERS.items():
         if site not in shades:
@@ -80,7 +81,7 @@ def corners(shades: Mapping[str, str], causes: Collection[str]) -> str:
 
 
 def scale(site_share: Mapping[str, float]) -> str:
-    """What the colours mean, at the bottom; nothing without shares."""
+    """The colour scale at the bottom; empty without shares."""
     top = max(site_share.values(), default=0.0)
     if top <= 0.0:
         return ""

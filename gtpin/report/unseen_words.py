@@ -1,4 +1,4 @@
-"""What readings can't see, in sentences."""
+"""Unobservable directions of the geometry, in sentences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gtpin.robot.geometry import Geometry
 Floats = npt.NDArray[np.float64]
 
 SHOWN = 3
-"""Parameters that a sentence names."""
+"""Largest number of parameters that a sentence names."""
 WHAT = {
     "touches": "touches of a plane whose normal is along {axis}",
     "distances": "distances from one station, by a draw wire or a ball bar,",
@@ -23,7 +23,8 @@ WHAT = {
 }
 """Measurements in words."""
 SCALE = 0.9
-"""Cosine between a direction and the growth of all lengths alike from which it is called that. Assumed."""
+"""Smallest absolute cosine between a direction and that in which all lengths grow in proportion, or a single parameter's
+direction, for which the sentence names this growth or this parameter alone. Assumed."""
 
 
 def unseen_words(
@@ -40,7 +41,7 @@ def unseen_words(
     learned
         (m,) variance reduction along each.
     remedies
-        The measurement that would show each; None where none is known.
+        The measurement that would determine each; None where none is known.
     """
     return tuple(
         f"{_sentence(geometry, directions[:, i], float(np.sqrt(1.0 - learned[i])))} {_remedy(remedy)}"
@@ -78,7 +79,7 @@ def _amount(value: float, unit: str) -> str:
 
 
 def _is_growth(geometry: Geometry, direction: Floats) -> bool:
-    """Whether a direction is that of all lengths growing alike: each by its nominal value."""
+    """Whether in a direction all lengths grow in proportion to their nominal values."""
     growth = np.array([p.nominal if p.unit == "m" else 0.0 for p in geometry.parameters]) / geometry.tolerance
     norm = float(np.linalg.norm(growth))
     return norm > 0.0 and abs(float(direction @ growth)) / norm > SCALE

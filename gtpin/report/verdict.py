@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis in sentences: what was found and what to do."""
+"""The verdict of a diagnosis in sentences: the causes, and what to do."""
 
 from __future__ import annotations
 

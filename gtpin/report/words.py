@@ -8,7 +8,7 @@ import re
 from gtpin.robot.robot import Robot
 
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n"}
-"""Prefix for thousandths of each unit."""
+"""Prefixes of units, by the power of ten."""
 SITES = {"arm": "all links", "frame": "the instrument", "platform": "the platform"}
 """Names of the sites that are the same for all machines."""
 COORDINATES = {
@@ -24,9 +24,9 @@ COORDINATES = {
 UNITS = {"time": "s", "temp_frame": "°C", "temp_link": "°C", "payload": "kg", "fx": "N", "fy": "N", "fz": "N"}
 """Units of covariates, by name."""
 MINUS = re.compile(r"(?<![\w.-])-(?=\.?\d)")
-"""A hyphen that begins a number, and none that joins words or digits, or begins an option of a command."""
+"""A hyphen that is a minus sign before a number: not one that joins words or digits, or begins an option of a command."""
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-])0*(\d+)\b")
-"""A number as computers write large and small ones."""
+"""A number with an exponent, such as ``1.2e-05``."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")
 
 
@@ -68,7 +68,10 @@ def length(value: float) -> str:
 
 
 def quantity(value: float, unit: str, sigma: float | None = None) -> str:
-    """A value with its standard deviation, both to the digits that this allows, kept on one line: ``25.00 ± 0.90 µm``."""
+    """A value with its standard deviation, without a line break: ``25.00 ± 0.90 µm``.
+
+    Both have the decimals with which the standard deviation has two significant digits; a value alone has three.
+    """
     size = max(abs(value), sigma or 0.0)
     if not math.isfinite(size):
         return "not known"
@@ -91,19 +94,19 @@ def _exponent(size: float, unit: str) -> int:
 
 
 def _digits(value: float, significant: int) -> int:
-    """Decimals that show so many significant digits."""
+    """Number of decimals with which a value has ``significant`` significant digits."""
     if value == 0.0:
         return 0
     return max(0, significant - 1 - math.floor(math.log10(abs(value))))
 
 
 def whole(text: str) -> str:
-    """Text that no line break parts, with a true minus sign."""
+    """Text without line breaks, with true minus signs."""
     return text.replace(" ", "\u00a0").replace("-", "−")
 
 
 def typeset(text: str) -> str:
-    """Text with its numbers as they are printed: a true minus sign, and powers of ten: ``−0.5``, ``1.2·10⁻⁵``."""
+    """Text with true minus signs and powers of ten: ``−0.5``, ``1.2·10⁻⁵``."""
     return MINUS.sub("−", POWER.sub(lambda found: f"{found[1]}·10{(found[2] + found[3]).translate(RAISED)}", text))
 
 

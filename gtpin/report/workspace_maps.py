@@ -1,4 +1,4 @@
-"""Slices of the workspace, coloured by what to expect there."""
+"""Slices of the workspace, coloured by expected errors, condition number or distance from singularity."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 SLICES = 3
-"""Slices of the workspace that are shown."""
+"""Largest number of slices that are shown."""
 
 
 def slices(found: Analysed) -> tuple[Choice, list[Plot]]:
-    """Slices orthogonal to an axis of the base frame, and what the reader can colour them by."""
+    """The choice of the quantity that determines the colours, and the slices, orthogonal to an axis of the base frame."""
     values, space = _quantities(found), found.space
     options = tuple((name, _label(name, unit)) for name, (_, unit) in values.items())
     choice = Choice("quantity", "Coloured by", options)
@@ -44,7 +44,7 @@ def slices(found: Analysed) -> tuple[Choice, list[Plot]]:
 
 
 def workspace_map(found: Analysed, quantity: str = "position error") -> Figure:
-    """Slices of the workspace side by side, orthogonal to an axis of the base frame; blank where the robot can't go.
+    """Slices of the workspace side by side, orthogonal to an axis of the base frame; blank out of reach.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _label(name: str, unit: str) -> str:
 
 
 def _quantities(found: Analysed) -> dict[str, tuple[Floats, str]]:
-    """(M,) values at the reachable points, and their units, by name; none of what is finite nowhere."""
+    """By name: (M,) values at the reachable points, and their unit; without quantities that are infinite everywhere."""
     space = found.space
     covariance = response(found.model, space.q, found.uncertainty).covariance
     values: dict[str, tuple[Floats, str]] = {}
@@ -104,7 +104,7 @@ def _quantities(found: Analysed) -> dict[str, tuple[Floats, str]]:
 
 
 def _layers(found: Analysed) -> list[int]:
-    """Indices of the slices: the middles of as many parts."""
+    """Indices of the slices: in the middle of equal parts of the reachable workspace."""
     space = found.space
     there = np.flatnonzero(space.reachable.any(axis=tuple(i for i in range(3) if i != space.across)))
     count = min(SLICES, len(there))

@@ -1,4 +1,4 @@
-"""Commands with which a simulator of the nominal robot shows what the diagnosed machine would do."""
+"""Commands that bring a simulator of the nominal robot to the poses of the diagnosed machine."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ from gtpin.robot.geometry import Geometry
 Floats = npt.NDArray[np.float64]
 
 STEPS = 25
+"""Largest number of Gauss-Newton steps."""
 CLOSE = 1e-12
-"""Step of the commands, m or rad, that ends the iteration."""
+"""Largest step of the commands, m or rad, that ends the iteration."""
 SINGULAR = 1e-2
-"""Singular values of the Jacobian, relative to the largest, below which no command is changed: near a singular posture, the
-commands would otherwise leave the machine's for an error of micrometres. The offset of the TCP takes what is left. A value of
-0.01 limits the change of commands to 0.1 rad per mm of an arm of 1 m."""
+"""Singular values of the Jacobian, relative to the largest, that are treated as zero. Near a singular posture, an error of
+micrometres would otherwise change the commands a lot. The offset of the TCP has the error that remains. For an arm of 1 m, 0.01
+limits the change of commands to 0.1 rad per mm of error."""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatorCommands:
-    """Commands for a simulator of the nominal robot, and the offset of the TCP that commands can't show, N rows each.
+    """N commands for a simulator of the nominal robot, and the offsets of the TCP that these commands leave.
 
-    In the simulator, the machine's TCP is at ``nominal TCP * offset``: with commands ``q``, the pose of the simulator's TCP
-    followed by ``offset`` is ``poses``.
+    The pose of the simulator's TCP at the commands ``q``, multiplied from the right by ``offset``, is ``poses``.
 
     Parameters
     ----------
     q
         (N, n) commands for the simulator, m or rad.
     poses
-        (N) poses of the machine's TCP, base frame, m.
+        N poses of the machine's TCP, base frame, m.
     offset
-        (N) poses of the machine's TCP in the simulator's TCP frame, m. Identity up to rounding where the robot has six
-        actuators and is not near a singular posture.
+        N poses of the machine's TCP in the simulator's TCP frame, m. Identity up to rounding if the robot has six actuators
+        or more and is not near a singular posture.
     residual
         (N, 6) position, m, and rotation vector, rad, base frame: the machine's TCP less the simulator's at ``q``. It is the
-        error where a simulator can't apply ``offset``.
+        error of a simulation without ``offset``.
     """
 
     q: Floats
@@ -61,11 +61,11 @@ def commands_for_simulator(
     *,
     simulator: Model | None = None,
 ) -> SimulatorCommands:
-    """Commands, and offsets of the TCP, with which a nominal simulator shows what a diagnosed machine does at commands q.
+    """Commands, and offsets of the TCP, that give a nominal simulator the poses of a diagnosed machine at its commands q.
 
     With six actuators or more, the commands bring the simulator's TCP to the machine's pose; with three to five, to its
-    position; with fewer, as near to its position as they can. ``offset`` has what is left. Commands and offset together are
-    exact: geometry and effects are solved with the complete kinematics, nothing is linearised.
+    position; with fewer, to the reachable position closest to it. ``offset`` is the difference that remains. Commands and
+    offset together are exact: geometry and effects are solved with the complete kinematics, nothing is linearised.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def commands_for_simulator(
     covariates
         By name, (N,) each: conditions at the commands (payload, temperatures, approaches, ...), as for ``Model.predict``.
     simulator
-        The geometry that the simulator has, without effects; by default the robot's nominal geometry.
+        A model with the simulator's geometry and without effects; by default the robot's nominal geometry.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def commands_for_simulator(
 
 
 def _nearest(shown: Kinematics, q: Floats, wanted: Poses) -> tuple[Floats, Poses]:
-    """Gauss-Newton on the commands, from those of the machine; the simulator's poses there."""
+    """The simulator's commands (N, n) for wanted poses, by Gauss-Newton from the machine's ``q``, and its poses at them."""
     rows = 6 if q.shape[1] >= 6 else 3
     poses = shown.forward(q)
     for _ in range(STEPS):

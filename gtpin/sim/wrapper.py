@@ -31,7 +31,7 @@ class Diagnosed:
     Actions are the commands q (n,), m or rad, that a controller sends. The environment gets other commands, with which its
     nominal robot takes the machine's pose: see :func:`commands_for_simulator`. ``info["simulator_commands"]`` of a step has
     these commands and the remaining ``offset``, which a simulator can apply to its TCP. The direction of approach of each
-    actuator is that of its last motion, 0 before the first. All other attributes are the environment's.
+    actuator is that of its last motion, 0 before its first motion. All other attributes are the environment's.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Diagnosed:
         self._approach = np.zeros(len(self._before))
 
     def __getattr__(self, name: str) -> Any:
-        if name == "environment":  # not there yet: a copy or an unpickled object is being made
+        if name == "environment":  # copy and pickle ask before it is set: else endless recursion
             raise AttributeError(name)
         return getattr(self.environment, name)
 

@@ -1,1 +1,1 @@
-"""The machine and its gap in 3-D: in the browser, or as a still image."""
+"""The machine in 3-D, with the differences between measurement and model: in the browser, or as a still image."""

@@ -20,24 +20,24 @@ LINE, POINT = (90, 105, 125), (200, 40, 30)
 
 
 class ChainDisplay:
-    """What :class:`~gtpin.view.scene.Scene` shows of a robot without rods.
+    """A robot without rods in a page of :class:`~gtpin.view.scene.Scene`.
 
     Parameters
     ----------
     server
         The page's viser server.
     robot
-        What is shown.
+        The robot to show.
 
     Attributes
     ----------
     data : pinocchio.Data
-        Where the joints are.
+        The joints' placements in the shown posture.
 
     Warns
     -----
     GtpinWarning
-        Of meshes that are missing: their shapes are left out; without any shape, lines are drawn.
+        If meshes are missing: their shapes are left out. If no shape is left, lines are drawn.
     """
 
     def __init__(self, server: Any, robot: Robot) -> None:
@@ -46,7 +46,7 @@ class ChainDisplay:
         self._meshes = self._load()
 
     def display(self, configuration: Floats) -> None:
-        """Bring it to a Pinocchio configuration."""
+        """Show the robot in a Pinocchio configuration."""
         pin.forwardKinematics(self.robot.model, self.data, configuration)
         if self._meshes is None:
             self._lines()
@@ -54,7 +54,7 @@ class ChainDisplay:
             self._meshes.update_cfg(np.array([self._angle(name, configuration) for name in self._names]))
 
     def _load(self) -> Any:
-        """A viewer of the URDF with its shapes; None where there are none."""
+        """A viewer of the URDF's shapes; None if it has none."""
         xml = with_its_meshes(self.robot.description)
         if not fromstring(xml).findall("link/visual"):
             return None
@@ -62,14 +62,14 @@ class ChainDisplay:
         from viser.extras import ViserUrdf
 
         def handler(fname: str) -> str:
-            return fname  # where it is has been found out
+            return fname  # with_its_meshes has already put the files' paths into the URDF
 
         urdf = yourdfpy.URDF.load(BytesIO(xml.encode()), filename_handler=handler)
         self._names = tuple(urdf.actuated_joint_names)
         return ViserUrdf(self._server, urdf)
 
     def _angle(self, name: str, configuration: Floats) -> float:
-        """The position of a joint by its name in the URDF, m or rad; 0 of one that the model has not."""
+        """The position of a joint by its name in the URDF, m or rad; 0 if the Pinocchio model does not have this joint."""
         model = self.robot.model
         if not model.existJointName(name):
             return 0.0

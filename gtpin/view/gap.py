@@ -1,4 +1,4 @@
-"""The gap of a model at the poses of a dataset, as pictures need it: errors in the base frame, and each rod's share."""
+"""The gap of a model at the poses of a dataset, for drawings: errors in the base frame, and each rod's share."""
 
 from __future__ import annotations
 
@@ -24,17 +24,18 @@ class Gap:
     Parameters
     ----------
     whose
-        Which model's errors these are, in words that follow "errors".
+        Text after "errors" that says of which model they are, such as "of the nominal model".
     pose, row
-        (N,) their ids, and their lines in the dataset's table.
+        (N,) the poses' ids, and their lines in the dataset's table.
     q
-        (N, n) commands.
+        (N, n) commands, m or rad.
     T
         (N, 3) predicted positions of the TCP, m.
     error
         (N, 3) measured less predicted position, m.
     share
-        Each rod's share of the gap's power beyond the declared noise, by site; empty for a robot without rods.
+        By site, each rod's share, 0 to 1, of the mean squared error that exceeds the declared noise, with errors mapped to
+        lengths of the rods; empty for a robot without rods.
     """
 
     whose: str
@@ -62,25 +63,26 @@ class Gap:
 
     @property
     def size(self) -> Floats:
-        """(N,) how large the errors are, to compare them."""
+        """(N,) sizes of the errors, by which they are coloured and compared: their lengths, m."""
         return self.length
 
     @property
     def what(self) -> str:
-        """What is shown, and of which model."""
+        """Text: the kind of the errors, and the model that they are of."""
         return f"position errors {self.whose}"
 
     @property
     def summary(self) -> str:
-        """How large the errors are."""
+        """Text: root mean square of the errors, and number of poses."""
         return f"{1e6 * self.rms:,.0f} µm RMS at {len(self.q)} poses"
 
     def said(self, index: int) -> str:
-        """One of the errors in words."""
+        """Text with the size of one error."""
         return f"off by {1e6 * self.length[index]:,.1f} µm"
 
     def magnification(self) -> float:
-        """A round factor that makes the usual error a tenth of the workspace; 1 where there is none."""
+        """A round factor for drawings: with it, the median error is at most a tenth of the workspace. 1 if there is no
+        error."""
         lengths = self.length[self.length > 0.0]
         if not len(lengths):
             return 1.0
@@ -98,13 +100,13 @@ def gap_of(model: Model, dataset: Dataset) -> Gap:
     DatasetError
         If the commands do not fit the robot, or it can reach none of the poses.
     ModelError
-        If a covariate is missing that an active effect needs, or the frame of the instrument is free and the model
-        has none.
+        If a covariate is missing that an active effect needs, or the instrument's frame is free and the model does not contain
+        it.
 
     Warns
     -----
     GtpinWarning
-        Of poses that the robot can't reach, by name; they are left out.
+        If the robot can't reach some poses: names them; they are left out.
     """
     robot = model.robot
     if dataset.instrument.frame == "free" and model.frame.is_base:
@@ -134,14 +136,17 @@ def gap_of(model: Model, dataset: Dataset) -> Gap:
 
 
 def whose(model: Model) -> str:
-    """Which model's errors these are, in words that follow "errors"."""
+    """Text after "errors" that says of which model they are."""
     if model.effects:
         return "after the causes"
     return "of the nominal model" if model.covariance is None else "of the calibrated geometry"
 
 
 def _shares(model: Model, dataset: Dataset, error: Floats) -> dict[str, float]:
-    """Errors mapped to the rods by the closures' Jacobian; unmeasured turns count as none."""
+    """Each rod's share of the gap, with errors mapped to the rods by the inverse of the closures' Jacobian.
+
+    Orientations that are not measured count as free of errors.
+    """
     kinematics, robot = model.kinematics, model.robot
     if not isinstance(kinematics, RodKinematics):
         return {}

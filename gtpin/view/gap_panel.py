@@ -1,4 +1,4 @@
-"""What a page shows of a gap: errors in space, which pose the machine is at, and the way from pose to pose."""
+"""The gap in the 3-D page: errors as lines, controls to choose a pose, and motion from pose to pose."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Floats = npt.NDArray[np.float64]
 
 BLACK = np.array([0.1, 0.1, 0.1])
 BETWEEN = 12
-"""Postures shown on the way from a pose to the next."""
+"""Number of steps from a pose to the next one while the poses are played."""
 STEP = 0.03
-"""Seconds between them."""
+"""Time between two steps, s."""
 
 
 class GapPanel:
@@ -27,13 +27,13 @@ class GapPanel:
     Parameters
     ----------
     server
-        Of the page, from viser.
+        The page's viser server.
     name
-        The machine's.
+        The machine's name.
     gap
-        What is shown.
+        The gap to show.
     go
-        Brings the machine to a command (n,) and says what prevented it, if anything did.
+        Function that brings the machine to a command (n,), m or rad. It returns an error message, or an empty text.
     """
 
     def __init__(self, server: Any, name: str, gap: Gap, go: Callable[[Floats], str]) -> None:
@@ -42,7 +42,7 @@ class GapPanel:
         gui, factor, alone = server.gui, gap.magnification(), len(gap.q) == 1
         gui.add_markdown(_plain(_summary(name, gap)))
         self.chosen = gui.add_dropdown("pose", self.names, disabled=alone, hint="Its id, and its row in the table.")
-        # A slider needs an end beyond its beginning, even where there is nothing to choose.
+        # A slider's end must be above its beginning, even if there is only one pose.
         self.place = gui.add_slider("one by one", 1, max(len(gap.q), 2), 1, 1, disabled=alone, hint="Along the table.")
         self.larger = gui.add_slider("errors magnified", factor / 10.0, 5.0 * factor, factor / 10.0, factor)
         self.play = gui.add_checkbox("play", False, disabled=alone)
@@ -55,7 +55,7 @@ class GapPanel:
 
     @property
     def index(self) -> int:
-        """Which of the gap's poses is shown."""
+        """Index of the shown pose among those of the gap."""
         return int(self.place.value) - 1
 
     def _choose(self, _: object) -> None:
@@ -76,7 +76,7 @@ class GapPanel:
         self._here()
 
     def _draw(self, name: str, rows: slice, colors: Floats, thickness: float) -> None:
-        """Errors of some poses, as lines from where the TCP should be; colors (k, 3), thickness in pixels."""
+        """Draw errors of k poses as lines from the predicted positions of the TCP; colors (k, 3), thickness in pixels."""
         start = self.gap.T[rows]
         ends = np.stack([start, start + float(self.larger.value) * self.gap.error[rows]], axis=1)
         both = np.repeat(colors[:, None], 2, axis=1)
@@ -103,5 +103,5 @@ def _summary(name: str, gap: Gap) -> str:
 
 
 def _plain(text: str) -> str:
-    """Markdown in which names can't be markup."""
+    """Markdown in which a name with "<" is not read as HTML."""
     return text.replace("<", "&lt;")

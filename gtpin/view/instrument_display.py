@@ -21,23 +21,23 @@ BALL, PATCH, AXIS = 0.008, 0.12, 0.08
 
 
 class InstrumentDisplay:
-    """What :class:`~gtpin.view.scene.Scene` shows of instruments.
+    """Instruments in a page of :class:`~gtpin.view.scene.Scene`.
 
     Parameters
     ----------
     server
         The page's viser server.
     places
-        Where they are.
+        Where the instruments and their parts are.
     size
-        The machine's, m.
+        Size of the machine, m.
 
     Attributes
     ----------
     drawn : dict of str to handle
-        What is shown, by its name in the scene; names end as those of ``places``.
+        viser's handles of the drawn parts, by their names in the scene, which end with the names in ``places``.
     labels : list of handle
-        Their names in space.
+        viser's handles of the parts' labels.
     """
 
     def __init__(self, server: Any, places: InstrumentPlaces, size: float) -> None:
@@ -53,7 +53,7 @@ class InstrumentDisplay:
             self._distance(one, two, length)
 
     def show(self, T: Floats, R: Floats) -> None:
-        """Bring what is on the platform to a pose of the TCP: position (3,), m, and orientation (3, 3), base frame."""
+        """Draw the targets, wires and tilt sensors for a pose of the TCP: position (3,), m, and rotation (3, 3), base frame."""
         scene, size = self._scene, self._size
         targets = {name: T + R @ at for name, at in self.places.targets.items()}
         for name, at in targets.items():

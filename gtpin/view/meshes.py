@@ -1,4 +1,4 @@
-"""The meshes of a URDF's shapes: where they are, and the URDF without those that are missing."""
+"""The mesh files of a URDF's shapes: their paths, and the URDF without the shapes whose mesh is missing."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ SCHEMES = ("package://", "model://")
 
 
 def mesh_folders(description: Description) -> list[Path]:
-    """Folders in which ``package://`` paths may start: those above the URDF, and that of example-robot-data."""
+    """Folders in which ``package://`` paths are looked for: all those that contain the URDF, and that of example-robot-data."""
     found = list(Path(description.source).absolute().parents)
     shared = package_folder()
     return found if shared is None else [*found, shared]
 
 
 def with_its_meshes(description: Description) -> str:
-    """The URDF's text with the paths of its visual meshes, and without the shapes whose mesh is missing.
+    """The URDF's text with absolute paths of its visual meshes, and without the shapes whose mesh is missing.
 
     Warns
     -----
     GtpinWarning
-        Of missing meshes: how many, and the first one.
+        If meshes are missing: their number, and the first one.
     """
     root = parse_xml(description.xml, description.source)
     folders = mesh_folders(description)

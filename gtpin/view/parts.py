@@ -1,4 +1,4 @@
-"""What has a name in a machine, and where the name is shown: carts or arms, rods, the platform."""
+"""The named parts of a machine, and where their names are drawn: carts or arms, rods, the platform."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A name, the Pinocchio joint it moves with, and its place (3,) in the joint's frame, m."""
+    """A part: its name, the number of the Pinocchio joint that it moves with, and its place (3,) in that joint's frame, m."""
 
     name: str
     joint: int
     at: Floats
 
     def place(self, data: Any) -> Floats:
-        """(3,) where it is in the base frame, m, by the joints' placements in a ``pinocchio.Data``."""
+        """(3,) place of the name in the base frame, m, with the joints' placements in a ``pinocchio.Data``."""
         return np.asarray(data.oMi[self.joint].act(self.at))
 
 
 def parts(robot: Robot) -> tuple[Part, ...]:
-    """The parts of a robot: the platform at its TCP, what the actuators move at their joints, rods at their middles."""
+    """The parts of a robot. Their names are drawn at the TCP (the platform), at the actuators' joints, and at the rods'
+    middles."""
     found = {platform_name(robot): (robot.tcp_joint, robot.tcp_placement.translation)}
     found |= {actuator.site: (actuator.joint_id, np.zeros(3)) for actuator in robot.actuators}
-    # A leg is both, an actuator and a rod: it has its name once, at its middle.
+    # A leg is an actuator and a rod: its name is drawn only once, at its middle.
     found |= {rod.site: _middle(robot, rod.loop, rod.rod_end) for rod in robot.rods}
     return tuple(Part(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
 
@@ -43,7 +44,7 @@ def platform_name(robot: Robot) -> str:
 
 
 def rod_tip(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
-    """A rod's last joint, and (3,) where its free end is in that joint's frame, m."""
+    """Number of the Pinocchio joint that moves a rod, and (3,) place of the rod's free end in that joint's frame, m."""
     constraint = robot.constraints[loop]
     joint = (constraint.joint1_id, constraint.joint2_id)[end]
     return int(joint), np.array((constraint.joint1_placement, constraint.joint2_placement)[end].translation)

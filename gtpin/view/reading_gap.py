@@ -1,4 +1,4 @@
-"""What a model leaves of the readings of any instruments, as errors in space."""
+"""Residuals of a model at the readings of any instruments, drawn as errors in space."""
 
 from __future__ import annotations
 
@@ -27,17 +27,18 @@ Floats = npt.NDArray[np.float64]
 class ReadingGap(Gap):
     """Measured less predicted readings of any instruments, of N rows.
 
-    ``T`` is where the target is, ``error`` by how much it is off as far as the reading tells: along the line of sight of a
-    range, along a plane's normal. A tilt has none.
+    ``T`` is the predicted position of the target. ``error`` is the part of its position error that the reading measures: along
+    the line of sight of a range, along the normal of a plane. It is zero for a tilt.
 
     Parameters
     ----------
     name
         (N,) the instrument of each row.
     value, unit
-        (N,) length of what is left of the reading, and its unit.
+        (N,) size of the reading's residual, and its unit.
     whitened
-        (N,) the same over its declared sigma; where none is declared over the root mean square of all of the instrument.
+        (N,) ``value`` over the declared standard deviation of the reading; if none is declared, over the root mean square of
+        all values of the instrument.
     """
 
     name: tuple[str, ...] = ()
@@ -47,24 +48,24 @@ class ReadingGap(Gap):
 
     @property
     def names(self) -> list[str]:
-        """Each pose's id, its instrument where there are several, and its row in the instrument's table."""
+        """Each pose's id, the instrument if there are several, and the row in the instrument's table."""
         if len(set(self.name)) == 1:
             return super().names
         return [f"{pose} ({name} row {row})" for pose, name, row in zip(self.pose, self.name, self.row, strict=True)]
 
     @property
     def size(self) -> Floats:
-        """(N,) errors over their sigmas."""
+        """(N,) sizes of the errors, by which they are coloured and compared: ``whitened``."""
         return self.whitened
 
     @property
     def what(self) -> str:
-        """What is shown, and of which model."""
+        """Text: the kind of the errors, and the model that they are of."""
         return f"reading errors {self.whose}"
 
     @property
     def summary(self) -> str:
-        """Root mean square errors of each instrument."""
+        """Text: root mean square of each instrument's errors, and number of readings."""
         names = np.array(self.name)
         sizes = []
         for one in dict.fromkeys(self.name):
@@ -73,15 +74,15 @@ class ReadingGap(Gap):
         return f"{', '.join(sizes)} RMS at {len(self.q)} readings"
 
     def said(self, index: int) -> str:
-        """One of the errors in words."""
+        """Text with the instrument and the size of one error."""
         return f"{self.name[index]} off by {quantity(float(self.value[index]), self.unit[index])}"
 
 
 def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[FittedInstrument, ...]]:
-    """The gap of a model at a dataset of any instruments, and the instruments as the model has them.
+    """The gap of a model at a dataset of any instruments, and the model's instruments.
 
-    A model without instruments, as the nominal one, is shown with those of the dataset: their unknowns have the values
-    that fit best.
+    For a model without instruments, such as a nominal one, they are those of the dataset, and their unknowns have the values
+    that fit the model best.
 
     Raises
     ------
@@ -93,7 +94,7 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[Fit
     Warns
     -----
     GtpinWarning
-        Of poses that the robot can't reach, by name; they are left out.
+        If the robot can't reach some poses: names them; they are left out.
     """
     if dataset.readings is None:
         return gap_of(model, dataset), model.instruments
@@ -145,12 +146,12 @@ def _gap(model: Model, dataset: Dataset, poses: Poses, fitted: Sequence[FittedIn
 
 
 def _unknowns(one: Instrument, known: dict[str, float]) -> Floats:
-    """(k,) values of an instrument's unknowns.
+    """(k,) values of an instrument's unknowns; ``known``: those of the model, by name.
 
     Raises
     ------
     ModelError
-        If the model does not know them.
+        If one of the unknowns is not in ``known``.
     """
     missing = [unknown.name for unknown in one.unknowns if unknown.name not in known]
     if missing:

@@ -31,30 +31,30 @@ Floats = npt.NDArray[np.float64]
 
 
 class Scene:
-    """A server whose page shows a model; with a gap, it moves along the poses and shows the errors.
+    """A server whose page shows a model. With a gap, the page shows the errors, and moves the machine from pose to pose.
 
     Parameters
     ----------
     model, gap
-        What is shown.
+        The model, and its gap or None.
     host, port
-        Where the page is served; port 0 takes any that is free.
+        Address at which the page is served; port 0 takes any that is free.
     instruments
-        Those that are shown; the model's by default.
+        The instruments to show; the model's by default.
 
     Attributes
     ----------
     instruments : InstrumentDisplay or None
-        Stations, planes and sockets; None where there are none.
+        The shown instruments; None if there are none.
     panel : GapPanel or None
-        What the page says of the gap.
+        The part of the page for the gap; None without a gap.
     labels, names : dict of Part to label, and checkbox
-        The parts' names in space, and what hides them.
+        viser's labels of the parts' names, and the box that hides them.
 
     Raises
     ------
     GtpinError
-        If viser is missing, or nothing can be served there.
+        If viser is missing, or the page can't be served at this address.
     """
 
     def __init__(
@@ -85,11 +85,11 @@ class Scene:
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
+        """Address of the page, to open in a browser."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
     def show(self, q: Floats) -> None:
-        """Bring the machine to a command (n,)."""
+        """Show the machine at a command (n,), m or rad."""
         with self._lock:
             self.posture = self.posture.moved_to(q)
             self._visualizer.display(self.posture.configuration)
@@ -98,17 +98,17 @@ class Scene:
             self._show_instruments()
 
     def stop(self) -> None:
-        """Serve no longer."""
-        with redirect_stdout(StringIO()):  # viser talks
+        """Stop serving the page."""
+        with redirect_stdout(StringIO()):  # viser prints messages
             self.server.stop()
 
     def _show_instruments(self) -> None:
-        """Bring what instruments have on the platform to where it is."""
+        """Draw the instruments' parts on the platform at its present pose."""
         if self.instruments is not None:
             self.instruments.show(self.posture.T, self.posture.R)
 
     def _go(self, q: Floats) -> str:
-        """Bring the machine to a command if it can go there; else say why not, and stay."""
+        """Show the machine at a command, m or rad. If it can't reach it, change nothing and return an error message."""
         try:
             self.show(q)
         except GtpinError as error:
@@ -130,7 +130,7 @@ class Scene:
         return visualizer
 
     def _name_parts(self) -> dict[Part, Any]:
-        """A label at each part, that moves with it."""
+        """A label at each part."""
         data = self._visualizer.data
         return {
             part: self.server.scene.add_label(f"/names/{part.name}", part.name, position=part.place(data))
@@ -138,11 +138,11 @@ class Scene:
         }
 
     def _machine(self) -> Drawable | None:
-        """The machine as lines in space; None where it does not reach where it is drawn."""
+        """The machine as lines in space; None if its loops can't be closed in the posture to draw."""
         return skeleton(self.model) or chain_skeleton(self.model)
 
     def _look(self) -> None:
-        """From where the rods hide each other the least, at the middle of the machine and of the poses."""
+        """Set the camera: towards the middle of machine and poses, in the direction in which rods hide each other the least."""
         machine = self._machine()
         if machine is None:
             return
@@ -155,7 +155,7 @@ class Scene:
         self.server.initial_camera.look_at = tuple(middle)
 
     def _sliders(self) -> None:
-        """A slider for each actuator."""
+        """Add a slider for each actuator."""
         lower = np.where(np.isfinite(self.robot.lower), self.robot.lower, -np.pi)
         upper = np.where(np.isfinite(self.robot.upper), self.robot.upper, np.pi)
         start = np.clip(self.robot.home_q, lower, upper)
@@ -172,7 +172,7 @@ class Scene:
             slider.on_update(moved)
 
     def _name_box(self) -> Any:
-        """A box that hides the names."""
+        """Add a box that hides the names."""
         box = self.server.gui.add_checkbox("names", True)
 
         def changed(_: object) -> None:
@@ -189,7 +189,7 @@ def _serve(host: str, port: int) -> Any:
     except ImportError:
         raise GtpinError("3-D views need viser", hint="pip install 'gtpin[view]', or -o still.png") from None
     try:
-        with redirect_stdout(StringIO()):  # viser talks
+        with redirect_stdout(StringIO()):  # viser prints messages
             return viser.ViserServer(host=host, port=port, label="gtpin", verbose=False)
     except OSError as error:
         raise GtpinError(

@@ -17,7 +17,7 @@ from gtpin.view.meshes import with_its_meshes
 from gtpin.view.parts import rod_tip
 
 RADIUS = 0.012
-"""Of rods that the URDF gives no shape, over the machine's size."""
+"""Radius of rods without a shape in the URDF, over a quarter of the robot's size."""
 
 
 def robot_as_modelled(model: Model) -> Robot:
@@ -26,14 +26,14 @@ def robot_as_modelled(model: Model) -> Robot:
 
 
 def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
-    """A ``pinocchio.GeometryModel`` of everything that can be seen.
+    """A ``pinocchio.GeometryModel`` of the shapes to draw.
 
     Parameters
     ----------
     robot
-        Whose URDF's shapes are taken; a rod without any becomes a cylinder.
+        The robot; its shapes are those of its URDF, and a rod without any becomes a cylinder.
     share
-        Each rod's share of the gap, by site; where there are none, all keep their colours.
+        Each rod's share of the gap, 0 to 1, by site, which determines its colour. If empty, all shapes keep their colours.
     """
     found = pin.buildGeomFromUrdfString(robot.model, with_its_meshes(robot.description), pin.GeometryType.VISUAL)
     rods = {rod.link: rod for rod in robot.rods}
@@ -51,7 +51,7 @@ def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
 
 
 def _cylinder(robot: Robot, loop: int, end: int, site: str, share: Mapping[str, float]) -> Any:
-    """A rod from its last joint to its end."""
+    """A cylinder for a rod, from the joint that moves it to its free end."""
     import coal
 
     joint, tip = rod_tip(robot, loop, end)

@@ -32,9 +32,9 @@ Floats = npt.NDArray[np.float64]
 
 FORMATS = (".png", ".svg", ".pdf")
 LINE = 90
-"""Letters of a line of the title."""
+"""Largest number of characters in a line of the title."""
 MOST = 400
-"""Errors that are drawn; more of them are thinned evenly."""
+"""Largest number of errors that are drawn. Of more, this number is taken evenly from the table."""
 
 
 def still(model: Model, gap: Gap | None = None, instruments: Sequence[FittedInstrument] | None = None) -> Figure:
@@ -43,7 +43,7 @@ def still(model: Model, gap: Gap | None = None, instruments: Sequence[FittedInst
     Parameters
     ----------
     instruments
-        Those that are shown; the model's by default.
+        The instruments to show; the model's by default.
 
     Raises
     ------
@@ -85,13 +85,13 @@ def write_still(
 ) -> None:
     """Write a still image: PNG, SVG or PDF, by the suffix of the file's name.
 
-    With ``force``, a file that gtpin has not written, or that was changed since, is moved aside (``NAME.old-1``).
+    With ``force``, a file that gtpin has not written, or that was changed since, is renamed to ``NAME.old-1``.
 
     Raises
     ------
     GtpinError
-        If the suffix is none of these, or the file can't be written. Without ``force``, also if the file exists and gtpin
-        has not written it, or it was changed since.
+        If the suffix is another, or the file can't be written. Without ``force``, also if the file exists and gtpin has not
+        written it, or it was changed since.
     """
     if file.suffix.lower() not in FORMATS:
         raise GtpinError("not an image that can be written", file=file, hint=f"end its name in {', '.join(FORMATS)}")
@@ -139,7 +139,7 @@ def _chain(axes: Any, machine: ChainSkeleton, robot: Robot) -> None:
 
 
 def _name(axes: Any, at: Floats, words: str, **style: Any) -> None:
-    """Words in front of everything, with a white rim against what lies under them."""
+    """Draw words in front of everything else, with a white rim to be readable on it."""
     from matplotlib.patheffects import withStroke
 
     rim = [withStroke(linewidth=2.0, foreground="white")]
@@ -147,7 +147,7 @@ def _name(axes: Any, at: Floats, words: str, **style: Any) -> None:
 
 
 def _errors(axes: Any, gap: Gap) -> str:
-    """Draw the errors; say how much they are magnified."""
+    """Draw the errors. Returns text with their size and magnification."""
     rows = np.unique(np.linspace(0, len(gap.q) - 1, min(len(gap.q), MOST)).astype(np.intp))
     factor, colors = gap.magnification(), of_errors(gap.size)[rows]
     T, ends = gap.T[rows], gap.T[rows] + factor * gap.error[rows]
@@ -158,7 +158,8 @@ def _errors(axes: Any, gap: Gap) -> str:
 
 
 def _frame(axes: Any, machine: Drawable, points: Floats) -> None:
-    """Equal scales, seen from where the rods hide each other the least; gravity down if it is along an axis."""
+    """Set equal scales of the axes, and the direction of view in which rods hide each other the least; gravity points down if
+    it is along an axis."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = points.min(axis=0), points.max(axis=0)

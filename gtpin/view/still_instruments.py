@@ -19,18 +19,18 @@ PATCH, AXIS = 0.12, 0.08
 
 
 def draw_instruments(axes: Any, places: InstrumentPlaces, pose: Poses, size: float) -> Floats:
-    """Draw instruments, with the platform at a pose (1).
+    """Draw instruments, with the platform at ``pose`` (one pose).
 
     Parameters
     ----------
     axes
-        Matplotlib's, in 3-D.
+        Matplotlib's 3-D axes.
     size
-        Of what else is in the picture, m.
+        Size of everything else in the picture, m.
 
     Returns
     -------
-    (m, 3) places that are to be in the picture, m.
+    (m, 3) points that must be inside the picture, base frame, m.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 

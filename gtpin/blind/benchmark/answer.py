@@ -40,7 +40,7 @@ class AnsweredCause(Member):
     probability
         Probability that it is a cause.
     class_
-        What else it could be; it need not be in it itself.
+        What else the cause could be. The cause itself need not be listed.
     """
 
     probability: Share
@@ -61,8 +61,8 @@ class Answer(BaseModel):
     readings
         The same for each instrument of a dataset of schema 2, by its name: (H, c) readings at ``commands-NAME.csv``.
     explained_fraction
-        1 - (a / b)^2 with the RMS errors of prediction a of the model with the causes and b of the geometry alone; None: not
-        predicted.
+        Expected 1 - (a / b)^2, with a the RMS error of the predictions with the causes, and b that of the geometry alone;
+        None: not predicted.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -97,12 +97,12 @@ class Answer(BaseModel):
         return found
 
     def write(self, file: Path) -> None:
-        """Write it."""
+        """Write the answer as JSON."""
         file.write_text(self.model_dump_json(by_alias=True, exclude_none=True) + "\n", encoding="utf-8")
 
     @property
     def statement(self) -> Statement:
-        """What is scored of the causes, as of a diagnosis."""
+        """The part of the answer that is scored as the causes and the verdict of a diagnosis."""
         causes = tuple(
             Named(
                 name=cause.name,

@@ -55,7 +55,7 @@ def make(draft: Draft, folder: Path) -> Made:
     _take_robot_in(Path(draft.robot), place)
     for file in place.glob("*.csv"):
         round_table(file)
-    (place / MARKER).unlink(missing_ok=True)  # it knows the files as they were before
+    (place / MARKER).unlink(missing_ok=True)  # it describes the files as they were before rounding
     truth = truth_of(case, draft.kind, kept, left_out)
     content = _published(truth).model_dump_json(exclude_none=True).encode() + b"\n"
     (folder / TRUTHS).mkdir(exist_ok=True)
@@ -64,7 +64,7 @@ def make(draft: Draft, folder: Path) -> Made:
 
 
 def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
-    """Those of some cases whose files do not have the published digests."""
+    """Names of the cases, among ``names``, whose files do not have the published digests."""
     other = set(changed_truths(public, folder, names))
     for name in names:
         if name in other or digest_of_folder(folder / CASES / name) != public.cases[name].dataset:
@@ -72,7 +72,7 @@ def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator
 
 
 def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
-    """Those of some cases whose truths do not have the published digests.
+    """Names of the cases, among ``names``, whose truths do not have the published digests.
 
     Raises
     ------

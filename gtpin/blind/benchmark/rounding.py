@@ -1,8 +1,9 @@
 """Numbers of the benchmark's files are rounded, so that the last bits of a processor or a library do not change the files.
 
-A number is rounded to 1e-7 (m, rad, or its own unit). That is 0.1 micrometre where the instruments' noise is 10 or more. Two
-computers whose results differ by 1e-15 write other digits only where a number lies that near to the middle of two
-neighbours: one in 1e8 numbers. Temperatures come from a larger computation and differ by 1e-10: they are rounded to 1e-3 degC.
+A number is rounded to 1e-7 (m, rad, or its own unit). That is 0.1 um, where the instruments' noise is 10 um or more. Two
+computers whose results differ by 1e-15 write different digits only where a number lies within 1e-15 of the middle between two
+rounded values: one in 1e8 numbers. Temperatures come from a larger computation and differ by 1e-10 degC: they are rounded to
+1e-3 degC.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from pathlib import Path
 
 DECIMALS = 7
 COARSE = {"temp_frame": 3, "temp_link": 3}
-"""Decimals of columns that have fewer."""
+"""Number of decimals of the columns that have fewer than ``DECIMALS``."""
 DIGITS = 4
 """Significant digits of the noise and of energies, in truths."""
 NOTHING = 1e-3
@@ -22,7 +23,7 @@ NUMBER = re.compile(r"-?\d+(\.\d*)?(e[-+]?\d+)?")
 
 
 def rounded(value: float, decimals: int = DECIMALS) -> float:
-    """A value with so many decimals; never a negative zero."""
+    """A value rounded to ``decimals`` decimals; never a negative zero."""
     return round(value, decimals) + 0.0
 
 

@@ -25,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 SCHEMA = "gtpin-benchmark-score/1"
 MISSING = "there is no answer"
 SINGLE = ("one", "power")
-"""Kinds of cases with one effect of the catalogue. Rough cases can lack the column that the effect needs."""
+"""Kinds of cases with one effect of the catalogue. Rough cases are left out: they can lack a column that the effect needs."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class Scored:
     judged
         The truth, with D, and what the answer says.
     error
-        RMS error of the predictions where nothing was fitted, in units of the instrument's noise; None if not predicted.
+        RMS error of the predictions at commands that are not in the dataset, in units of the instrument's noise; None if not
+        predicted.
     said
         The predicted explained fraction; None if not predicted.
     """

@@ -50,6 +50,6 @@ Name = Annotated[str, typer.Option("--name", help="Of the instrument, and of its
 
 
 def written(rows: int, what: str, robot: str, dataset: Path, as_json: bool) -> None:
-    """Say what was written."""
+    """Print what was written."""
     result = {"dataset": str(dataset), "robot": robot, "rows": rows}
     tell(result, f"{rows} {what} of {robot}. Written: {dataset}", as_json)

@@ -1,4 +1,4 @@
-"""Smooth terms that move all carts: a deformation of the whole machine looks like the same effect at every cart."""
+"""Smooth terms that move all carts at once, as a deformation of the whole machine does."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Floats = npt.NDArray[np.float64]
 ORDERS = {2: 5, 3: 4}
 """Largest sum of the orders in a product of cosines, by the number of actuators; with other numbers of actuators, 1."""
 DECAY = 1.5
-"""Sizes are proportional to that sum to the power of minus this."""
+"""The typical size of a product of cosines is proportional to (sum of its orders)^-DECAY."""
 COMMON = ("field", "scale")
-"""Names of these motions. They belong to no single site, so no site has a share of the gap for them."""
+"""``SmoothTerm.motion`` of these terms. They belong to no single site, so that they count in no site's share of the gap."""
 
 
 def common_motions(at: Situation, priors: Priors, scaled: bool) -> Iterator[tuple[SmoothTerm, Basis]]:
@@ -55,7 +55,10 @@ def _field(at: Situation) -> tuple[Floats, Floats]:
 
 
 def _of_all(at: Situation, priors: Priors, columns: Floats, size: Floats) -> Basis:
-    """The same functions along every track, and for each cart its own command and the square of it."""
+    """Motions of all carts along their tracks: functions (N, m), the same for every cart, its own command and its square.
+
+    Each cart has its own coefficients. ``size`` (m,) is the size of each function.
+    """
     total: list[Floats] = []
     sizes: list[Floats] = []
     for j, site in enumerate(at.robot.sites):

@@ -114,13 +114,15 @@ class SmoothTerm:
 
 
 Explanation = Hypothesis | SmoothTerm
+"""What can explain a part of the gap."""
 
 
 def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
     """Whether a deviation of one explanation from its equation could look like the other explanation.
 
-    At the same place: where both depend on commands or load, or on directions of approach or speeds, or on coordinates that
-    change with time. At different places: where both depend on such coordinates, or both on forces.
+    At the same place: where both depend on commands or load, or both on directions of approach or speeds, or both on
+    coordinates that change with time. At different places: where both depend on coordinates that change with time, or both on
+    forces.
     """
     mine, others = a.drivers(robot), b.drivers(robot)
     if same_place(robot, a, b):
@@ -141,7 +143,7 @@ def _kind(word: str) -> str:
 
 
 def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool:
-    """Whether a smooth term is only a modulation of an effect: at its site, in its direction, over its own coordinates."""
+    """Whether a smooth term is only a modulation of an effect: same site, same kind of motion, no further coordinates."""
     if smooth.site != hypothesis.site:
         return False
     basis = hypothesis.basis(at)

@@ -1,4 +1,4 @@
-"""The hypothesis set: all explanations that a search can choose, and the log prior odds against each."""
+"""The hypothesis set: all explanations (hypotheses, smooth terms, proxies), and the log prior odds against each."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Gain(NamedTuple):
     term
         The explanation, with its nonlinear parameter estimated.
     further
-        For a periodic error that can have several lines: other lines (period, sigma) that are worth adding together with it.
+        For a periodic error that can have several lines: the other lines (period, sigma) that are worth adding with the first.
     more
         Additional gain by these lines less the prior odds against them, nats.
     """
@@ -100,7 +100,7 @@ class HypothesisSet:
         self.threshold = usual if threshold is None else threshold
         self._scans: dict[Hypothesis, Scan] = {}
         self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
-        """Models with all lines of a periodic error, by the model without it and its first line."""
+        """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
         self.grown: dict[tuple[Term, tuple[Term, ...], int], Model] = {}
         """Models of earlier searches: by first explanation, allowed explanations, and number of explanations."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
@@ -177,7 +177,7 @@ class HypothesisSet:
         return model.log_evidence - sum(self.costs(model.terms).values())
 
     def net_gains(self, model: Model, terms: Iterable[T]) -> dict[T, Gain]:
-        """Gain in worth by adding each explanation to a model, to first order."""
+        """Gain in worth, nats, by adding each explanation to a model whose scales are not changed."""
         before = sum(self.costs(model.terms).values())
         return {
             term: gain._replace(value=gain.value - sum(self.costs((*model.terms, gain.term)).values()) + before)
@@ -185,9 +185,10 @@ class HypothesisSet:
         }
 
     def gains(self, model: Model, terms: Iterable[T]) -> dict[T, Gain]:
-        """Gain in log evidence by adding each explanation to a model, nonlinear parameters estimated given the model.
+        """Gain in log evidence by adding each explanation to a model, with its nonlinear parameter estimated given the model.
 
-        Explanations that the model has, with any value of the nonlinear parameter, are left out.
+        The scales of the model are not changed. Explanations that the model already has, with any value of the nonlinear
+        parameter, are left out.
         """
         known = self._gains.setdefault((model.terms, model.scale), {})
         taken = {self.without_value(term) for term in model.terms}
@@ -244,7 +245,7 @@ class HypothesisSet:
         return any(isinstance(term, Hypothesis) and modulates(at, smooth, term) for term in terms)
 
     def only(self, model: Model, terms: Iterable[Term]) -> Model:
-        """Some of a model's explanations, with their scales."""
+        """The model with only some of its explanations, at the same scales."""
         wanted = set(terms)
         kept = [(t, s) for t, s in zip(model.terms, model.scale, strict=True) if t in wanted]
         return fixed(self.groups, [t for t, _ in kept], [s for _, s in kept]) if kept else NOTHING

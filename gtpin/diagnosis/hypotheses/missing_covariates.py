@@ -18,13 +18,13 @@ Floats = npt.NDArray[np.float64]
 MOST_PAUSES = 11
 """Largest number of pauses after which a new session is assumed."""
 SHORT = 0.95
-"""Share of the times between visits that are no pauses: the shorter ones."""
+"""Share of the intervals between visits whose mean is the usual interval: the shortest ones, which are no pauses."""
 BREAKS, TWO_BREAKS = 23, 7
-"""Where there is no pause: number of instants that are tried for one new session, and for two."""
+"""Where there is no pause: number of instants at which one new session is tried, and number of those at which two are."""
 CLOCKS = tuple(name for name in CLOCK if name != "session")
 """Numeric coordinates that change with time."""
 SPELLS = 12
-"""Intervals of time in each of which another payload may have been carried."""
+"""Number of intervals of time. In each, a payload that was not recorded may have been carried."""
 
 
 def guesses(at: Situation, name: str, priors: Priors = PRIORS) -> Iterable[tuple[Column, ...]]:
@@ -78,7 +78,7 @@ def pauses(at: Situation, priors: Priors = PRIORS) -> Floats:
     time = np.sort(at.covariate("time"))
     waits = np.diff(time)
     longest = np.sort(np.argsort(-waits)[:MOST_PAUSES])
-    # No median: clocks may show whole minutes, and most waits be none.
+    # Not the median: it is 0 where a clock shows whole minutes only and most visits follow within a minute.
     usual = np.sort(waits)[: max(int(SHORT * len(waits)), 1)].mean()
     return np.asarray(time[1:][longest[waits[longest] > priors.pause * max(float(usual), 1e-9)]])
 
@@ -102,5 +102,5 @@ def loaded(at: Situation, priors: Priors = PRIORS) -> list[Situation]:
 
 
 def with_column(at: Situation, name: str, values: Column) -> Situation:
-    """The situation with a covariate that was not recorded."""
+    """The situation with values (N,) for a covariate that was not recorded."""
     return at.with_covariate(name, values)

@@ -70,7 +70,8 @@ def proxies(
 
 
 def _tried(hypothesis: Hypothesis, columns: Callable[[], Floats | None], failed: dict[str, str]) -> Floats | None:
-    """Displacements. None where a user's own effect fails with the proxy; the error is then noted in ``failed``."""
+    """The result of ``columns``. None where there is no proxy, where a displacement is not finite, or where a user's own effect
+    fails with the proxy; ``failed`` then gets the error."""
     try:
         found = columns()
     except Exception as error:  # a user's effect may fail in any way
@@ -93,7 +94,7 @@ def _under(design: Design, hypothesis: Hypothesis, spells: list[Situation]) -> F
 def odds(at: Situation, hypothesis: Hypothesis, priors: Priors = PRIORS) -> float:
     """Prior odds of an effect with a missing covariate relative to a testable effect.
 
-    They are 1 where the covariate was recorded but can't be used.
+    They are 1 where the covariate was recorded but can't be used, and smaller for a session that began without a pause.
     """
     missing = _missing(at, hypothesis)
     if at.unusable.issuperset(missing):

@@ -52,7 +52,7 @@ def _load(at: Situation, j: int, orders: int) -> Functions:
 
 
 def _moves(at: Situation, j: int, orders: int) -> Functions:
-    """Direction of approach and speed, also multiplied by cosines along the track."""
+    """Functions of an actuator's direction of approach and of its speed, also multiplied by cosines along its track."""
     bends = [np.ones(len(at)), *(np.cos(np.pi / 2.0 * o * (at.travel[:, j] + 1.0)) for o in range(1, orders + 1))]
     for word in ("approach", "speed"):
         if at.varies(f"{word}{j + 1}"):
@@ -94,7 +94,10 @@ def plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
 
 
 def all_moves(at: Situation) -> Floats | None:
-    """(N, m) direction of approach and speed of every actuator, for those that vary; None where none does."""
+    """(N, m) direction of approach and speed of every actuator, each over its largest absolute value, for those that vary.
+
+    None where none varies.
+    """
     names = [f"{word}{k + 1}" for word in ("approach", "speed") for k in range(at.robot.n_actuators)]
     columns = [_scaled(at.covariate(name)) for name in names if at.varies(name)]
     return np.stack(columns, axis=1) if columns else None

@@ -55,7 +55,7 @@ def _of_carts(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis
 
 
 def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors) -> Basis:
-    """Two shifts across the track and three turns about the mean of the joints."""
+    """Two shifts across the track and, for a cart with several joints, three rotations about the mean of its joints."""
     rods = rods_of(at, site)
     lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
     axis = at.robot.actuators[at.robot.sites.index(site)].axis
@@ -94,7 +94,7 @@ def _of_links(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis
 
 
 def _of_arm(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """All links, each by itself."""
+    """Changes of the lengths of all rods, with separate coefficients for each rod."""
     n = len(at.robot.rods)
     functions = [*conditions(at), (("position",), *field(at, 2, priors))]
     moves = all_moves(at)

@@ -24,7 +24,7 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     mine = cause.template
     priors = hypotheses.priors
     lined = _with_lines(hypotheses, rest, gains, cause)
-    if cause.further or lined:  # all its lines together, or its own scale estimated as those of others' lines are
+    if cause.further or lined:  # all its lines together; if others have lines, with all scales estimated, as for those
         gained = model.log_evidence - rest.log_evidence - priors.line * len(cause.further)
         gains[mine] = Gain(max(gains[mine].value, gained), cause)
     gains |= lined
@@ -41,7 +41,7 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
             log[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
     against = hypotheses.gains(rest, unnamed(hypotheses, cause))
-    # What several lines are fitted to has no departure from its equation: they follow any smooth function as well.
+    # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
     dear = {s: priors.unnamed + (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own) for s in against}
     smooth = [(gain.value - dear[s]) / heat for s, gain in against.items()]
     whole = np.logaddexp.reduce([*log.values(), max(smooth, default=-np.inf)])
@@ -56,9 +56,9 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
 def _odds(
     hypotheses: HypothesisSet, rest: Model, others: Iterable[Hypothesis], cause: Hypothesis
 ) -> dict[Hypothesis, float]:
-    """Log prior odds, nats, against models with each of some hypotheses beside ``rest``, over those with ``cause`` there.
+    """Log prior odds, nats, against the model ``rest`` with each hypothesis, less those against ``rest`` with ``cause``.
 
-    They differ because what is at the place of a stronger cause may be that cause's departure from its equation.
+    They differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
     """
     whole = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*others, cause)}
     return {h: value - whole[cause] for h, value in whole.items()}
@@ -67,7 +67,7 @@ def _odds(
 def _with_lines(
     hypotheses: HypothesisSet, rest: Model, gains: Mapping[Hypothesis, Gain], cause: Hypothesis
 ) -> dict[Hypothesis, Gain]:
-    """Gains of the periodic errors at a cause's site with all their lines, where these could be in the cause's place."""
+    """Gains, with all their lines, of the other periodic errors at a cause's site whose first line exceeds its prior odds."""
     found: dict[Hypothesis, Gain] = {}
     if hypotheses.design.situation.robot.rods:
         return found

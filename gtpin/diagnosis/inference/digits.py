@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 DIGITS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5)
 """Steps that commands may have been rounded to, m or rad, the coarsest first."""
 VARIOUS = 0.5
-"""Share of different commands above which they are not a grid that was chosen on purpose."""
+"""Share of distinct commands of a drive above which they are not a grid that was chosen on purpose."""
 
 
 def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
@@ -49,7 +49,7 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
 
 
 def _multiples(q: Floats, step: float) -> bool:
-    """Whether commands are multiples of a step (m or rad), and too various to have been chosen as a grid."""
+    """Whether commands are multiples of a step (m or rad), with too many distinct ones for a grid chosen on purpose."""
     counts = q / step
     various = min(len(np.unique(column)) for column in np.round(counts).T) > VARIOUS * len(q)
     return various and bool(np.abs(counts - np.round(counts)).max() < EXACT)

@@ -118,7 +118,7 @@ class Unexplained:
     Parameters
     ----------
     share
-        Chi-square beyond its expected value, divided by the same with the geometry alone; 0 to 1.
+        Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1.
     p_value
         Probability that noise alone gives a larger chi-square.
     correlates

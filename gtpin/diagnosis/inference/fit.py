@@ -77,7 +77,7 @@ def fit(
     neighbours = blocks_of(searched, "region", rng)
     found = without_idle(hypotheses, found, neighbours)
     noise = settled.observed.noise
-    if isinstance(noise, Noise):  # these look at poses
+    if isinstance(noise, Noise):  # these checks are for poses, not for readings
         found = with_full_digits(found, hypotheses, searched)
         found = with_one_measurement(found, hypotheses, searched)
         found = with_two_valued(hypotheses, found, noise)
@@ -127,7 +127,7 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
     named: Sequence[Hypothesis] = list(found.classes)
     scale = [
         found.scale[hypothesis] for hypothesis in named
-    ]  # `cause`, as a name here, is unbound below in Python 3.12.1
+    ]  # not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below
     references = settled.hypotheses.design.situation.references
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
     model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, references)

@@ -9,7 +9,7 @@ from gtpin.diagnosis.inference.verdict import Conclusion
 
 
 def infer(settled: Settled) -> Conclusion:
-    """Search, compare named causes with smooth terms, and look for an actuator whose errors change too fast for both."""
+    """Search, compare named causes with smooth terms, and look for an actuator whose errors change too fast for these terms."""
     hypotheses = settled.hypotheses
     found = decide(hypotheses, settled.guess)
     if found.doubts:

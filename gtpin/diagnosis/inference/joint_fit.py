@@ -25,12 +25,12 @@ from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 LEFT_OUT = 0.1
-"""Decrease of the cost, nats, that a step may still promise where no step lowers the cost.
+"""Largest predicted decrease of the cost, nats, at which the fit may end although no step lowers the cost.
 
-The derivative leaves out that the effects depend on the geometry and move the robot, so that a step's promise is not exact. The
-cost is half a sum of squares in sigmas: sqrt(2 * 0.1) = 0.45 sigma is the largest distance from the minimum that an exact
-promise would allow. Measured by finite differences where fits stopped (tests/diagnosis/test_joint_minimum.py, and on a real
-arm): 0.02 nats were promised, and 1e-4 to 2e-3 were to be had.
+The prediction is not exact: the derivative leaves out that the effects depend on the geometry and move the robot. The cost is
+half a sum of squares in sigmas: were the prediction exact, the minimum would be at most sqrt(2 * 0.1) = 0.45 sigma away.
+Measured by finite differences where fits ended (tests/diagnosis/test_joint_minimum.py, and on a real arm): 0.02 nats were
+predicted, and 1e-4 to 2e-3 were possible.
 """
 
 
@@ -81,7 +81,7 @@ def fit_together(
 
 
 def _without_causes(observed: Observed, nominal: Model, at: Situation, start: Model) -> Problem | ReadingsProblem:
-    """The problem of a calibration, whitened at the start."""
+    """The calibration's problem, without causes; the noise of the drives is computed at the poses of ``start``."""
     measured = observed.measured
     if isinstance(measured, Readings):
         by_command = measured.scatter(at.command_jacobian, start, at.poses)
@@ -188,7 +188,7 @@ class JointProblem:
         return Poses(T, R, joints)
 
     def joint_covariance(self, covariance: Floats) -> Floats:
-        """(p + m, p + m) covariance of geometry and coefficients, from the covariance of x (size, size)."""
+        """(p + m, p + m) covariance of the p geometric parameters and m coefficients, from the covariance of x (size, size)."""
         tolerance, after = self.calibration.start.geometry.tolerance, self.calibration.size
         kept = [*range(len(tolerance)), *range(after, self.size)]
         sizes = np.concatenate([tolerance, *self.sizes])

@@ -44,7 +44,7 @@ def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
         named = exchanged_for_two(hypotheses, named)
     named = without_redundant(hypotheses, _led(hypotheses, named), partial(contenders, hypotheses))
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
-    if not needed:  # beside something unknown, the second of two would explain this, and not what the cause explains
+    if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = {c: with_two_instead(hypotheses, named, c, members) for c, members in classes.items()}
         classes = dict(with_two_exchanged(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
@@ -106,7 +106,7 @@ def _apart(hypotheses: HypothesisSet, model: Model) -> tuple[Hypothesis, ...]:
     for cause in causes(model):
         loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
         near = any(same_place(robot, cause, s) or related(robot, cause, s) for s in smooth_terms(model))
-        # What several lines gain is gain beyond the smooth terms, which are too slow to follow lines.
+        # Smooth terms vary too slowly to follow lines, so several lines can't be confused with them.
         near = near and not (cause.further and not robot.rods)
         if not near and loss > 2.0 * costs[cause]:
             sure.append(cause)

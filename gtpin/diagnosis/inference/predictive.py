@@ -44,8 +44,9 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
 def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask], floor: Floats) -> Conclusion:
     """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
 
-    The errors are those of positions. Those of measured orientations are enough where positions leave nothing to explain, and
-    for robots without rods, whose wrist turns the tool alone.
+    The errors are those of positions. In two cases it is enough that the errors of measured orientations become smaller: where
+    the position errors of the geometry alone are at the noise floor, and for robots without rods, whose wrist can rotate the
+    tool and hardly shift it.
 
     Parameters
     ----------

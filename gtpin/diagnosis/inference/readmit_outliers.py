@@ -50,7 +50,7 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
     if len(suspects) < priors.readmitted:
         return Rows(sure, sure)
     explained = np.zeros(len(dataset), dtype=bool)
-    # Of many poses, an even part of those that were kept, and all that were set aside, some at a time.
+    # With many poses, the outliers are searched in parts, each with an evenly spread part of the poses that were kept.
     most = len(suspects) if len(dataset) <= MOST_POSES else MOST_POSES // 2
     parts = np.array_split(suspects, -(-len(suspects) // most))
     kept = _evenly(np.flatnonzero(sure), MOST_POSES - len(parts[0]))

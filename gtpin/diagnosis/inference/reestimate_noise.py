@@ -25,7 +25,7 @@ MATTERS = 0.03
 
 
 def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
-    """(N, c) whitened residuals of the geometry and a model, and the effective number of parameters of both."""
+    """(N, c) whitened residuals after the geometry and a model were fitted, and the effective number of parameters of both."""
     design, groups = hypotheses.design, hypotheses.groups
     scaled = [groups.columns(term) * s for term, s in scales(model).items()]
     J = np.hstack([design.B, *scaled])
@@ -105,7 +105,7 @@ def reestimate_noise(
     found, weight = _estimated(observed.noise, errors, even, design, declared), even
     whitened = _whitened(observed.noise, errors, design)
     tails = Tails.of(whitened)
-    # Scatter that differs from pose to pose looks like tails, and the reverse: the likelier of the two it is.
+    # Scatter of drives differs from pose to pose and so looks like heavy tails, and the reverse: the likelier one is used.
     if tails.heavy and _of_tails(observed.noise, whitened, tails, design) > _of_scatter(found, errors, design):
         weight = tails.weigh(whitened)
         found = _estimated(observed.noise, errors, weight * tails.scale**2, design, declared)
@@ -116,7 +116,7 @@ def reestimate_noise(
             found = replace(found, repeatability=most)
             restless = _most_restless(found, errors, design, model.log_evidence, priors) if all(declared) else None
             if restless is not None:
-                weight = even  # what is no noise has no tails either
+                weight = even  # these errors are no noise, so their tails say nothing about the noise
     before, after = (np.trace(n.covariance(J, c)[:, :3, :3], axis1=1, axis2=2).mean() for n in (observed.noise, found))
     changed = abs(after / before - 1.0) > MATTERS or float(np.abs(weight - observed.weight).mean()) > MATTERS
     return Reestimated(replace(observed, noise=found, weight=weight), bool(changed), restless)

@@ -13,7 +13,7 @@ from gtpin.diagnosis.linear.posterior import NOTHING
 BEAM = 3
 """Number of first explanations that are tried: the best single explanation need not be in the best pair."""
 MARGIN, MARGIN_SHARE = 30.0, 0.01
-"""Largest gain by new scales after an explanation was removed: nats, and as a share of the worth. Assumed."""
+"""Largest gain in worth by new scales after an explanation was removed: nats, and as a share of the worth. Assumed."""
 MOST = 5
 """Most explanations in a model of a robot with rods; without rods, one more for each actuator."""
 
@@ -25,7 +25,7 @@ def most(hypotheses: HypothesisSet) -> int:
 
 
 def rough_guess(hypotheses: HypothesisSet, before: Model = NOTHING) -> Model:
-    """The model of all that is not noise, by one search with a single first explanation.
+    """A model of everything that is not noise, by one search from a single first explanation.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term], larges
         lines = further_lines(hypotheses, model, last=last)
         gains = hypotheses.net_gains(model, _with_room(hypotheses, model, terms)) if len(model.terms) < largest else {}
         best = max(gains.values(), key=lambda g: g.whole, default=None)
-        # Gains of lines are of first order: where the step that promises more is not worth it, the other is tried.
+        # Gains are computed with fixed scales: where the step of larger gain does not increase the worth, the other is tried.
         steps = ["term", "lines"] if lines is None or (best and best.whole >= lines[0]) else ["lines", "term"]
         for step in steps:
             larger = model
@@ -130,7 +130,8 @@ def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term], larges
 def _with_lines_instead(hypotheses: HypothesisSet, model: Model) -> Model:
     """The model with all lines of a drive in the place of its smooth deviation, where that increases the worth.
 
-    A smooth deviation gains more than any single line where a joint has many lines, and none of them is worth adding to it.
+    Where a joint has many lines, its smooth deviation gains more than any single line, and no single line in addition is worth
+    its prior odds.
     """
     if hypotheses.design.situation.robot.rods:
         return model
@@ -197,7 +198,7 @@ def _pruned(hypotheses: HypothesisSet, model: Model) -> Model:
     while model.terms:
         worth = hypotheses.worth(model)
         terms = model.terms
-        if not robot.rods:  # models with many lines are large: only what is nearly worth its cost is looked at closely
+        if not robot.rods:  # such models are large: new scales are computed only where a removal loses little worth
             margin = max(MARGIN, MARGIN_SHARE * abs(worth))
             terms = tuple(t for t in terms if hypotheses.worth(without(groups, model, t)) > worth - margin)
         smaller = [without(groups, model, t, sweeps=1) for t in terms]

@@ -20,8 +20,8 @@ from gtpin.diagnosis.preparation.prepare import Prepared
 Mask = npt.NDArray[np.bool_]
 
 ROUNDS, LONG_ROUNDS = 2, 6
-"""Most times that the noise is re-estimated; a search with too little noise explains some of the noise by causes. For a robot
-without rods, each search starts from the last model, so that more rounds cost little.
+"""Most times that the noise is re-estimated, with and without rods. A search with too small a noise explains some of the noise
+by causes. Without rods, each search starts from the last model, so that more repetitions cost little time.
 """
 
 FEW_POSES = 1000
@@ -47,7 +47,7 @@ class Settled:
     proposal
         The hypotheses.
     guess
-        The model of all that is not noise, by one search.
+        A model of everything that is not noise, by one search.
     """
 
     kept: Dataset
@@ -78,7 +78,7 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
     some = _part(drawn, readmitted, MOST_POSES if baseline.model.robot.rods else FEW_POSES)
     observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope, declared)
     if len(some) < min(len(kept), MOST_POSES) and len(guess.terms) <= MOST:
-        del proposal, guess  # before the next are made, as below
+        del proposal, guess  # frees memory before the next are made
         some = _part(drawn, readmitted, MOST_POSES)
         observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope, declared)
     searched = kept.take(some[used])
@@ -102,16 +102,18 @@ def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArr
 def _reestimated(
     observed: Observed, prepared: Prepared, scope: Scope, declared: tuple[bool, bool]
 ) -> tuple[Observed, Mask, Proposal, Model]:
-    """Outliers and noise, estimated again given a search: the poses, (N,) which are no outliers, their hypotheses, and a
-    model."""
+    """Estimate outliers and noise again, given the model of a search.
+
+    Returns the poses without outliers, (N,) which poses these are, their hypotheses, and the model of the last search.
+    """
     model = prepared.baseline.model
     proposal = propose(observed.design(model), scope)
     guess = rough_guess(proposal.hypotheses)
-    # Given a large cause, a calibration can't see them.
+    # Where a cause is large, the calibration could not find the outliers.
     used = ~gross_errors(proposal.hypotheses, guess)
     if not used.all() and guess.terms:
         observed = observed.take(used)
-        del proposal  # before the next is made: two of them are what takes most memory
+        del proposal  # frees memory before the next is made: proposals take the most
         proposal = propose(observed.design(model), scope)
         guess = rough_guess(proposal.hypotheses, guess)
     else:

@@ -1,8 +1,8 @@
 """Rows of two measurements in one table: two groups of rows, in any order, that differ by one motion of the frame.
 
-Two machines, two set-ups of an instrument or two zeros of a drive that were mixed row by row look like poor repeatability.
-Two frames, each fitted to the rows that it fits better, explain at most 2/pi of the power of Gaussian noise in one direction,
-but nearly all of it where there are two distant groups.
+Rows of two machines, two set-ups of an instrument or two zeros of a drive that alternate in a table look like poor
+repeatability. Two frames, each fitted to the rows that it fits better, explain at most 2/pi of the power of Gaussian noise in
+one direction. They explain nearly all of the power where there are two distant groups.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Groups:
 
 
 def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors: Priors = PRIORS) -> Groups | None:
-    """Two groups of rows with different frames; None where one frame for all rows leaves nearly as little.
+    """Two groups of rows with different frames; None where residuals with one frame for all rows are hardly larger.
 
     Parameters
     ----------

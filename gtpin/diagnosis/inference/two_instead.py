@@ -1,4 +1,4 @@
-"""Two causes that together could be in the place of one: a drift of the instrument and two thermal effects, say."""
+"""Two causes that together could be in the place of one: two thermal effects in the place of a drift of the instrument, say."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from gtpin.diagnosis.priors import CLASS_SHARE
 
 Classes = Mapping[Hypothesis, tuple[Contender, ...]]
 FIRSTS = 4
-"""Hypotheses that are tried as the first of the two. Assumed: the search has its time from as few."""
+"""Number of hypotheses that are tried as the first of the two. Assumed: the computing time is proportional to it."""
 LEAST_SHARE = 0.5
-"""Least gain of the first of the two, as a share of the cause's own. Assumed: of two that explain as much as one cause, the
-larger explains half of it."""
+"""Smallest gain of the first of the two, as a share of the cause's own. Assumed: of two that together explain as much as one
+cause, the larger explains at least half of it."""
 
 
 def exchanged_for_two(hypotheses: HypothesisSet, model: Model) -> Model:
     """The model with two hypotheses in the place of one of its causes, where that increases the worth.
 
-    A search that adds one explanation at a time can stop at the one that takes the place of two.
+    A search that adds one explanation at a time can end with one cause where two are true.
     """
     if not hypotheses.design.situation.robot.rods or len(model.terms) >= most(hypotheses):
         return model
@@ -76,8 +76,8 @@ def with_two_instead(
 def with_two_exchanged(hypotheses: HypothesisSet, model: Model, classes: Classes) -> Classes:
     """The classes with two other hypotheses in the place of two causes at once, where they are probable enough.
 
-    Each of the two is in the class of the cause whose place it takes, with the probability of both. Where an exchange of
-    one cause alone does not explain the data, a class of single exchanges does not show that both can be others.
+    Each of the two is added to the class of the cause whose place it takes, with the probability of both. Classes in which one
+    cause is exchanged at a time do not show that two causes together can be two others.
     """
     if not hypotheses.design.situation.robot.rods:
         return classes
@@ -95,7 +95,7 @@ def with_two_exchanged(hypotheses: HypothesisSet, model: Model, classes: Classes
 
 
 def _joined(members: tuple[Contender, ...], cause: Hypothesis, other: Hypothesis, odds: float) -> tuple[Contender, ...]:
-    """A class with another hypothesis in it, whose odds to the cause are given; as it was where these are too small."""
+    """A class with ``other`` added, whose odds over the cause are ``odds``; unchanged where these are too small."""
     leader = next(m.probability for m in members if m.hypothesis.place == cause.place)
     if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
         return members
@@ -106,7 +106,7 @@ def _joined(members: tuple[Contender, ...], cause: Hypothesis, other: Hypothesis
 
 
 def _odds(hypotheses: HypothesisSet, other: Model, model: Model, own: float) -> float:
-    """Odds, at most 1, of another model to one whose causes that differ gain ``own``, nats."""
+    """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
     ahead = hypotheses.worth(other) - hypotheses.worth(model)
     return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
 

@@ -106,7 +106,7 @@ def two_values(errors: Floats, variance: Floats) -> float:
     total = v + REST[:, None] ** 2  # (r, N)
     best = -np.inf
     for share in SHARES:
-        # The mean stays where it is: the values lie about it by their shares.
+        # Two values with the mean 0.
         places = [2.0 * (1.0 - share) * WIDTHS, -2.0 * share * WIDTHS]
         logs = [
             np.log(part) - 0.5 * (np.log(total) + (e - place[:, None, None]) ** 2 / total)

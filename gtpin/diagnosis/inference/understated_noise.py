@@ -23,7 +23,7 @@ from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 LOOKED_AT = 1000
 """At most this many poses are used, evenly spread over the rows: 1,000 determine a sigma to 2 %."""
 LOOKS = 2
-"""Number of searches, each with the noise from the last one: with too little noise, a search explains some of it by causes."""
+"""Number of searches, each with the noise from the last one. With too small a noise, a search explains some of it by causes."""
 
 
 def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[float, float]]:

@@ -43,7 +43,7 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
         elsewhere = columns[~rows].any(axis=0)
         unseen = _columns(design, cause, block, lost)
         if unseen.shape[1] != elsewhere.sum():
-            continue  # an effect of a user's own whose coefficients are not the sessions' alone
+            continue  # a user's own effect, with other coefficients than those of the sessions
         found[rows] = 0.0
         found[np.ix_(rows, elsewhere)] = unseen
     return found
@@ -63,7 +63,7 @@ def _columns(design: Design, cause: Hypothesis, block: Mask, lost: set[str]) -> 
         at.unusable,
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)  # of the sessions never seen: they are meant
+        warnings.simplefilter("ignore", GtpinWarning)  # of sessions that were not fitted: here they are intended
         basis = cause.basis(some)
     moved = basis.displacement(some) * basis.sigma
     seen = design.measured.take(block).seen(moved, design.model, some.poses)

@@ -18,7 +18,7 @@ Mask = npt.NDArray[np.bool_]
 DRAWS = 400
 """Number of random draws from which an interval is computed."""
 ASKED = 120
-"""Number of other poses for which the interval of the shrinkage is computed. Assumed: so many does a user want to predict."""
+"""Number of other poses for which the interval of the shrinkage is computed. Assumed: a user wants to predict this many."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
             out[rows] -= apart[rows] @ (z - root @ (half[rows].T @ out[rows]))
     colour, some, counted = design.units, design.compared, design.counted
     errors = np.einsum("nij,nj->ni", colour, out.reshape(-1, c)) * counted
-    # The product of both residuals has the noise's own variance, whatever the leverage.
+    # The mean of the product of the fit's residual and the left-out residual is the noise's variance, whatever the leverage.
     size = np.einsum("nij,nj->n", colour[:, some] ** 2, inside.reshape(-1, c) * counted)
     columns = (
         np.einsum("nij,njk->nik", colour, (J if unseen is None else J + apart).reshape(-1, c, J.shape[1]))[:, some]
@@ -175,7 +175,7 @@ def gap(
     unseen
         As for :func:`leave_out`.
     of_blocks
-        Whether the interval is for another block, by how much the blocks differ; otherwise for other poses.
+        True: the interval is for another block, from the differences between blocks. False: it is for other poses.
     """
     alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
     b2 = (alone.errors**2).sum(axis=1)
@@ -188,7 +188,7 @@ def gap(
         return Gap(_root(b2), _root(b2), least, None, None, turns=turns, by_instrument=of)
     whole = leave_out(design, causes, blocks, unseen)
     a2 = (whole.errors**2).sum(axis=1)
-    # These poses' own noise as the fit shows it, where that is no more than chance makes of the noise that is known.
+    # The noise of these poses as the fit shows it, but at most two standard deviations of chance above the known noise.
     least = min(float(whole.noise.mean()), float(floor.mean()) * (1.0 + 2.0 * np.sqrt(2.0 / alone.kept.sum())))
     shrinkage = _share(float(b2.mean()), float(a2.mean()), least)
     drawn = _draws(alone, whole, max(float(a2.mean()) - float(whole.noise.mean()), 0.0), a2, rng)
@@ -264,7 +264,7 @@ def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: n
     unit = rng.standard_normal((len(whole.z), DRAWS))
     off = np.einsum("nik,kd->nid", whole.columns, whole.root @ unit, optimize=True)
     expected = float(((whole.columns @ whole.root) ** 2).sum() / count)
-    # What the fit's own uncertainty does not account for is what the causes' cores lack; left-out poses are its only measure.
+    # The rest is what the causes' equations do not describe. Only the left-out poses measure it.
     lacking = max(error - expected, 0.0)
     spread = float(np.sqrt(2.0 / count)) * float(squares.mean())
     predicted = np.einsum("nik,k->ni", whole.columns, whole.z)

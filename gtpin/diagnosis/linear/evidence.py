@@ -18,10 +18,10 @@ from gtpin.diagnosis.priors import PRIORS, Priors
 
 Floats = npt.NDArray[np.float64]
 K = TypeVar("K", bound=Hashable)
-"""What a group is known by."""
+"""Type of a group's key."""
 
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
-"""Scales that are tried."""
+"""Scales that are tried, with equal ratios."""
 
 
 class Marginal:
@@ -166,7 +166,7 @@ def best_scales(
         mean = np.einsum("sfj,ksj->ksf", part, shrunk * along, optimize=True)
         variance = np.einsum("sfj,ksj->ksf", part**2, shrunk, optimize=True)
         unsuited = ((mean**2 + variance) / s2).mean(axis=2) < priors.least_core**2
-        unsuited[0] = False
+        unsuited[0] = False  # the smallest scale is always admitted, so that there is a gain
         gain = np.where(unsuited, -np.inf, gain)
     best = np.argmax(gain, axis=0)
     return np.take_along_axis(gain, best[None], axis=0)[0], SCALES[best]
@@ -194,6 +194,6 @@ def gains_of_draws(
         variance = shrunk @ (part**2).T
         square = (mean**2 + variance[:, None]).mean(axis=2) / s2
         unsuited = square < priors.least_core**2
-        unsuited[0] = False
+        unsuited[0] = False  # as in `best_scales`
         gain = np.where(unsuited, -np.inf, gain)
     return np.asarray(gain.max(axis=0))

@@ -36,7 +36,7 @@ def exchanged(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posteri
     if len(after) > len(before) and after[: len(before)] == before:
         try:
             return _more(groups, model, old, new)
-        except LinAlgError:  # rounding errors of many changes: computed again
+        except LinAlgError:  # caused by rounding errors of many changes: the model is computed again
             pass
     return fixed(groups, tuple(new if term == old else term for term in model.terms), model.scale)
 
@@ -132,7 +132,7 @@ def _factored(
 
 
 def _zero(groups: Groups[K], model: Posterior[K], out: npt.NDArray[np.bool_], scale: float) -> Posterior[K]:
-    """The model given that the coefficients of the mask ``out`` (n,) are zero; ``scale`` is theirs. Its terms are unchanged."""
+    """The model given that the coefficients of the mask ``out`` (n,), of scale ``scale``, are zero. Its terms are unchanged."""
     model, own = _factored(groups, model, out)
     C, mean = model.covariance, model.mean
     across = cho_solve(own, C[np.ix_(out, ~out)])

@@ -14,7 +14,7 @@ Mask = npt.NDArray[np.bool_]
 HoldOut = Literal["region", "session", "time", "random"]
 
 TOGETHER = 4
-"""Poses that are left out together, neighbours or drawn at random."""
+"""Number of poses that are left out together, neighbours or drawn at random."""
 STRETCHES = 10
 """Number of intervals of time that are left out in turn."""
 

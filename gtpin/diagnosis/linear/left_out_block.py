@@ -11,8 +11,8 @@ Floats = npt.NDArray[np.float64]
 
 LOST = 1e-6
 """Smallest ratio of a number's noise variance to the variance of its prediction from the other blocks. Below it, the other
-blocks do not determine the number: readings of other sockets do not determine the point of a socket. Assumed: a prior of 1 m
-and noise of 20 um give less than 1e-9, a tolerance of 0.5 mm gives about 1e-4."""
+blocks do not determine the number: readings of other sockets, for example, do not determine the position of a socket. Assumed:
+with noise of 20 um, a prior of 1 m gives less than 1e-9, and a tolerance of 0.5 mm gives about 1e-4."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class Observed:
     noise, weight
         The noise of the poses, and (N,) their weights.
     temperature
-        degC at which the geometry holds.
+        Temperature at which the geometry holds, degC.
     free_frame
         Whether the instrument's pose is identified too.
     unusable

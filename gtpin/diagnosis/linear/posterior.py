@@ -16,7 +16,7 @@ from gtpin.diagnosis.linear.evidence import Groups, best_scales
 
 Floats = npt.NDArray[np.float64]
 K = TypeVar("K", bound=Hashable)
-"""What a group is known by."""
+"""Type of a group's key."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,8 @@ def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Post
 def _factor(M: Floats) -> tuple[Floats, bool]:
     """Cholesky factor of 1 + M for a Gram matrix M, without the negative eigenvalues that rounding errors may give it.
 
-    They come where the noise is tiny beside what geometry and instrument take out of the groups: M is a difference.
+    M is a difference, with the geometry marginalised. Its rounding errors count where the noise is very small and the geometry
+    absorbs nearly all of a group.
     """
     one = np.eye(len(M))
     try:
@@ -104,7 +105,7 @@ def all_gains(groups: Groups[K], model: Posterior[K], terms: Iterable[K]) -> dic
         alike[1 << (width - 1).bit_length(), groups.core[term]].append(term)
     found: dict[K, tuple[float, float]] = {}
     for (width, core), members in alike.items():
-        # Columns of zeros, which bring nothing, make groups of much the same width alike.
+        # Groups of similar width are filled up to one width with columns of zeros, which do not change the gain.
         grams, moments = np.zeros((len(members), width, width)), np.zeros((len(members), width))
         for i, term in enumerate(members):
             gram, moment = given(groups, model, term)

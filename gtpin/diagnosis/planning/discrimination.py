@@ -58,7 +58,7 @@ def discriminate(
 ) -> Experiment:
     """The experiment that best distinguishes the leader of a class from its most probable alternatives, given all other causes.
 
-    A cause without an alternative is distinguished from no effect.
+    A cause without an alternative is distinguished from no effect. ``which`` is the index of the class in ``classes``.
     """
     robot = known.robot
     members = sorted(classes[which].members, key=lambda member: -member[1])[: RIVALS + 1]

@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 IGNORED = 3e-3
-"""Mean variance per row, in units of the noise, below which a direction is ignored in the choice of rows."""
+"""Mean variance per row, relative to that of the noise, below which a direction is ignored in the choice of rows."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,13 @@ class HypothesisPair:
 def expected_gain(predictions: Sequence[Prediction], pairs: Sequence[HypothesisPair], rows: Rows) -> float:
     """Expected log Bayes factor, nats, for the true hypothesis by measuring some rows; weighted mean over pairs.
 
-    The Kullback-Leibler divergence of N(mu_a, I + L_a L_a') from N(mu_b, I + L_b L_b').
+    For a pair (a, b) it is the Kullback-Leibler divergence of N(mu_a, I + L_a L_a') from N(mu_b, I + L_b L_b'), with mu the
+    means and L the spreads of the two predictions.
     """
     factors = []
     for p in predictions:
         L = p.spread[rows].reshape(-1, p.spread.shape[2])
-        # By QR, since the square of a spread that data hardly bound rounds the noise away.
+        # By QR: where L is very large, I would be lost by rounding in I + L L'.
         upper = np.linalg.qr(np.vstack([L.T, np.eye(len(L))]), mode="r")
         factors.append((upper * np.sign(np.diag(upper))[:, None]).T)
     total = 0.0
@@ -109,7 +110,7 @@ def _main(spread: Floats) -> Floats:
 
 
 class _Race:
-    """The errors that a rival hypothesis predicts for all rows while the other one is true; rows are measured one by one."""
+    """Errors of a rival hypothesis's predictions of all rows where the other one is true; rows are measured one by one."""
 
     def __init__(self, shift: Floats, spread: Floats) -> None:
         """Take the (M, c) mean and (M, c, r) root of the covariance of the rival's errors before anything is measured."""

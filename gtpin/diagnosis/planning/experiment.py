@@ -88,7 +88,7 @@ class Experiment:
     random_gain
         The same for as many poses and measurement conditions drawn at random.
     reference_temperature
-        degC at which the geometry holds: that of a cold machine.
+        Temperature at which the geometry holds, degC: that of a cold machine.
     rounds
         Number of such experiments that decide the question, where one is not enough; else None.
     watch

@@ -28,7 +28,7 @@ EXAMPLES = 2
 POSES = 12
 """Most poses of an experiment: fewer are needed to show an effect than to distinguish it from another."""
 SEEN = 1e-9
-"""Change of a reading, in sigmas, by an effect of typical size, below which it is rounding."""
+"""Change of a reading by an effect of typical size, in sigmas of the reading, below which it is a rounding error."""
 EFFORTS = (1.0, 4.0, 12.0)
 """Multiples of the assumed largest loads that are tried; the smallest at which most effects can be tested is proposed."""
 
@@ -161,7 +161,7 @@ def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _
     design = trials.design
     X = design.columns(hypothesis.basis(design.situation))
     if group.lacking.missing:
-        # What was not recorded may have been anything, and what it did is not known.
+        # The missing covariate is not known at the measured rows, so neither is the effect there.
         X[trials.old] = 0.0
     return Prediction.of(trials, np.hstack([others, X]))
 

@@ -23,7 +23,7 @@ HOURS = 4.0 * 3600.0
 HEAVIER = 5.0
 """Assumed largest payload above the smallest recorded one, kg, where the data have only one payload."""
 MOST_PAYLOAD = 4.0
-"""Largest multiple of ``HEAVIER``."""
+"""Largest factor on ``HEAVIER``."""
 PUSH = 50.0
 """Assumed largest force on the tool, N, where the data have none."""
 FAST = 0.2
@@ -192,8 +192,11 @@ def next_session(known: Column) -> str:
 
 
 def payloads(known: Floats, effort: float = 1.0) -> Floats:
-    """Lightest and heaviest payload, kg, of the known ones (N,). The heaviest is ``HEAVIER`` times ``effort`` above the
-    lightest where the known ones are equal or, for another ``effort`` than 1, lighter than that."""
+    """Lightest and heaviest payload, kg, of the known ones (N,).
+
+    The heaviest is ``effort * HEAVIER`` above the lightest instead where all known ones are equal, or where ``effort`` is not 1
+    and the known ones are lighter than that.
+    """
     least, most = float(known.min()), float(known.max())
     heaviest = least + effort * HEAVIER
     return np.array([least, most if most > least and (effort == 1.0 or most > heaviest) else heaviest])

@@ -22,7 +22,7 @@ from gtpin.model.model import Model
 POSES = 20
 """Poses of an experiment: about ten minutes of work."""
 LARGEST = 2000
-"""Most measured poses that are used; of more, a random part is, which makes the expected gains a little too small."""
+"""Most measured poses that are used. Of more, a random part is used, so that the expected gains are a little too small."""
 CLASSES = 3
 """Most classes for which an experiment is proposed, those of the largest causes."""
 

@@ -23,9 +23,9 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 ZERO = 4e-5
-"""Prior sigma of the change of a drive's zero since the last measurement, m or rad."""
+"""Prior sigma of the change of a drive's zero since the last measurement, m or rad. Assumed."""
 RESOLUTION = 1e-6
-"""Commands are rounded to this, m or rad."""
+"""Step to which commands are rounded, m or rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
     q, poses = q[poses.reached], poses[poses.reached]
     ways = _against(known, q, poses)
     drawn = draw(observed.covariates, len(before), known.references, words, rng, ways=ways, effort=effort)
-    # A pose is seen as well as its nearest neighbour, by the same instrument.
+    # A further pose is read by the same instrument and with the same noise as the nearest measured one.
     rows = np.concatenate([np.arange(len(before)), cKDTree(before.poses.T).query(poses.T)[1]])
     measured = observed.measured
     situation = Situation(

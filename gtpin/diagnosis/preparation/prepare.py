@@ -64,7 +64,7 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )
     baseline = calibrate(usable, nominal, progress=progress)
-    # What is drawn from rows must not depend on the order that they came in.
+    # Random draws of rows must not depend on the order of the file.
     return Prepared(recorded, replace(usable, instrument=baseline.instrument).in_order(), baseline)
 
 

@@ -1,1 +1,1 @@
-"""Virtual machines that are open chains of turning and sliding joints."""
+"""Virtual machines that are open chains of revolute and prismatic joints."""

@@ -1,4 +1,4 @@
-"""What effects do to an arm and to what is seen of it: small changes that add up."""
+"""Deviations of an arm and of its measurement, caused by effects. They are small, and are added."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class ArmDeviation(Additive):
     Parameters
     ----------
     travel
-        (N, n) of the joints' coordinates, rad or m.
+        (N, n) change of the joints' coordinates, rad or m.
     axis
-        (N, n, 6) of the joints' axes: shift, m, and rotation vector, rad, in the joint's frame as it stands on its parent.
+        (N, n, 6) change of the joints' axes: shift, m, and rotation vector, rad, in the joint's frame at coordinate zero.
     tip
-        (N, n, 6) of the ends of the links that the joints move: shift, m, and turn there, rad, in the link's frame.
+        (N, n, 6) change of the ends of the links that the joints move: shift, m, and rotation vector, rad, link's frame.
     target
-        (N, 3) of the target, its own frame, m.
+        (N, 3) shift of the target, in the target's frame, m.
     frame, scale
         (N, 6), (N,) as in :class:`~gtpin.plant.deviation.Deviation`.
     """
@@ -39,7 +39,7 @@ class ArmDeviation(Additive):
 
     @staticmethod
     def none(visits: int, joints: int) -> ArmDeviation:
-        """No change at all."""
+        """Zeros."""
         return ArmDeviation(
             travel=np.zeros((visits, joints)),
             axis=np.zeros((visits, joints, 6)),

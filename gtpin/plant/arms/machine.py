@@ -1,4 +1,4 @@
-"""An arm as it was really built: joints off their places, masses off nominal, and a target that sits somewhere."""
+"""An arm as it was really built: joints, masses and the target deviate from the nominal ones."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from gtpin.plant.poses import Poses
 Floats = npt.NDArray[np.float64]
 
 MASS_SPREAD = 0.04
-"""1 sigma of each mass about nominal."""
+"""Standard deviation of each mass, relative to the nominal mass."""
 CENTRE_SPREAD = 0.01
-"""1 sigma of each body's centre, m."""
+"""Standard deviation of each body's centre of mass, per axis, m."""
 RANGE, WIDEST = 0.6, 2.4
-"""Commands lie within this share of each range about its middle, and no farther from it than so many rad."""
+"""Largest distance of a command from the middle of its range: as a share of half the range, and rad for a revolute joint."""
 REACH = 0.8
-"""What places run to: see :meth:`ArmMachine.places`."""
+"""Place at the end of the used range: see :meth:`ArmMachine.places`."""
 PER_METRE = 5.0
-"""Repeatability of a turning joint, rad, for one m of a cart: ISO 9283 repeatability of small arms is some 30 um at 3 sigma."""
+"""Repeatability of a revolute joint, rad, over that of a cart, m. Small arms state 30 um (ISO 9283), which is 3 sigma."""
 NUDGE = 1e-6
-"""Step of the differences by which derivatives are found, m and rad."""
+"""Step of the central differences from which derivatives are computed, m and rad."""
 FRAME_FREE = np.array([1.0] * 3 + [1.0] * 3)
 TARGET_FREE = np.array([0.3] * 3 + [1.0] * 3)
-"""1 sigma of a frame and of a target that nobody knows, m and rad: wide enough not to matter."""
+"""Prior sigmas of the pose of an unknown frame and of an unknown target, m and rad: so large that they have no influence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,16 +42,16 @@ class ArmMachine:
     Parameters
     ----------
     robot
-        The nominal one.
+        The nominal robot.
     twists, tool
-        (k, 6) of the robot's ``placed`` joints and (6,): each placement is the nominal one times the exponential of its
-        twist, m and rad.
+        (k, 6) twists of the robot's ``placed`` joints, and (6,) twist of the tool: each placement is the nominal one times the
+        exponential of its twist, m and rad.
     masses, centres
-        (J,) kg and (J, 3) m, own frames, of the bodies of all moving joints.
+        (J,) masses, kg, and (J, 3) centres of mass, m, in their own frames, of the bodies of all moving joints.
     target
-        Placement of what is measured, in the TCP frame.
+        Placement of the measured target in the TCP frame.
     free
-        Whether the instrument's frame is unknown to who measures, and whether the target's is.
+        Whether the pose of the instrument's frame is unknown to the user, and whether that of the target is.
     """
 
     robot: Arm
@@ -72,7 +72,7 @@ class ArmMachine:
 
     @staticmethod
     def draw(robot: Arm, rng: np.random.Generator) -> ArmMachine:
-        """A machine off nominal by normal draws from the tolerances, and by some per cent in its masses."""
+        """A machine whose parameters deviate from nominal by normal draws from the tolerances, its masses by some per cent."""
         return ArmMachine.nominal(robot).drawn(rng)
 
     def drawn(self, rng: np.random.Generator) -> Self:
@@ -87,21 +87,22 @@ class ArmMachine:
         )
 
     def with_twists(self, twists: Floats, tool: Floats) -> Self:
-        """The same with other twists (k, 6) of its joints and (6,) of its tool."""
+        """The machine with other twists (k, 6) of its joints and (6,) of its tool."""
         return replace(self, twists=twists, tool=tool)
 
     @property
     def n_carts(self) -> int:
-        """How many joints are commanded."""
+        """Number of commanded joints."""
         return self.robot.n_actuators
 
     @cached_property
     def per_metre(self) -> Floats:
-        """(n,) repeatability of each joint, rad or m, for one m of a cart."""
+        """(n,) repeatability of each joint, rad or m, over that of a cart, m."""
         return np.where(self.robot.slides, 1.0, PER_METRE)
 
     def usual_load(self, cart: int) -> float:
-        """What a commanded joint usually holds, N m or N: a scale for its stiffness; the first's for one not on the way."""
+        """Usual load of a commanded joint, N m or N, as a scale of its stiffness; that of the first joint where the commanded
+        one is not between base and TCP."""
         return float(self._usual[cart])
 
     @cached_property
@@ -112,19 +113,19 @@ class ArmMachine:
         return np.array(usual)
 
     def flexibility(self, cart: int) -> float:
-        """1/EI of a link made for its load, 1/(N m^2): it turns by 0.1 mrad under half of what its joint usually holds."""
+        """1/EI of a link made for its load, 1/(N m^2): its end turns by 0.1 mrad under half the usual load of its joint."""
         return 1e-4 / (self.robot.length(self.robot.counted[cart]) * 0.5 * float(self._usual[cart]))
 
     @cached_property
     def common_flexibility(self) -> float:
-        """1/EI of links of one section: that of the stiffest."""
+        """1/EI of links with the same cross section, 1/(N m^2): that of the stiffest link."""
         return min(self.flexibility(cart) for cart in self.robot.linked)
 
     # -------------------------------------------------------------------------------------------------- motion
 
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
-        """The joints where they really are."""
+        """The joints with their true placements."""
         found = list(self.robot.joints)
         for twist, j in zip(self.twists, self.robot.placed, strict=True):
             R, p = moved(found[j].R, found[j].p, twist)
@@ -133,17 +134,17 @@ class ArmMachine:
 
     @cached_property
     def tcp(self) -> Frame:
-        """The TCP where it really is."""
+        """The true TCP frame."""
         return Frame(self.robot.tcp.joint, *moved(self.robot.tcp.R, self.robot.tcp.p, self.tool))
 
     @cached_property
     def seen(self) -> Frame:
-        """What is measured."""
+        """The frame of the measured target."""
         tcp = self.tcp
         return Frame(tcp.joint, tcp.R @ self.target.R, tcp.p + tcp.R @ self.target.p)
 
     def coordinates(self, q: Floats) -> Floats:
-        """(N, J) coordinates of all joints at commands q (N, n): the others follow, or rest at zero."""
+        """(N, J) coordinates of all joints at commands q (N, n). Joints without a command mimic another one, or are at zero."""
         x = np.zeros((len(q), len(self.joints)))
         x[:, list(self.robot.counted)] = q
         for j, joint in enumerate(self.joints):
@@ -155,7 +156,7 @@ class ArmMachine:
     def bodies(
         self, q: Floats, deviation: ArmDeviation | None = None, near: Placed | None = None
     ) -> tuple[Placed, Bending]:
-        """The bodies at commands q (N, n), and how they are bent; ``near`` is where they about are, which saves work."""
+        """The bodies at commands q (N, n), and their bending; ``near``: nearby postures to start from, where they are known."""
         if deviation is None:
             return placed(self.joints, self.coordinates(q)), STRAIGHT
         bending = Bending(self._on_all(deviation.axis), self._on_all(deviation.tip))
@@ -171,7 +172,7 @@ class ArmMachine:
     def forward(self, q: Floats, near: Placed | None = None, read: Sequence[str] = ()) -> Poses:
         """Poses of the target at commands q (N, n), base frame, without any effect; ``near`` as in :meth:`bodies`.
 
-        ``read`` names joints whose coordinates come with them.
+        The coordinates of the joints that ``read`` names are returned with the poses.
         """
         bodies = self.bodies(q, near=near)[0]
         return bodies.at(self.seen).with_joints(self.coordinates_of(bodies, read))
@@ -182,11 +183,11 @@ class ArmMachine:
         return {name: bodies.x[:, names.index(name)] for name in read}
 
     def unbent(self, visits: int) -> ArmDeviation:
-        """A deviation of zero at a number of visits."""
+        """Deviations of zero at a number of visits."""
         return ArmDeviation.none(visits, self.n_carts)
 
     def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> ArmDeviation:
-        """What joints of a repeatability (n,), rad or m, add at every visit."""
+        """Random deviations at every visit, of joints with the repeatabilities ``sigmas`` (n,), rad or m."""
         deviation = self.unbent(visits)
         deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
         return deviation
@@ -195,7 +196,7 @@ class ArmMachine:
 
     @cached_property
     def region(self) -> tuple[Floats, Floats]:
-        """(n,) middles and half widths of the commands that it is sent to."""
+        """(n,) middles and half widths of the ranges from which commands are drawn, rad or m."""
         lower, upper = self.robot.lower, self.robot.upper
         open_ended = ~np.isfinite(upper - lower)
         middle = np.where(open_ended, 0.0, (np.where(open_ended, 0.0, lower) + np.where(open_ended, 0.0, upper)) / 2.0)
@@ -203,7 +204,7 @@ class ArmMachine:
         return middle, np.where(self.robot.slides, RANGE * half, np.minimum(RANGE * half, WIDEST))
 
     def places(self, q: Floats) -> Floats:
-        """(N, n) where commands (N, n) are in the region that is used: from -REACH to REACH."""
+        """(N, n) places of commands (N, n) in the used range: no unit, from -REACH to REACH. Effects depend on places."""
         middle, half = self.region
         return np.asarray(REACH * (q - middle) / half)
 
@@ -211,17 +212,17 @@ class ArmMachine:
 
     def command_jacobian(self, q: Floats, read: Sequence[str] = ()) -> Floats:
         """(N, 6 + k, n) derivative of the target's pose, position and rotation vector, base frame, and of the k joints
-        that are read, by the commands.
+        ``read``, by the commands.
         """
         steps, near = NUDGE * np.eye(self.n_carts), self.bodies(q)[0]
         pairs = [(self.forward(q + step, near, read), self.forward(q - step, near, read)) for step in steps]
         return np.stack([one.change(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
 
     def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + k, p) derivative of the target's poses by all that a calibration identifies, in units of its tolerances.
+        """(N, 6 + k, p) derivative of the target's poses by everything that a calibration identifies, in units of tolerances:
+        all placements, the tool, and the instrument's frame and the target where they are free.
 
-        All placements and the tool; where they are free, the instrument's frame and the target. The k joints are those
-        that come with the poses.
+        The k joints are those whose coordinates ``poses`` have.
         """
         columns, near, count = [], self.bodies(q)[0], len(self.twists) + 1
         for i in range(count):

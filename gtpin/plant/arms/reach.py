@@ -1,4 +1,4 @@
-"""Which commands an arm is sent to: in front of its base, above its floor, neither folded nor stretched out."""
+"""Random commands of an arm: the TCP in front of the base and above the floor, the arm neither folded nor stretched out."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from gtpin.plant.arms.machine import ArmMachine
 Floats = npt.NDArray[np.float64]
 
 NEAR, FAR = 0.25, 0.92
-"""Distances of the TCP from the base's first axis and origin, in lengths of the stretched chain."""
+"""Smallest distance of the TCP from the vertical axis of the base, and largest from its origin, over the stretched length."""
 FLOOR = 0.02
-"""Lowest height of joints and TCP over the base against gravity, in the same lengths."""
+"""Smallest height of joints and TCP above the base, over the stretched length."""
 FRONT = 2.0
-"""Half the angle of the sector in front of the base, rad."""
+"""Half the angle of the sector in front of the base, about its x axis, rad."""
 RESOLUTION = 1e-6
-"""Commands are rounded to this, rad or m."""
+"""Step to which commands are rounded, rad or m."""
 TRIES = 200
 
 
 def in_front(machine: ArmMachine, count: int, rng: np.random.Generator) -> Floats:
-    """(count, n) commands within the middle of the ranges; any of them where the arm can't be in front of its base."""
+    """(count, n) commands in the used ranges with the arm in front of its base; any commands where hardly any are so."""
     middle, half = machine.region
     found, spare = np.zeros((0, machine.n_carts)), np.zeros((0, machine.n_carts))
     for _ in range(TRIES):

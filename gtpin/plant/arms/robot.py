@@ -1,4 +1,4 @@
-"""An arm as its URDF says it is: which joints are commanded, where its TCP is, what it may carry."""
+"""A nominal arm, from its URDF: the commanded joints, the TCP, the payload that it may carry."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 
 TOLERANCE = 5e-4
-"""1 sigma of every placement, m and rad, where the URDF gives none."""
+"""Standard deviation of every placement, per axis, m and rad, where the URDF gives none."""
 CARRIES = 0.2
-"""Payload over moving mass: a UR5 carries 5 kg at 18 kg, a Panda 3 kg at 16 kg, a UR10 10 kg at 27 kg (their data sheets)."""
+"""Payload over moving mass. A UR5 carries 5 kg with a mass of 18 kg, a Panda 3 kg with 16 kg, a UR10 10 kg with 27 kg (their
+data sheets)."""
 SHORTEST = 0.05
-"""Links count as this long at least, m: a wrist's offsets are no measure of its housing."""
+"""Smallest length of a link, m: the housings of a wrist are longer than the offsets between its axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +37,9 @@ class Arm:
     tcp
         The TCP frame.
     gravity
-        (3,) base frame, m/s^2.
+        (3,) acceleration of gravity, base frame, m/s^2.
     tolerance
-        (6,) 1 sigma of the placement of each joint and of the tool, m and rad.
+        (6,) standard deviation of the placement of each joint and of the tool, m and rad.
     """
 
     name: str
@@ -50,12 +51,12 @@ class Arm:
 
     @staticmethod
     def of(robot: Robot) -> Arm:
-        """The arm of a robot without loops: names and choices are the package's, numbers those of the URDF's text.
+        """The arm of a robot without loops. Names and the choice of joints are from ``robot``, numbers from the URDF's text.
 
         Raises
         ------
         RobotError
-            If it has loops.
+            If the robot has loops.
         """
         if robot.description.loops:
             raise RobotError(f"{robot.name} has loops", hint="an open chain has none")
@@ -81,7 +82,7 @@ class Arm:
 
     @cached_property
     def link_sites(self) -> tuple[str, ...]:
-        """Names of the links that they move."""
+        """Names of the links that the commanded joints move."""
         return tuple(self.joints[j].link for j in self.counted)
 
     @property
@@ -91,27 +92,27 @@ class Arm:
 
     @property
     def linked(self) -> tuple[int, ...]:
-        """Which of the commands move the TCP by a link that reaches from their joint to the next one, or to the TCP."""
+        """Indices of the commands whose link is between base and TCP: it reaches from its joint to the next one, or the TCP."""
         return self.acting
 
     @cached_property
     def lower(self) -> Floats:
-        """(n,) lower ends of the ranges."""
+        """(n,) lower ends of the ranges, rad or m."""
         return np.array([self.joints[j].lower for j in self.counted])
 
     @cached_property
     def upper(self) -> Floats:
-        """(n,) upper ends of the ranges."""
+        """(n,) upper ends of the ranges, rad or m."""
         return np.array([self.joints[j].upper for j in self.counted])
 
     @cached_property
     def slides(self) -> npt.NDArray[np.bool_]:
-        """(n,) whether a joint slides instead of turning."""
+        """(n,) whether a commanded joint is prismatic."""
         return np.array([self.joints[j].slides for j in self.counted])
 
     @cached_property
     def way(self) -> tuple[int, ...]:
-        """Indices of all joints from the base to the TCP."""
+        """Indices of all joints from the base to the TCP, called the way below."""
         found, joint = [], self.tcp.joint
         while joint >= 0:
             found.append(joint)
@@ -120,7 +121,7 @@ class Arm:
 
     @cached_property
     def acting(self) -> tuple[int, ...]:
-        """Which of the commands move the TCP."""
+        """Indices of the commands that move the TCP."""
         return tuple(c for c, j in enumerate(self.counted) if j in self.way)
 
     def onward(self, joint: int) -> tuple[int, ...]:
@@ -128,7 +129,7 @@ class Arm:
         return self.way[self.way.index(joint) :]
 
     def next_frame(self, joint: int) -> Frame:
-        """Where the body of a joint on the way ends: at the next joint, the last at the TCP. Frame on that body."""
+        """End of the body of a joint on the way, as a frame on that body: at the next joint, for the last one at the TCP."""
         line = self.onward(joint)
         if len(line) == 1:
             return self.tcp
@@ -145,12 +146,12 @@ class Arm:
 
     @cached_property
     def capacity(self) -> float:
-        """What it carries, kg: by its moving mass, in steps of 0.5 kg."""
+        """Payload that it may carry, kg, from its moving mass, in steps of 0.5 kg."""
         mass = sum(joint.mass for joint in self.joints)
         return max(0.5, round(2.0 * CARRIES * mass) / 2.0)
 
     def usual_moment(self, joint: int) -> float:
-        """What a joint on the way usually holds, N m (N where it slides): 0.4 of what it holds with all stretched out."""
+        """Usual load of a joint on the way, N m (N if prismatic): 0.4 of that with the arm stretched out and full payload."""
         g, moment, way = float(np.linalg.norm(self.gravity)) or 9.81, 0.0, 0.0
         if self.joints[joint].slides:
             behind = sum(self.joints[j].mass for j in self.onward(joint))
@@ -162,6 +163,6 @@ class Arm:
 
 
 def tolerance_of(robot: Robot) -> Floats:
-    """(6,) 1 sigma of the placement of each joint and of the tool, m and rad."""
+    """(6,) standard deviation of the placement of each joint and of the tool, m and rad."""
     told = robot.tolerance
     return np.array([told.get("placement_position", TOLERANCE)] * 3 + [told.get("placement_rotation", TOLERANCE)] * 3)

@@ -1,4 +1,4 @@
-"""What an arm is in at every visit: posture, loads and motion. Effects depend on it."""
+"""Posture, loads and motion of an arm at every visit. Effects depend on them."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class ArmSituation:
     Parameters
     ----------
     machine, visits
-        What was moved, and how.
+        The machine, and its commands and conditions.
     bodies
-        Where its bodies are.
+        Positions and rotations of its bodies.
     bending
-        How they are bent.
+        Deviations of its joints' axes and of its bodies' ends.
     tcp, poses
         The TCP's poses, and those of the target, base frame.
     """
@@ -46,7 +46,7 @@ class ArmSituation:
     def of(
         cls, machine: ArmMachine, visits: Visits, deviation: ArmDeviation | None = None, near: Placed | None = None
     ) -> Self:
-        """The postures with some deviation; ``near`` is where the bodies about are, which saves work."""
+        """The postures with a deviation; ``near``: nearby postures to start from, where they are known."""
         bodies, bending = machine.bodies(visits.q, deviation, near)
         tcp = bodies.at(machine.tcp, bending)
         target = machine.target
@@ -67,24 +67,25 @@ class ArmSituation:
 
     @cached_property
     def places(self) -> Floats:
-        """(N, n) where the commands are: see :meth:`~gtpin.plant.arms.machine.ArmMachine.places`."""
+        """(N, n) places of the commands: see :meth:`~gtpin.plant.arms.machine.ArmMachine.places`."""
         return self.machine.places(self.q)
 
     def seen(self, read: Sequence[str]) -> Poses:
-        """The target's poses, with the coordinates of the joints that are read."""
+        """The target's poses, with the coordinates of the joints ``read``."""
         return self.poses.with_joints(self.machine.coordinates_of(self.bodies, read))
 
     def unbent(self) -> ArmDeviation:
-        """No deviation, to be filled in."""
+        """Deviations of zero, to be filled in."""
         return self.machine.unbent(len(self))
 
     @cached_property
     def _loads(self) -> tuple[Floats, Floats]:
-        """(N, J, 3) forces on all that each joint carries, N, and their moments about the base's origin, N m; base frame."""
+        """(N, J, 3) sums of the forces on everything that each joint carries, N, and of their moments about the base's origin,
+        N m; base frame."""
         return self._carried(*self._own())
 
     def _own(self) -> tuple[Floats, Floats]:
-        """(N, J, 3) the same of what acts on each body itself: its weight, and on the last one the payload and the tool."""
+        """(N, J, 3) forces and moments on each body itself: its weight, and on the last one payload and force on the tool."""
         machine, robot, visits = self.machine, self.machine.robot, self.visits
         force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
         for j in range(len(machine.joints)):
@@ -98,7 +99,7 @@ class ArmSituation:
         return force, moment
 
     def _carried(self, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
-        """What acts on each body itself, with all that acts on those beyond it."""
+        """Forces and moments on each body and on all bodies that it carries, from those on the bodies themselves."""
         for j in reversed(range(len(self.machine.joints))):
             parent = self.machine.joints[j].parent
             if parent >= 0:
@@ -107,14 +108,15 @@ class ArmSituation:
         return force, moment
 
     def borne(self, cart: int) -> tuple[Floats, Floats]:
-        """(N, 3) force, N, and moment about the joint's origin, N m, base frame, of all that a commanded joint carries."""
+        """(N, 3) force, N, and moment about the joint's origin, N m, base frame, on all bodies that a commanded joint
+        carries."""
         j = self.machine.robot.counted[cart]
         force, moment = self._loads
         return force[:, j], moment[:, j] - np.cross(self.bodies.p[:, j], force[:, j])
 
     @property
     def leaning(self) -> Floats:
-        """(N, 3) moment on the base about the first joint, base frame, in parts of what is usual."""
+        """(N, 3) moment on the base about the first joint, base frame, over that joint's usual load; no unit."""
         return np.asarray(self.borne(0)[1] / self.machine.usual_load(0))
 
     def axis(self, cart: int) -> Floats:
@@ -123,15 +125,15 @@ class ArmSituation:
         return np.asarray(self.bodies.seats[:, j] @ self.machine.joints[j].axis)
 
     def load(self, cart: int) -> Floats:
-        """(N,) what pushes a commanded joint along its coordinate: torque, N m, or force, N."""
+        """(N,) load of a commanded joint along its coordinate: torque, N m, or force, N."""
         force, moment = self.borne(cart)
         along = force if self.machine.robot.slides[cart] else moment
         return np.asarray(np.einsum("ni,ni->n", along, self.axis(cart)))
 
     def tip_load(self, cart: int) -> tuple[Floats, Floats]:
-        """(N, 3) force, N, and moment, N m, at the end of the link of a commanded joint on the way, by what hangs on it.
+        """(N, 3) force, N, and moment, N m, at the end of the link of a commanded joint on the way, link's frame.
 
-        In the link's frame.
+        They come from everything that the link carries; its own weight is not included.
         """
         robot, j = self.machine.robot, self.machine.robot.counted[cart]
         place = robot.way.index(j)

@@ -1,4 +1,4 @@
-"""Kinematics of a tree of joints, for many poses at once: the product of its placements and motions, and nothing else."""
+"""Forward kinematics of a tree of joints, for many poses at once, as a product of placements and motions."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ def moved(R: Floats, p: Floats, twist: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class Bending:
-    """What effects do inside a tree of J joints at N poses: each field may be None where nothing is off.
+    """Deviations inside a tree of J joints at N poses; a field is None where there is no such deviation.
 
     Parameters
     ----------
     axis
-        (N, J, 6) shift, m, and rotation vector, rad, of each joint's axis, in the joint's frame as it stands on its parent.
+        (N, J, 6) shift, m, and rotation vector, rad, of each joint's axis, in the joint's frame at coordinate zero.
     tip
-        (N, J, 6) the same of all that sits on each joint's body: shift, and turn about the body's end, in the body's frame.
+        (N, J, 6) the same of everything that is fixed to each joint's body: shift, and rotation about the body's end, in the
+        body's frame.
     ends
-        (J, 3) the bodies' ends, own frames, m; None where each body carries one thing, at its end.
+        (J, 3) the bodies' ends, own frames, m; None where everything that a body carries is at its end.
     """
 
     axis: Floats | None = None
@@ -43,12 +44,12 @@ class Bending:
     ends: Floats | None = None
 
     def take(self, rows: npt.NDArray[np.int_]) -> Bending:
-        """The same at some of the poses."""
+        """The deviations at some of the poses."""
         axis, tip = (None if field is None else field[rows] for field in (self.axis, self.tip))
         return Bending(axis, tip, self.ends)
 
     def on(self, p: Floats, R: Floats, joint: int) -> tuple[Floats, Floats]:
-        """Place (3,) and rotation (3, 3) on a body, or (N, ...) of each where the body is bent."""
+        """Position p (3,) and rotation R (3, 3) of a frame on a joint's body, with the bending; (N, ...) where there is one."""
         if self.tip is None or joint < 0:
             return p, R
         shift, turn = self.tip[:, joint, :3], exp(self.tip[:, joint, 3:])
@@ -58,7 +59,7 @@ class Bending:
 
 
 STRAIGHT = Bending()
-"""Nothing is off."""
+"""No deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +69,9 @@ class Placed:
     Parameters
     ----------
     R, p
-        (N, J, 3, 3) rotations and (N, J, 3) places, m, of their joints' frames, which move with them.
+        (N, J, 3, 3) rotations and (N, J, 3) positions, m, of the joints' frames, which move with the bodies.
     seats
-        (N, J, 3, 3) rotations of the joints' frames as they stand on their parents, before the joints' own motions.
+        (N, J, 3, 3) rotations of the joints' frames before the joints' own motions: as with coordinates of zero.
     x
         (N, J) the joints' coordinates, rad or m.
     """
@@ -91,7 +92,7 @@ class Placed:
 
 
 def placed(joints: tuple[Joint, ...], x: Floats, bending: Bending = STRAIGHT) -> Placed:
-    """Where the bodies of a tree are at joint coordinates x (N, J), m and rad."""
+    """The bodies of a tree at joint coordinates x (N, J), m and rad."""
     count, number = x.shape
     R, p, seats = np.empty((count, number, 3, 3)), np.empty((count, number, 3)), np.empty((count, number, 3, 3))
     base_R, base_p = np.eye(3)[None], np.zeros((1, 3))

@@ -1,4 +1,4 @@
-"""A tree of joints as a URDF gives it, read by the plant itself."""
+"""The tree of joints of a URDF, read by the plant itself: its kinematics share no code with the diagnosis."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A moving joint and the body behind it: its link with all that is fixed to it.
+    """A moving joint and its body: its child link with everything that is fixed to it.
 
     Parameters
     ----------
     name, link
-        Of the URDF's joint and of its child link.
+        Names of the URDF's joint and of its child link.
     parent
-        Index of the joint on whose body it sits; -1: the base.
+        Index of the joint whose body carries it; -1: the base.
     R, p
-        (3, 3), (3,) its placement on that body, m.
+        (3, 3) rotation and (3,) position, m, of its frame on that body.
     axis
         (3,) unit vector, own frame.
     slides
         Whether it slides (m) instead of turning (rad).
     lower, upper
-        Its range; infinite where there is none.
+        Its range, rad or m; infinite where the URDF gives none.
     follows
-        (index, factor, offset) of the joint that it mimics, or None.
+        (index, factor, offset) of the joint that it mimics: x = factor * x_index + offset; None where it mimics none.
     mass, centre
-        Of the body: kg, and (3,) m, own frame.
+        Mass of the body, kg, and (3,) its centre of mass, own frame, m.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame on the body of a joint (index; -1: the base): R (3, 3) and p (3,), m."""
+    """A frame on the body of a joint (index; -1: the base): rotation R (3, 3) and position p (3,), m."""
 
     joint: int
     R: Floats
@@ -163,13 +163,13 @@ def _origin(element: Element) -> tuple[Floats, Floats]:
 
 
 def turn(rpy: npt.ArrayLike) -> Floats:
-    """(3, 3) rotation of roll, pitch and yaw (3,), rad, about fixed axes."""
+    """(3, 3) rotation of the angles roll, pitch and yaw (3,), rad, about the fixed axes x, y, z in this order."""
     roll, pitch, yaw = np.asarray(rpy, dtype=float)
     return np.asarray(exp([0.0, 0.0, yaw]) @ exp([0.0, pitch, 0.0]) @ exp([roll, 0.0, 0.0]))
 
 
 def _inertia(inertial: Element | None) -> tuple[float, Floats]:
-    """Mass, kg, and centre (3,), m, of a link."""
+    """Mass, kg, and centre of mass (3,), m, of a link, from its ``<inertial>``."""
     mass = None if inertial is None else inertial.find("mass")
     if inertial is None or mass is None:
         return 0.0, np.zeros(3)

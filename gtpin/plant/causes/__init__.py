@@ -1,1 +1,1 @@
-"""The errors that a virtual machine can have, each departing from its textbook form."""
+"""The errors that a virtual machine can have. Each deviates a little from the textbook equation of its effect."""

@@ -1,4 +1,4 @@
-"""What a cause of error is to the plant: a name, its sites, and how one machine's own case of it is drawn."""
+"""Kinds of error of the plant: the name, the sites, and how one machine's error of this kind is drawn."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from gtpin.plant.looped.robot import LoopedArm
 from gtpin.robot.robot import Robot
 
 Cause = Callable[[Any], Any]
-"""One machine's own error at its typical size: the deviation of that machine in a situation of its."""
+"""The error of one machine at its typical size: a function from the machine's situation to its deviation."""
 Where = Literal["carts", "guides", "turning", "joints", "coupled", "links", "arm", "pins", "frame", "platform"]
 
 
 @dataclass(frozen=True)
 class Site:
-    """A place in the machine: its name, the cart or commanded joint where it is one, the rods or links that belong to it,
-    and the joint that follows where it is one.
+    """A site: its name, the index of its cart or commanded joint (-1: none), the indices of its rods or links, and the index of
+    its passive joint (-1: none).
     """
 
     name: str
@@ -31,7 +31,7 @@ class Site:
 
     @staticmethod
     def of(robot: Robot | Arm, name: str) -> Site:
-        """The site of a name; links of an arm are counted by the joints that move them."""
+        """The site with a name. The index of an arm's link is that of the commanded joint that moves it."""
         if isinstance(robot, Arm):
             if name in robot.sites:
                 return Site(name, robot.sites.index(name), ())
@@ -55,20 +55,20 @@ class Kind:
     Parameters
     ----------
     name
-        Its id: the contract's, or one that no catalogue has.
+        Its id: that of the catalogue's effect, or of an unlisted one.
     where
-        At which sites it occurs: ``carts`` are all that drives move, ``guides`` those of them that slide along a track,
-        ``turning`` the same where any of them carries more than one joint; ``joints`` are those of an arm, ``coupled`` the
-        same where there are several; ``arm`` means all links at once, or one of them; ``pins`` are joints that follow because
-        loops close.
+        Sites at which it occurs. ``carts``: everything that a drive moves. ``guides``: carts on tracks. ``turning``: the same,
+        where one of them carries more than one joint. ``joints``: the commanded joints of an arm. ``coupled``: the same, where
+        there are several. ``links``: single links. ``arm``: all links at once, or one of them. ``pins``: passive joints of
+        loops.
     draw
-        Draws one machine's own case of it, at its typical size.
+        Draws the error of one machine, at its typical size.
     needs
-        What must vary for it to show: ``session``, ``speed``, ``payload``, ``force``, ``heat``.
+        Conditions that must vary so that it can be detected: ``session``, ``speed``, ``payload``, ``force``, ``heat``.
     largest
-        Times its typical size, beyond which no machine errs however little it shows.
+        Largest amplitude, in typical sizes: no machine has a larger error, even where the effect then has little energy.
     periodic
-        Whether ``draw`` also takes the periods a turn of its lines.
+        Whether ``draw`` also takes the numbers of periods a turn of its lines.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Kind:
     periodic: bool = False
 
     def sites(self, robot: Robot | Arm) -> tuple[str, ...]:
-        """Names of the sites at which it can occur; none where the robot has no such."""
+        """Names of the sites of a robot at which it can occur; empty where there are none."""
         if isinstance(robot, Arm):
             return self._on_arm(robot)
         if self.where == "carts":
@@ -96,7 +96,7 @@ class Kind:
         return (self.where,)
 
     def _on_arm(self, robot: Arm) -> tuple[str, ...]:
-        """Only what moves the TCP."""
+        """Sites of an arm, without joints and links that do not move the TCP."""
         if self.where == "pins":
             return robot.pin_sites if isinstance(robot, LoopedArm) else ()
         if self.where in ("joints", "coupled"):
@@ -109,12 +109,12 @@ class Kind:
         return (self.where,)
 
     def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
-        """One machine's own case of it.
+        """Draw the error of one machine at a site.
 
         Raises
         ------
         GtpinError
-            If it can't occur at the site, or periods are given for what has none.
+            If the error can't occur at the site, or ``periods`` are given and it has none.
         """
         if site not in self.sites(robot):
             raise GtpinError(f"{self.name} can't be at {site!r}", hint=f"use {', '.join(self.sites(robot))}")

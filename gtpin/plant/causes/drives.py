@@ -1,4 +1,4 @@
-"""Errors along a track: what a drive's counts, rack and servo get wrong."""
+"""Errors along a track: of a drive's encoder, rack and servo."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Floats = npt.NDArray[np.float64]
 
 
 def along(situation: Situation, site: Site, travel: Floats) -> Deviation:
-    """A cart that is off along its track by travel (N,), m: an arm about its axis, rad, a leg in length, m."""
+    """The error of a cart along its track by ``travel`` (N,), m; of an arm about its axis, rad; of a leg's length, m."""
     deviation = situation.unbent()
     deviation.travel[:, site.cart] = travel
     return deviation
 
 
 def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
-    """100 ppm of the travel, a few of them not constant along the scale."""
+    """100 ppm of the travel, some of them not constant along the track."""
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.015, 0.05)
     sign = rng.choice([-1.0, 1.0])
 
@@ -34,13 +34,14 @@ def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def linearity(site: Site, rng: np.random.Generator) -> Cause:
-    """30 um: smooth, with rough patches, at times a step."""
+    """30 um: smooth, rough in places, sometimes with a step."""
     error = uneven_curve(rng, -REACH, REACH)
     return lambda now: along(now, site, 3e-5 * error(now.places[:, site.cart]))
 
 
 def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
-    """20 um at every tooth or pinion turn: with harmonics, drifting amplitude, and a jump of phase where segments meet."""
+    """20 um with the period of a tooth or a pinion's turn: with harmonics, an amplitude that varies along the track, and in
+    half of the cases a jump of the phase where two rack segments meet."""
     tooth = bool(rng.random() < 0.4)
     period = float(np.exp(rng.uniform(np.log(0.012), np.log(0.025)) if tooth else rng.uniform(-2.8, -1.4)))
     phases = rng.uniform(0.0, 2.0 * np.pi, 3)
@@ -50,7 +51,7 @@ def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: Situation) -> Deviation:
         q, place, zoom = now.q[:, site.cart], now.places[:, site.cart], now.machine.zoom[site.cart]
-        # A tooth is as wide on a short track as on a long one, a pinion is smaller.
+        # A short track has teeth of the same width as a long one, but a smaller pinion.
         turn = 2.0 * np.pi * q / (period if tooth else period / zoom) + jump * (place > joint)
         wave = sum(a * np.sin((k + 1) * turn + p) for k, (a, p) in enumerate(zip(strengths, phases, strict=True)))
         return along(now, site, 2e-5 * wave * (1.0 + depth * drift(place)))
@@ -59,7 +60,7 @@ def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def rack_step(site: Site, rng: np.random.Generator) -> Cause:
-    """40 um where two segments meet: over the width of a tooth, with the second segment a little out of pitch and rough."""
+    """40 um where two rack segments meet: over the width of a tooth. The second segment has a pitch error and is rough."""
     place, width = rng.uniform(-0.42, 0.42), rng.uniform(0.001, 0.008)
     pitch, rough = rng.uniform(-0.25, 0.25), curve(rng, -REACH, REACH, 0.05, "once")
     size, sign = rng.uniform(0.02, 0.08), rng.choice([-1.0, 1.0])
@@ -73,7 +74,7 @@ def rack_step(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
-    """30 um from session to session, of which some per cent settle within the session's first part."""
+    """30 um between sessions, of which some per cent change early in a session, with a time constant of 10 min."""
     shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
 
     def cause(now: Situation) -> Deviation:
@@ -85,7 +86,7 @@ def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def backlash(site: Site, rng: np.random.Generator) -> Cause:
-    """15 um to either side: less where the load presses, wider where the rack is worn, creeping back in the course of time."""
+    """15 um to either side: smaller under load, larger where the rack is worn, and changing slowly over the day."""
     sign = rng.choice([-1.0, 1.0])
     load, wear, creep = rng.uniform(0.05, 0.3), rng.uniform(0.05, 0.2), rng.uniform(-0.2, 0.2)
     worn = curve(rng, -REACH, REACH, 0.35)
@@ -102,7 +103,7 @@ def backlash(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
-    """0.2 ms of the speed, a part of the acceleration, and less at high speed, where feed-forward helps."""
+    """0.2 ms times the speed, less at high speed, where feed-forward helps, and a part proportional to the acceleration."""
     saturation, inertia = rng.uniform(0.0, 0.8), rng.uniform(0.5e-5, 2e-5)
     wear, uneven = rng.uniform(0.0, 0.12), curve(rng, -REACH, REACH, 0.3)
 
@@ -115,7 +116,7 @@ def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
-    """30 um with where the other carts are, slightly with where this one is."""
+    """30 um by the positions of the other carts, and a little by that of this cart."""
     field, own = Field.draw(rng, [0.55, 0.55]), Field.draw(rng, [0.5, 0.5, 0.5])
     part, slope = rng.uniform(0.05, 0.25), rng.standard_normal(2)
 

@@ -1,4 +1,4 @@
-"""Errors of a guideway: a cart that strays across its track and turns."""
+"""Errors of a guideway: shifts of a cart across its track, and its rotations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gtpin.plant.situation import Situation
 
 
 def straightness(site: Site, rng: np.random.Generator) -> Cause:
-    """30 um in each of two directions across; some per cent go with the load that presses the cart on its rail."""
+    """30 um in each of two directions across the track; some per cent depend on the load of the cart on its rail."""
     errors = [uneven_curve(rng, -REACH, REACH) for _ in "ab"]
     sizes, load = rng.uniform(0.5, 1.5, 2), rng.uniform(-0.1, 0.1)
 
@@ -28,7 +28,7 @@ def straightness(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def cart_rotation(site: Site, rng: np.random.Generator) -> Cause:
-    """60 urad of roll, pitch and yaw, with some that alternates from block to block of the rail."""
+    """60 urad of roll, pitch and yaw, and a smaller rough part."""
     errors = [uneven_curve(rng, -REACH, REACH) for _ in "abc"]
     blocks = [curve(rng, -REACH, REACH, 0.04, "rough") for _ in "abc"]
     sizes, part = rng.uniform(0.4, 1.6, 3), rng.uniform(0.02, 0.12)

@@ -1,4 +1,4 @@
-"""What grows with temperature: later than the sensor says, and unevenly."""
+"""Thermal expansion of links and tracks. It is not uniform, and follows the sensor with a delay."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from gtpin.plant.fields import curve
 from gtpin.plant.situation import Situation
 
 STEEL = 11.5e-6
-"""Expansion, 1/K."""
+"""Coefficient of linear expansion, 1/K."""
 
 
 def thermal_links(site: Site, rng: np.random.Generator) -> Cause:
-    """Steel links, each a little warmer or cooler than the sensor, later than it, and heated in places by what is near."""
+    """Steel links, each a little warmer or cooler than the sensor, with a delay, and a factor that changes over the day."""
     warmer = rng.normal(1.0, 0.06, len(site.rods))
     delays = rng.uniform(0.0, 150.0) + rng.uniform(0.0, 40.0, len(site.rods))
     local, part = [curve(rng, 0.0, 1.0, 0.25, "twice") for _ in site.rods], rng.uniform(0.01, 0.04)
@@ -33,7 +33,8 @@ def thermal_links(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def thermal_track(site: Site, rng: np.random.Generator) -> Cause:
-    """A steel guideway on a frame that holds it back, from where it is pinned; one end warms more than the other."""
+    """A steel guideway that expands from the point at which it is pinned. The frame restrains the expansion, and one end
+    becomes warmer than the other."""
     pinned, held = rng.uniform(-1.5, 1.5), rng.uniform(0.6, 1.0)
     delay, uneven = rng.uniform(0.0, 300.0), rng.uniform(-0.15, 0.15)
     local, part = curve(rng, 0.0, 1.0, 0.25, "twice"), rng.uniform(0.02, 0.1)

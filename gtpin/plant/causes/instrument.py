@@ -1,4 +1,4 @@
-"""Errors of the measurement: where the instrument stands, its scale, and the target on the platform."""
+"""Errors of the measurement: pose and scale of the instrument, and the target on the platform."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from gtpin.plant.fields import curve
 from gtpin.plant.situation import Situation
 
 SIZES = np.array([2.5e-5] * 3 + [5e-6] * 3)
-"""m and rad: some metres away the two come to much the same."""
+"""Typical shift, m, and rotation, rad, of the instrument: at some metres of distance both have similar effects."""
 
 
 def tracker_drift(site: Site, rng: np.random.Generator) -> Cause:
-    """25 um and 5 urad in the course of the day: settling at first, wandering, with a jolt now and then."""
+    """25 um and 5 urad over the day: settling at first, a random slow drift, and in some cases one step."""
     wander = [curve(rng, 0.0, 1.0, rng.uniform(0.25, 0.8), "twice") for _ in range(6)]
     rough = [curve(rng, 0.0, 1.0, 0.05, "rough") for _ in range(6)]
     settling, soon = rng.standard_normal(6), rng.uniform(0.1, 0.6)
@@ -33,7 +33,7 @@ def tracker_drift(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def frame_shift(site: Site, rng: np.random.Generator) -> Cause:
-    """30 um and 6 urad from session to session, which drift a little within the session."""
+    """30 um and 6 urad between sessions, with a small drift over the day."""
     shifts = 1.2 * SIZES * rng.standard_normal((20, 6))
     drift = [curve(rng, 0.0, 1.0, 0.2, "twice") for _ in range(6)]
     part = rng.uniform(0.03, 0.12)
@@ -48,7 +48,7 @@ def frame_shift(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def tracker_scale(site: Site, rng: np.random.Generator) -> Cause:
-    """20 ppm of the distance; a few go with the air's temperature and with the time."""
+    """20 ppm of the distance; some ppm depend on the air's temperature and on time."""
     sign, air = rng.choice([-1.0, 1.0]), rng.uniform(-1.5e-7, 1.5e-7)
     wander, part = curve(rng, 0.0, 1.0, 0.3, "twice"), rng.uniform(0.003, 0.012)
 
@@ -63,9 +63,9 @@ def tracker_scale(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def target_offset(site: Site, rng: np.random.Generator) -> Cause:
-    """100 um in each direction; a fraction of a per cent changes with the payload and over the day.
+    """100 um per axis; up to 0.1 % of it per 20 kg changes with the payload, and less over the day.
 
-    Geometry absorbs the constant part; a larger change would be a different effect.
+    Geometry absorbs the constant part. A larger change would be another effect.
     """
     offset, yields = rng.standard_normal(3), rng.uniform(-0.001, 0.001, 3)
     creep = curve(rng, 0.0, 1.0, 0.4, "twice")

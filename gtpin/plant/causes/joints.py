@@ -11,7 +11,7 @@ from gtpin.plant.situation import Situation
 
 
 def joint_clearance(site: Site, rng: np.random.Generator) -> Cause:
-    """15 um to either side, taken up by some newtons of tension or compression, and wider under load as the seat yields."""
+    """15 um to either side, reached at some newtons of tension or compression; larger under load, when the joint yields."""
     (rod,) = site.rods
     seated, wider = rng.uniform(2.0, 15.0), rng.uniform(0.02, 0.1)
     uneven, part = Field.draw(rng, [0.3] * 3), rng.uniform(0.01, 0.04)
@@ -27,7 +27,8 @@ def joint_clearance(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def joint_runout(site: Site, rng: np.random.Generator) -> Cause:
-    """15 um: two balls that are not round, one at the cart and one at the plate, and flatter under load."""
+    """15 um: two balls that are not round, one at the cart and one at the platform. The error changes a little with the
+    load."""
     (rod,) = site.rods
     on_cart, on_plate = Field.draw(rng, [0.25] * 3), Field.draw(rng, [0.25] * 3)
     share, load = rng.uniform(0.0, 0.5), rng.uniform(-0.15, 0.15)

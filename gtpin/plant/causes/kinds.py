@@ -1,4 +1,4 @@
-"""All kinds of error that the plant knows: those of the contract's table, and those that are in no catalogue."""
+"""All kinds of error of the plant: those of the catalogue, and unlisted ones."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CATALOGUE = (
     Kind("tracker_scale", "frame", instrument.tracker_scale, largest=10.0),
     Kind("target_offset", "platform", instrument.target_offset, largest=5.0),
 )
-"""The contract's table."""
+"""The effects of the catalogue, on robots with rods."""
 UNLISTED = (
     Kind("hose_drag", "platform", unlisted_loads.hose_drag),
     Kind("cable_chain", "guides", unlisted_loads.cable_chain),
@@ -45,7 +45,7 @@ UNLISTED = (
     Kind("encoder_slip", "carts", unlisted_structure.encoder_slip),
     Kind("guide_whip", "guides", unlisted_structure.guide_whip, ("speed",)),
 )
-"""What is in no catalogue."""
+"""Unlisted effects of robots with rods."""
 
 
 def possible(kinds: tuple[Kind, ...], robot: Robot | Arm) -> tuple[Kind, ...]:
@@ -60,22 +60,22 @@ def _known(robot: Robot | Arm) -> tuple[tuple[Kind, ...], tuple[Kind, ...]]:
 
 
 def listed(robot: Robot | Arm) -> tuple[Kind, ...]:
-    """What can occur on a robot and is in the contract's tables."""
+    """Kinds of error of the catalogue that can occur on a robot."""
     return possible(_known(robot)[0], robot)
 
 
 def unlisted(robot: Robot | Arm) -> tuple[Kind, ...]:
-    """What can occur on a robot and is in no catalogue."""
+    """Unlisted kinds of error that can occur on a robot."""
     return possible(_known(robot)[1], robot)
 
 
 def kind(name: str, robot: Robot | Arm) -> Kind:
-    """The kind of a name, as it is on a robot.
+    """The kind of error with a name, on a robot.
 
     Raises
     ------
     GtpinError
-        If there is none.
+        If the robot has no such kind.
     """
     known = [one for kinds in _known(robot) for one in kinds]
     for one in known:

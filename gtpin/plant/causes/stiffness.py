@@ -1,4 +1,4 @@
-"""What gives way under load: carts on their guides and drives, links and their joints."""
+"""Compliance: of carts on their guides and drives, of links and their joints."""
 
 from __future__ import annotations
 
@@ -14,18 +14,22 @@ from gtpin.plant.situation import Situation
 Floats = npt.NDArray[np.float64]
 
 GIVE = 1e-7
-"""m/N of a cart along its track at small forces: a rack and pinion of 10 N/um."""
+"""Compliance of a cart along its track at small forces, m/N: a rack and pinion of 10 N/um."""
 STRETCH = 5e-8
-"""m/N of a link with its two joints at small forces: 20 N/um."""
+"""Compliance of a link with its two joints at small forces, m/N: 20 N/um."""
 
 
 def hertz(force: Floats, exponent: float, scale: float) -> Floats:
-    """A force (any shape), N, less what stiffening contacts take off: linear when small, a power below one when large."""
+    """The force (any shape) on a linear spring that deflects as much as a stiffening contact, in the unit of ``force``.
+
+    It is proportional to the force well below ``scale``, and to |force|^``exponent`` well above it.
+    """
     return np.asarray(force * (1.0 + (force / scale) ** 2) ** ((exponent - 1.0) / 2.0))
 
 
 def cart_compliance(site: Site, rng: np.random.Generator) -> Cause:
-    """A cart on springs that stiffen: along and across its track, and in tipping; softer in places, with some hysteresis."""
+    """A cart on springs that become stiffer under load: shifts along and across its track, and rotations. The compliance varies
+    along the track, and there is some hysteresis."""
     exponent, scale = rng.uniform(0.75, 0.95), rng.uniform(100.0, 400.0)
     give = GIVE * np.array([rng.uniform(0.7, 1.3), *rng.uniform(0.1, 0.6, 2)])
     tip = rng.uniform(0.5, 2.0, 3) * 5e-7  # rad per N m
@@ -48,7 +52,8 @@ def cart_compliance(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
-    """Links that stretch, each its own way: stiffening, harder in compression than in tension, with some hysteresis."""
+    """Links that stretch, each with its own compliance. They become stiffer under load, are stiffer in compression than in
+    tension, and have some hysteresis."""
     exponent, scale = rng.uniform(0.75, 0.95), rng.uniform(100.0, 400.0)
     give = STRETCH * rng.normal(1.0, 0.12, len(site.rods)).clip(0.6, 1.4)
     harder, friction = rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.05)

@@ -1,4 +1,4 @@
-"""Loads that no catalogue has: a hose, a cable chain, a payload off centre."""
+"""Unlisted loads: a hose, a cable chain, a payload off centre."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ Floats = npt.NDArray[np.float64]
 
 
 def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
-    """A hose pulls the plate to where it comes from, the more the farther, and drags against the last move: up to 60 N."""
+    """A hose pulls the platform towards its anchor, with a force that increases with the distance, and against the last
+    move."""
     anchor = np.array([rng.uniform(-0.8, 0.8), rng.uniform(-0.8, 0.8), rng.uniform(0.8, 2.0)])  # m from home
     seat = rng.uniform(-0.15, 0.15, 3)  # TCP frame, m
     stiffness, drag = rng.uniform(15.0, 50.0), rng.uniform(10.0, 30.0)
@@ -34,7 +35,7 @@ def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def _yielding(now: Situation, forces: Floats) -> Deviation:
-    """What further rod forces (N, k), N, do to an elastic machine."""
+    """The deviation of an elastic machine by additional rod forces (N, k), N."""
     deviation = now.unbent()
     deviation.length[:] = STRETCH * forces
     for cart in range(now.machine.n_carts):
@@ -43,7 +44,7 @@ def _yielding(now: Situation, forces: Floats) -> Deviation:
 
 
 def cable_chain(site: Site, rng: np.random.Generator) -> Cause:
-    """A cable chain hangs on a cart: it pulls harder the longer it hangs, sticks to its tray, and tips the cart."""
+    """A cable chain on a cart: it pulls more the longer its hanging part is, sticks to its tray, and tilts the cart."""
     weight, drag = rng.uniform(40.0, 100.0), rng.uniform(30.0, 80.0)  # N
     tray, level = curve(rng, -REACH, REACH, 0.15, "once"), rng.uniform(-0.3, 0.3)
     arm = rng.uniform(-0.3, 0.3, 3)  # m
@@ -63,7 +64,8 @@ def cable_chain(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def plate_bending(site: Site, rng: np.random.Generator) -> Cause:
-    """A payload off centre bends the plate: its joints give by 20 um at 20 kg, each its own way, more and more."""
+    """A payload off centre bends the platform: each of its joints shifts by 20 um per axis at 20 kg, more than proportionally
+    to the payload."""
     ways, exponent = 2e-5 * rng.standard_normal((20, 3)), rng.uniform(1.0, 1.4)
     swing = rng.uniform(0.0, 0.3)
 

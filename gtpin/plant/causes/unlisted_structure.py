@@ -1,4 +1,4 @@
-"""Errors of structure that no catalogue has: feet, frame, joints, nests, encoders."""
+"""Unlisted errors of the structure: feet, frame, joints, nests of targets, encoders."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gtpin.plant.situation import Situation
 
 
 def foot_settling(site: Site, rng: np.random.Generator) -> Cause:
-    """The foot under one end of a track gives way step by step, 60 um in all, as it has borne load long enough."""
+    """The foot under one end of a track settles in steps, 60 um in all, as the sum of its earlier loads increases."""
     ways, end = rng.standard_normal(3) * np.array([0.4, 0.6, 1.0]), rng.choice([-1.0, 1.0])
     steps = np.sort(rng.uniform(0.1, 0.9, int(rng.integers(3, 7))))
     sizes = rng.exponential(1.0, len(steps))
@@ -31,7 +31,7 @@ def foot_settling(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def joint_stick(site: Site, rng: np.random.Generator) -> Cause:
-    """A joint that sticks bends its link until it slips: 15 um by where the link came from, more under load."""
+    """A joint that sticks bends its link until it slips: 15 um, by the link's earlier directions, more under load."""
     (rod,) = site.rods
     width, load = rng.uniform(0.05, 0.15), rng.uniform(0.0, 0.5)
     direction = rng.standard_normal(3)
@@ -47,7 +47,7 @@ def joint_stick(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def frame_bending(site: Site, rng: np.random.Generator) -> Cause:
-    """The frame sags under the carts' weight: every track by 20 um, its own way, with where the carts are in the mean."""
+    """The frame bends under the carts' weight: each track shifts by 20 um, as a function of the carts' mean position."""
     sags = [[curve(rng, -REACH, REACH, rng.uniform(0.25, 0.5), "twice") for _ in "ab"] for _ in range(6)]
     twist = Field.draw(rng, [0.4, 0.4])
 
@@ -64,7 +64,8 @@ def frame_bending(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def thermal_twist(site: Site, rng: np.random.Generator) -> Cause:
-    """A gradient across the frame, the links' temperature ahead of the frame's, turns the tracks: 30 urad and 4 um per K."""
+    """A temperature gradient across the frame, the links' temperature less the frame's, rotates and shifts the tracks: 30 urad
+    and 4 um per K."""
     slopes, lifts = rng.standard_normal((6, 2)), rng.standard_normal((6, 2))
     delay = rng.uniform(300.0, 1500.0)
 
@@ -82,7 +83,8 @@ def thermal_twist(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def nest_tilt(site: Site, rng: np.random.Generator) -> Cause:
-    """The target's nest rocks on its magnet: 15 um by how the plate came to rest and leans to gravity, more while it moves."""
+    """The target rocks in its magnetic nest: 15 um, by the direction of the last move and the platform's tilt, more in
+    motion."""
     rock, lean = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
     sharp, swift = rng.uniform(0.2, 0.5), rng.uniform(0.5, 2.0)
 
@@ -98,7 +100,7 @@ def nest_tilt(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def encoder_slip(site: Site, rng: np.random.Generator) -> Cause:
-    """A loose coupling slips with every hard reversal, 25 um in all, at random to either side."""
+    """A loose coupling slips at reversals of long moves: 25 um in all, in random directions."""
     slips = rng.standard_normal(4096)
     hard = rng.uniform(0.5, 0.8)
 
@@ -112,7 +114,8 @@ def encoder_slip(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def guide_whip(site: Site, rng: np.random.Generator) -> Cause:
-    """Worn guide blocks: the cart leans into its own acceleration and speed, 30 um across its track and 40 urad."""
+    """Worn guide blocks: the cart shifts across its track by 30 um and rotates by 40 urad, by direction of approach and
+    speed."""
     lean, roll = rng.standard_normal(2), rng.standard_normal(3)
     lean /= np.linalg.norm(lean)
     worn = curve(rng, -REACH, REACH, 0.2)

@@ -1,1 +1,1 @@
-"""Instruments of the plant: what ranges, touches, sockets, tilts, encoders and cameras read of a virtual machine."""
+"""Instruments of the plant: trackers, cameras, ranges, touches, sockets, tilt sensors and encoders on a virtual machine."""

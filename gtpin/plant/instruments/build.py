@@ -1,4 +1,4 @@
-"""From what a machine shall have, and the instruments that measure it, to a case."""
+"""Makes a case from a recipe and the instruments that measure the machine."""
 
 from __future__ import annotations
 
@@ -41,23 +41,24 @@ from gtpin.robot.geometry import Geometry
 Floats = npt.NDArray[np.float64]
 
 POOL = 1000
-"""Commands all over the workspace by which instruments are placed, and from which touches begin."""
+"""Number of commands all over the workspace. Instruments are placed by them, and the search of touches starts from them."""
 MOST = 0.2
-"""Share of the touches that may fail, where a jump of an effect leaves no command at which the machine touches."""
+"""Largest share of the touches that may fail: where an effect has a step, there can be no command at which the machine
+touches."""
 
 
 @dataclass(frozen=True)
 class Outing:
-    """Stops that instruments have of their own.
+    """Instruments with their own stops. (A stop is a pose at which instruments read.)
 
     Parameters
     ----------
     layout
         The workspace.
     touching
-        Gauges that are touched, by stops counted from 0, and their commands (M, n).
+        Touched instruments, with stops counted from 0, and the commands (M, n) of these stops, m or rad.
     bar
-        A ball bar, the commands (M, n) of its circles, and the speeds (M, n) there; or None.
+        A ball bar, the commands (M, n) of its circles, m or rad, and the speeds (M, n) there; or None.
     """
 
     layout: Layout
@@ -68,7 +69,8 @@ class Outing:
 def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase:
     """Make the case of a recipe, measured by some instruments.
 
-    ``recipe.poses`` is the number of stops at which the reading instruments read, and of the touches of each other one.
+    ``recipe.poses`` is the number of poses at which the reading instruments read, and the number of touches of each touched
+    one.
 
     Raises
     ------
@@ -132,7 +134,8 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
 
 
 def _outing(machine: Machine | ArmMachine, kinds: Sequence[str], recipe: Recipe, rng: np.random.Generator) -> Outing:
-    """The workspace, and the touches that a machine without effects makes."""
+    """The workspace, and the instruments with their own stops: touches of the machine without effects, circles of the
+    nominal."""
     moved: Moved = AnArm(machine) if isinstance(machine, ArmMachine) else OnRods(machine.geometry)
     pool = drawn(machine, POOL, rng)
     robot = machine.robot
@@ -154,16 +157,17 @@ def _outing(machine: Machine | ArmMachine, kinds: Sequence[str], recipe: Recipe,
 
 def _round(visits: Visits, first: int, q: Floats, speed: Floats) -> Visits:
     """Visits whose poses from ``first`` on are along circles, in the order of travel."""
-    place = np.flatnonzero((visits.pose >= first) & (visits.pose < first + len(q)))  # in the order of time
+    place = np.flatnonzero((visits.pose >= first) & (visits.pose < first + len(q)))  # in order of time
     changed = {name: getattr(visits, name).copy() for name in ("pose", "q", "before", "speed", "acceleration")}
     changed["pose"][place] = first + np.arange(len(q))
     changed["q"][place], changed["speed"][place], changed["acceleration"][place] = q, speed, 0.0
-    changed["before"][place] = q - speed  # a second ago
+    changed["before"][place] = q - speed  # the command one second earlier
     return replace(visits, **changed)
 
 
 def _gauges(kinds: Sequence[str], out: Outing, plant: Plant, n_read: int, recipe: Recipe) -> list[Gauge]:
-    """The gauges at the stops of a day: those that read at the first ``n_read`` poses, then those that touch."""
+    """The instruments at the stops of a day: those that read, at the first ``n_read`` poses; then the touched ones and the
+    bar."""
     pose, found, first = plant.visits.pose, [], n_read
     order = np.random.default_rng(np.random.SeedSequence([recipe.seed, 7]))
     stops = order.permutation(np.flatnonzero(pose < n_read))
@@ -195,7 +199,8 @@ def _dataset(recipe: Recipe, way: DayWay, gauges: Sequence[Gauge], missed: Seque
 
 
 def _held_out(way: DayWay, gauges: Sequence[Gauge]) -> Poses:
-    """(N) poses without lack of repeatability: seen by the tracker where there is one, else without effects of the frame."""
+    """(N) poses without errors by repeatability: as the tracker measures them where there is one, else without effects of the
+    frame."""
     for gauge in gauges:
         if isinstance(gauge, Tracker):
             return gauge.seen(way.plant.seen(way.active), gauge.truth)
@@ -206,7 +211,7 @@ def _held_out(way: DayWay, gauges: Sequence[Gauge]) -> Poses:
 def _truths(
     recipe: Recipe, plant: Plant, gauges: Sequence[Gauge], causes: Sequence[tuple[Cause, float]], repeatability: Floats
 ) -> tuple[Truth, ...]:
-    """What the effects do at the stops as they are in the end."""
+    """The truth about the effects at the final stops."""
     rows = np.concatenate([gauge.stop for gauge in gauges])
     past = _past(plant, gauges, repeatability)
     found = []
@@ -222,7 +227,8 @@ def _past(plant: Plant, gauges: Sequence[Gauge], repeatability: Floats) -> PastR
 
 
 def _read(machine: Machine | ArmMachine) -> tuple[str, ...]:
-    """The joint that an encoder reads: the first that follows in a loop, or of the first rod, if there is one."""
+    """Name of the joint that an encoder reads: the first passive joint of a loop, or that of the first rod; empty for an
+    arm."""
     if isinstance(machine, Machine):
         return (machine.universal.name,)
     if not isinstance(machine, LoopedMachine):

@@ -20,30 +20,30 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class InstrumentCase:
-    """As :class:`~gtpin.plant.truth.Case`, of other instruments.
+    """A case, as :class:`~gtpin.plant.truth.Case`, measured by any instruments.
 
     Parameters
     ----------
     name
-        Of its folder.
+        Name of its folder.
     dataset, commands
-        What was measured, and the held-out commands with their covariates.
+        The measurements, and the held-out commands with their covariates.
     truth
-        The machine's poses at the commands, without noise and lack of repeatability: as the tracker would see them where
-        there is one (frame of its own, effects of the frame), else those of the TCP in the base frame.
+        The machine's poses at the commands, without noise and errors by repeatability: where there is a tracker, as it measures
+        them (in its frame, with effects of the frame), else those of the TCP in the base frame.
     effects
-        What it has; the displacements are at the rows of all tables, one table after the other.
+        The true effects; their displacements are at the rows of all tables, one table after the other.
     gauges
-        The instruments, with what is hidden of them.
+        The instruments, with the true values of their unknowns.
     true
-        Poses at the stops without noise, base frame, as instruments see them.
+        Poses at the stops without noise, base frame, with effects of the frame.
     geometry
         Deviations of the geometry's parameters from nominal, by name, m and rad.
     machine
-        What was measured.
+        The machine.
     held
-        What each instrument would read at the commands without noise, by its name, with ids in turn (see
-        :meth:`~gtpin.plant.instruments.gauge.Gauge.in_turn`): (H, c) readings, of a tracker positions, and their sigmas.
+        By instrument's name: (H, c) readings at the held-out commands without noise, for a tracker positions, and their sigmas;
+        with ids in turn (:meth:`~gtpin.plant.instruments.gauge.Gauge.in_turn`).
     """
 
     name: str
@@ -59,7 +59,7 @@ class InstrumentCase:
 
     @property
     def hidden(self) -> dict[str, float]:
-        """What is hidden of the instruments, by the names of the parameters; without what their users know."""
+        """True values of the instruments' unknowns, m or rad, by the names of the parameters."""
         return {one.name: float(one.value) for gauge in self.gauges for one in gauge.hidden if one.prior > 0.0}
 
     def write_dataset(self, folder: Path) -> None:

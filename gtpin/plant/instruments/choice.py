@@ -1,4 +1,4 @@
-"""Which instruments there are, and the gauges of those that are asked for."""
+"""The kinds of instruments of the plant, and how one of each kind is drawn."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int_]
 
 KINDS = ("tracker", "camera", "range", "plane", "socket", "tilt", "encoder", "ballbar")
-"""What can be asked for: the dataset's kinds, a camera, which is a tracker of several targets, and a ball bar: a range."""
+"""Kinds of instruments: those of a dataset, a camera (a tracker of several targets), and a ball bar (a range)."""
 TOUCHED: dict[str, Callable[[Layout, Ints, bool, np.random.Generator], Gauge]] = {
     "plane": Plane.drawn,
     "socket": Socket.drawn,
 }
-"""Those to which the machine is brought; the others read wherever it stops."""
+"""Kinds of touched instruments: the machine moves to them. The others read at any pose."""
 
 
 def checked(kinds: Sequence[str]) -> tuple[str, ...]:
@@ -37,7 +37,7 @@ def checked(kinds: Sequence[str]) -> tuple[str, ...]:
     Raises
     ------
     GtpinError
-        For one that is not known, or comes twice.
+        If a kind is not known, or given twice.
     """
     for i, kind in enumerate(kinds):
         if kind not in KINDS:
@@ -48,31 +48,31 @@ def checked(kinds: Sequence[str]) -> tuple[str, ...]:
 
 
 BAR = "ballbar"
-"""It has stops of its own as well: along circles."""
+"""This kind has its own stops, along circles."""
 
 
 def reads(kinds: Collection[str]) -> bool:
-    """Whether any of the instruments reads wherever the machine stops."""
+    """Whether any of the instruments reads at any pose."""
     return bool(set(kinds) - set(TOUCHED) - {BAR})
 
 
 def stream(seed: int, kind: str) -> np.random.Generator:
-    """For what is drawn of an instrument: it is the same whatever others there are."""
+    """Random stream for the unknowns of an instrument: the same whatever other instruments there are."""
     return np.random.default_rng(np.random.SeedSequence([seed, 6, KINDS.index(kind)]))
 
 
 def noises(seed: int, gauges: Sequence[Gauge]) -> list[np.random.Generator]:
-    """For the errors of each gauge's readings: the same whatever others there are."""
+    """Random streams for the noise of each instrument: the same whatever other instruments there are."""
     return [np.random.default_rng(np.random.SeedSequence([seed, 8, *gauge.name.encode()])) for gauge in gauges]
 
 
 def reading(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, rng: np.random.Generator) -> Gauge:
-    """An instrument that reads at stops (M,), at which the machine has some poses (M).
+    """An instrument that reads at ``stops`` (M,), at which the machine has ``poses`` (M), base frame.
 
     Raises
     ------
     GtpinError
-        For an encoder, if no joint comes with the poses; for a tilt sensor that is never near level.
+        For an encoder, if the poses have no joint's coordinates; for a tilt sensor, if it is never near level.
     """
     if kind == "tracker":
         return Tracker.drawn(poses, stops, noise, rng)
@@ -86,7 +86,7 @@ def reading(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, 
 
 
 def errors(gauge: Gauge, noise: Noise, rng: np.random.Generator) -> Floats:
-    """(M, c) errors of a gauge's readings: by its sigma, with the tails and gross errors of ``noise``."""
+    """(M, c) random errors of an instrument's readings: with its sigma, and with the tails and gross errors of ``noise``."""
     found = gauge.sigma * noise.drawn(rng, gauge.sigma.shape)
     off = rng.random(len(found)) < noise.gross
     size = np.exp(rng.uniform(np.log(10.0), np.log(100.0), (len(found), 1)))
@@ -97,9 +97,9 @@ def errors(gauge: Gauge, noise: Noise, rng: np.random.Generator) -> Floats:
 
 
 def held_readings(gauges: Sequence[Gauge], poses: Poses) -> dict[str, tuple[Floats, Floats]]:
-    """What gauges read at poses (H) without noise, with ids in turn, and their sigmas, by name; see ``InstrumentCase``.
+    """Readings of instruments at poses (H) without noise, with ids in turn, and their sigmas, by name; see ``InstrumentCase``.
 
-    Left out is what is touched: nothing is touched at these commands.
+    Touched instruments are left out: the machine does not touch them at these poses.
     """
     found = {}
     for gauge in (gauge for gauge in gauges if not gauge.touches):

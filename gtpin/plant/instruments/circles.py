@@ -1,4 +1,4 @@
-"""Circles about the pivot of a ball bar, as a machine is commanded to go round them: both ways, in several planes."""
+"""Commands along circles about the pivot of a ball bar: in both directions, in several planes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from gtpin.plant.instruments.way import Moved, PlainWay
 Floats = npt.NDArray[np.float64]
 
 LONGEST, SHARE = 0.3, 0.6
-"""Length of the bar: at most so many m, and at most such a share of the half extents that a circle needs."""
+"""Largest length of the bar: in m, and over the half extent of the workspace along the axes of its circles."""
 SHORTER = (1.0, 0.7, 0.5, 0.35)
-"""Lengths that are tried, over the first."""
+"""Lengths that are tried, over the largest."""
 FLAT = 0.1
-"""Half extent over the largest below which a workspace has no circles that way."""
+"""Half extent of a workspace along an axis, over the largest, below which no circle spans this axis."""
 PLANES = ((0, 1), (0, 2), (1, 2))
 """Axes of the layout that span the circles."""
 FEED = 0.02
-"""Of the target along the circle, m/s."""
+"""Speed of the target along the circle, m/s."""
 ROUNDS, CLOSED = 30, 1e-9
 SINGULAR = 1e-3
 
@@ -29,14 +29,14 @@ SINGULAR = 1e-3
 def circles(
     nominal: Moved, layout: Layout, pool: Floats, ranges: tuple[Floats, Floats], count: int
 ) -> tuple[Floats, Floats]:
-    """(M, n) commands along circles, as the nominal machine would go, and (M, n) their speeds, m/s or rad/s.
+    """(M, n) commands along circles of the nominal machine, m or rad, and (M, n) their speeds, m/s or rad/s.
 
-    There are at least ``count`` of them, in the order of travel: each circle once one way and once the other.
+    There are at least ``count`` commands, in the order of travel: each circle once in one direction and once in the other.
 
     Raises
     ------
     UnreachableError
-        If the robot can't go round.
+        If the robot can't move along any such circles.
     """
     wide = layout.half > FLAT * layout.half.max()
     planes = [plane for plane in PLANES if wide[list(plane)].all()]
@@ -65,7 +65,7 @@ def _all_round(
     angles = 2.0 * np.pi * np.arange(points) / points
     first, second = (np.array([layout.axes[plane[i]] for plane in planes]) for i in (0, 1))
     pivot = np.array(layout.at(0.0, 0.0, 0.0))
-    # All circles are gone round together, each from the point before, so that an arm keeps its posture.
+    # All circles are solved together, each point from the one before, so that an arm keeps its assembly mode.
     there = nominal.predict(pool)
     start = pivot + radius * first
     nearest = [int(np.argmin(np.linalg.norm(_target(there.T, there.R) - place, axis=1))) for place in start]
@@ -83,7 +83,7 @@ def _all_round(
 
 
 def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """(N, n) commands near others that bring the target to places (N, 3), and (N, 3, n) the target's slope there."""
+    """(N, n) commands, near ``q``, that bring the target to ``places`` (N, 3), and (N, 3, n) the derivative of its position."""
     for _ in range(ROUNDS):
         way = PlainWay(nominal, q)
         miss = _target(way.poses.T, way.poses.R) - places

@@ -1,4 +1,4 @@
-"""An encoder at a joint that nothing drives."""
+"""An encoder at a passive joint."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Ints = npt.NDArray[np.int_]
 
 SIGMA = 2e-5
 ZERO_SIGMA = 1e-2
-"""What a dataset takes the zero's error for, where it does not say (the contract's), rad or m: it is drawn from it."""
+"""Standard deviation of the zero, rad or m: the prior sigma that a dataset has by default."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Encoder(Gauge):
     Parameters
     ----------
     joint
-        Its name.
+        The joint's name.
     """
 
     kind: ClassVar[str] = "encoder"
@@ -37,12 +37,12 @@ class Encoder(Gauge):
 
     @staticmethod
     def drawn(poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Encoder:
-        """One at the first joint that comes with the poses, which reads at all stops.
+        """An encoder at the first joint whose coordinates the poses have; it reads at all stops.
 
         Raises
         ------
         GtpinError
-            If none does.
+            If they have none.
         """
         if not poses.joints:
             raise GtpinError(
@@ -58,7 +58,7 @@ class Encoder(Gauge):
         return np.full((len(self.stop), 1), SIGMA)
 
     def readings(self, poses: Poses, u: Floats) -> Floats:
-        """See :class:`Gauge`; it does not go by the platform's pose."""
+        """See :class:`Gauge`; they do not depend on the platform's pose."""
         return np.asarray(poses.joints[self.joint] + u[0])[:, None]
 
     def by_pose(self, poses: Poses) -> Floats:

@@ -1,4 +1,4 @@
-"""The base class of the plant's instruments: what one reads of the machine, and what is hidden about it."""
+"""The base class of the plant's instruments: their readings, and their unknowns."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int_]
 
 NUDGE = 1e-5
-"""Step of the differences by which derivatives are found, m and rad."""
+"""Step of the central differences from which derivatives are computed, m and rad."""
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """Something about an instrument that who measures does not know.
+    """An unknown of an instrument: the user does not know its true value.
 
     Parameters
     ----------
     name
-        The parameter's, as in ``wire.station[A].x``.
+        Name of the parameter, such as ``wire.station[A].x``.
     value
-        What it really is, m or rad.
+        Its true value, m or rad.
     prior
-        1 sigma of what is known of it, m or rad; 0 where it is known exactly, infinite where nothing is.
+        Its prior standard deviation for the user, m or rad: 0 where it is known exactly, infinite where it is not known at all.
     """
 
     name: str
@@ -46,18 +46,18 @@ class Gauge(ABC):
     Parameters
     ----------
     name
-        In dataset.toml.
+        Its name in dataset.toml.
     stop
-        (M,) index of the machine's stop of each row.
+        (M,) index of the machine's stop at which each row is read.
     hidden
-        What is hidden about it.
+        Its k unknowns.
     declared
         Whether dataset.toml states its sigma.
     """
 
     kind: ClassVar[str]
     touches: ClassVar[bool] = False
-    """Whether the machine is brought to where its readings are zero."""
+    """Whether it is touched: the machine moves to where its readings are zero."""
 
     name: str
     stop: Ints
@@ -66,43 +66,43 @@ class Gauge(ABC):
 
     @property
     def truth(self) -> Floats:
-        """(k,) what the hidden really is."""
+        """(k,) true values of the unknowns."""
         return np.array([one.value for one in self.hidden])
 
     @property
     @abstractmethod
     def sigma(self) -> Floats:
-        """(M, c) 1 sigma of the readings' noise, m or rad."""
+        """(M, c) standard deviation of the readings' noise, m or rad."""
 
     @abstractmethod
     def readings(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c) what it reads without noise, of what is touched by how much it misses, m or rad.
+        """(M, c) readings without noise, m or rad; for a touched instrument, the distance of the target from it.
 
         Parameters
         ----------
         poses
             (M) poses of the TCP, base frame.
         u
-            (k,) values of the hidden.
+            (k,) values of the unknowns.
         """
 
     @abstractmethod
     def table(self) -> dict[str, Any]:
-        """The keys of its ``[[instrument]]`` besides name, kind and sigma."""
+        """The keys of its ``[[instrument]]`` in dataset.toml, without name, kind and sigma."""
 
     @abstractmethod
     def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
-        """The columns of its own in its table, with errors (M, c)."""
+        """The instrument's columns in its table, with errors (M, c) of the readings."""
 
     def described(self) -> dict[str, Any]:
-        """Its ``[[instrument]]``."""
+        """Its ``[[instrument]]`` in dataset.toml."""
         return {"name": self.name, "kind": self.kind, **self._stated(), **self.table()}
 
     def _stated(self) -> dict[str, Any]:
         return {"sigma": float(self.sigma[0, 0])} if self.declared else {}
 
     def change(self, one: Poses, other: Poses, u: Floats, v: Floats) -> Floats:
-        """(M, c) readings at some poses and hidden values less those at others."""
+        """(M, c) readings at poses ``one`` and unknowns ``u``, less those at poses ``other`` and unknowns ``v``."""
         return self.readings(one, u) - self.readings(other, v)
 
     def by_pose(self, poses: Poses) -> Floats:
@@ -115,25 +115,25 @@ class Gauge(ABC):
         return np.stack(found, axis=2)
 
     def by_motion(self, poses: Poses) -> Floats:
-        """(M, c, 6 + k) derivative of the readings by the pose, and by the k joints that come with it."""
+        """(M, c, 6 + k) derivative of the readings by the pose, and by the k joints whose coordinates the poses have."""
         by_pose = self.by_pose(poses)
         return np.concatenate([by_pose, np.zeros((*by_pose.shape[:2], len(poses.joints)))], axis=2)
 
     def by_hidden(self, poses: Poses) -> Floats:
-        """(M, c, k) derivative of the readings by the hidden values."""
+        """(M, c, k) derivative of the readings by the unknowns."""
         steps = NUDGE * np.eye(len(self.hidden))
         u = self.truth
         found = [self.change(poses, poses, u + step, u - step) / (2.0 * NUDGE) for step in steps]
         return np.stack(found, axis=2) if found else np.zeros((*self.sigma.shape, 0))
 
     def ids(self) -> dict[str, tuple[str, ...]]:
-        """The ids that its rows may have, by the field with their indices."""
+        """Ids of stations, planes, sockets or targets, by the name of the field that has each row's index."""
         return {}
 
     def in_turn(self, count: int) -> Gauge:
-        """The same with one row at each of ``count`` stops.
+        """The instrument with one row at each of ``count`` stops.
 
-        Row i has id number i of stations and the like, in alphabetical order, again and again.
+        The rows have the ids of stations, planes, sockets or targets in alphabetical order, repeated.
         """
         turns: dict[str, Any] = {"stop": np.arange(count)}
         for name in (name for name in self.by_row() if name != "stop"):
@@ -145,11 +145,11 @@ class Gauge(ABC):
         return type(self)(**{**vars(self), **turns})
 
     def kept(self, rows: npt.NDArray[np.bool_]) -> Gauge:
-        """The same with some of the rows (M,)."""
+        """The instrument with only some of its rows; ``rows`` (M,) is a mask."""
         changed = {name: value[rows] for name, value in vars(self).items() if name in self.by_row()}
         return type(self)(**{**vars(self), **changed})
 
     @classmethod
     def by_row(cls) -> tuple[str, ...]:
-        """Names of the fields with a value a row."""
+        """Names of the fields with one value for each row."""
         return ("stop",)

@@ -1,4 +1,4 @@
-"""Where a user would put instruments: by the robot's workspace, its vertical, and how many freedoms it has."""
+"""Places of instruments relative to a robot: from its workspace, the vertical, and its degrees of freedom."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 INNER = (5.0, 95.0)
 """Percentiles of the TCP's coordinates that bound the workspace."""
 MILLIMETRE = 3
-"""Decimals of m to which places are declared."""
+"""Decimals to which places are declared, in m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Layout:
     half
         (3,) half its extent along the axes, m.
     freedoms
-        How many commands move it.
+        Number of commands.
     """
 
     centre: Floats
@@ -50,25 +50,26 @@ class Layout:
 
     @property
     def up(self) -> Floats:
-        """(3,) unit vector."""
+        """(3,) unit vector against gravity, base frame."""
         return np.asarray(self.axes[2])
 
     @property
     def radius(self) -> float:
-        """Of the ball about the workspace, m."""
+        """Radius of the sphere that contains the workspace, m."""
         return float(np.linalg.norm(self.half))
 
     def at(self, *shares: float) -> tuple[float, float, float]:
-        """A place in the workspace by shares of its half extents along the axes: base frame, to a millimetre."""
+        """A place in the workspace, base frame, m, rounded to 1 mm; ``shares``: of the half extents along the axes."""
         return rounded(self.centre + (np.array(shares) * self.half) @ self.axes)
 
     def around(self, angle: float, height: float, distance: float) -> tuple[float, float, float]:
-        """A place at a distance from the centre, m, in a level direction, rad, and at a height over it, m."""
+        """A place, base frame, m, at a horizontal distance from the centre, m, in a direction, rad, and at a height above it,
+        m."""
         level = np.cos(angle) * self.axes[0] + np.sin(angle) * self.axes[1]
         return rounded(self.centre + distance * level + height * self.up)
 
 
 def rounded(place: Floats) -> tuple[float, float, float]:
-    """(3,) numbers to a millimetre."""
+    """Coordinates (3,), m, rounded to 1 mm."""
     x, y, z = (float(value) for value in np.round(place, MILLIMETRE) + 0.0)
     return x, y, z

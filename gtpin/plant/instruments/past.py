@@ -1,4 +1,4 @@
-"""How hard an effect is to see by other instruments: the whitened energy of what it does to their readings."""
+"""E of an effect for any instruments: the whitened energy of its changes of their readings."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ from gtpin.plant.poses import Poses
 Floats = npt.NDArray[np.float64]
 
 FREE = 3.0
-"""1 sigma of what nothing is known of, m and rad: wide enough not to matter."""
+"""Prior sigma of unknowns of which nothing is known, m and rad: so large that it has no influence."""
 
 
 @dataclass(frozen=True)
 class PastReadings:
-    """Measures displacements (N, 6 + k) of the poses, and of the k joints that encoders read.
+    """Computes E of displacements (N, 6 + k) of the poses and of the k joints that encoders read.
 
     E = d' (I + B B')^-1 d, with d the whitened change of the readings.
 
     Parameters
     ----------
     H
-        Of each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6 + k) of its readings by these.
+        For each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6 + k) of its readings by poses and
+        joints.
     B
-        (K, p) whitened derivative of all readings by the geometry, in units of its tolerances, and by what is hidden of the
-        instruments, in units of its priors.
+        (K, p) whitened derivative of all K readings by the geometry, in units of the tolerances, and by the instruments'
+        unknowns, in units of their prior sigmas.
     """
 
     H: tuple[tuple[npt.NDArray[np.int_], Floats], ...]
@@ -38,15 +39,15 @@ class PastReadings:
 
     @staticmethod
     def of(gauges: Sequence[Gauge], poses: Poses, by_tolerance: Floats, jitter: Floats) -> PastReadings:
-        """For the poses (N) at all stops.
+        """For ``poses`` (N) at all stops.
 
         Parameters
         ----------
         by_tolerance
-            (N, 6 + k, p) their derivative by the geometry in units of the tolerances.
+            (N, 6 + k, p) derivative of poses and joints by the geometry, in units of the tolerances.
         jitter
-            (N, 6 + k, n) how each actuator's repeatability moves them, 1 sigma: it adds to the noise, which matters where an
-            instrument is finer than the machine.
+            (N, 6 + k, n) motions of poses and joints by 1 sigma of each actuator's repeatability. They are added to the noise,
+            because some instruments are more precise than the machine.
         """
         H, blocks = [], []
         own = [len(gauge.hidden) for gauge in gauges]

@@ -49,15 +49,16 @@ def simulate_measured(
     robot
         The nominal robot.
     reference, tcp
-        How the dataset names it and its TCP.
+        Name of the robot and of its TCP frame in the dataset.
     instruments
-        See :data:`~gtpin.plant.instruments.choice.KINDS`.
+        Kinds of instruments: see :data:`~gtpin.plant.instruments.choice.KINDS`.
     poses
-        Number of stops at which the reading instruments read (a tenth of them is read twice), and of touches of each other.
+        Number of poses at which the reading instruments read (a tenth of them twice), and number of touches of each touched
+        one.
     seed
-        Same seed, same bytes.
+        Seed of the random numbers. The same seed gives the same bytes.
     held_out
-        Number of further commands, whose truth is given.
+        Number of further commands, which are not measured and whose truth is given.
 
     Raises
     ------

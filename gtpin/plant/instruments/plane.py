@@ -1,4 +1,4 @@
-"""Touches of planes: the command at which a point of the platform meets a surface."""
+"""Touches of planes: commands at which a point of the platform is on a surface."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ Ints = npt.NDArray[np.int_]
 SIGMA = 1e-5
 """Repeatability of a touch probe, m."""
 HEIGHT_SIGMA, NORMAL_SIGMA = 5e-3, 5e-3
-"""What a dataset takes planes' errors for, where it does not say (the contract's), m and rad: they are drawn from it."""
+"""Standard deviations of planes' errors, m and rad: the prior sigmas that a dataset has by default."""
 APART, TILTED = 0.5, 0.35
 """Heights of the level planes, in half heights of the workspace, and the tilt of the third, rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plane(Gauge):
-    """n . (p - point) = height: target p, the plane's normal n and a point of it; the readings are what is missing to 0.
+    """z = n . (p - point) - height, with target p, and the plane's normal n and a point of it. A touch has z = 0.
 
     Parameters
     ----------
     targets
-        What the dataset says of them.
+        The targets as the dataset declares them.
     planes
-        The same of the planes: a point, m, and a unit normal, base frame, by id.
+        The declared planes by id: a point, m, and a unit normal, base frame.
     plane
-        (M,) index of each row's.
+        (M,) index of each row's plane.
     """
 
     kind: ClassVar[str] = "plane"

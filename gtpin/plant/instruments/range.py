@@ -18,31 +18,31 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int_]
 
 SIGMA, OFFSET_SIGMA = 2e-5, 1e-3
-"""Of draw wires, m."""
+"""Noise of a draw wire's reading, and standard deviation of its offset, m."""
 OFF = (5e-3, 0.1)
-"""Between which the error of a tape with which stations are measured is drawn, 1 sigma per axis, m."""
+"""Range from which the standard deviation of the stations' positions, per axis, m, is drawn: they are measured with a tape."""
 STATION_SIGMA = 0.5
-"""What a dataset takes a station's error for, where it does not say: the contract's."""
+"""Prior sigma of a station's position, per axis, m, that a dataset has by default."""
 OUTSIDE, CLEAR = 1.2, 0.3
-"""Distance of the stations from the centre: so many radii of the workspace, and so many m."""
+"""Distance of the stations from the centre: the first number times the workspace's radius, plus the second, m."""
 BAR_SIGMA, BAR_OFFSET_SIGMA = 1e-6, 1e-4
-"""Of a ball bar: its reading, and its length before it is calibrated, m."""
+"""Noise of a ball bar's reading, and standard deviation of its length before it is calibrated, m."""
 PIVOT_SIGMA = 5e-3
-"""Of its pivot, which is set up where the machine's coordinates say, m: it is drawn from it."""
+"""Standard deviation of the pivot's position, per axis, m: it is set up by the machine's coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
 class Range(Gauge):
-    """z = |p - s| + o: target p, station's centre s, its offset o, m.
+    """z = |p - s| + o, with target p, the station's centre s and its offset o, m.
 
     Parameters
     ----------
     targets, stations
-        What the dataset says of them: places, m, by id.
+        The targets and stations as the dataset declares them: positions, m, by id.
     station
-        (M,) index of each row's.
+        (M,) index of each row's station.
     sigmas
-        Of its reading, of the stations per axis, and of the offsets, m.
+        Noise of the reading, and prior sigmas of the stations' positions, per axis, and of the offsets, m.
     """
 
     kind: ClassVar[str] = "range"
@@ -117,7 +117,7 @@ def _off(
     sigmas: tuple[float, float, float],
     rng: np.random.Generator,
 ) -> tuple[Hidden, ...]:
-    """Where stations really are, with the error of a tape, m, and their offsets."""
+    """True positions of the stations, with a random error of standard deviation ``tape``, m, and their offsets."""
     centres = [
         Hidden(f"{name}.station[{station}].{axis}", at + tape * rng.standard_normal(), sigmas[1])
         for station, place in stations.items()

@@ -1,4 +1,4 @@
-"""Sockets: places in which a ball of the platform comes to sit, again and again."""
+"""Sockets: seats in which a ball of the platform is placed repeatedly."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int_]
 
 SIGMA = 2e-5
-"""How a ball sits, per axis, m."""
+"""Repeatability of a ball in its socket, per axis, m."""
 SPREAD = 0.35
-"""Of the sockets, in half extents of the workspace."""
+"""Distance of the sockets from the centre along each axis, in half extents of the workspace."""
 CORNERS = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
+"""Directions of the sockets from the centre, by axis of the layout."""
 PLACED = 5e-3
-"""1 sigma of their places about these corners, m."""
+"""Standard deviation of the sockets' positions about these corners, per axis, m."""
 DISTANCE_SIGMA = 5e-5
-"""To so much the distance of two of them is known, m."""
+"""Standard deviation of the known distance between two sockets, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class Socket(Gauge):
-    """p = s: target p in socket s; the readings are what is missing to it.
+    """z = p - s, with target p and socket s, m. A touch has z = 0.
 
     Parameters
     ----------
     targets
-        What the dataset says of them.
+        The targets as the dataset declares them.
     sockets
-        Their ids; their places are all but unknown.
+        Ids of the sockets; their positions are unknown to the user.
     distance
-        What the dataset says of the distance of the first two, m.
+        Declared distance between the first two sockets, m.
     socket, target
-        (M,) indices of each row's.
+        (M,) indices of each row's socket and target.
     """
 
     kind: ClassVar[str] = "socket"
@@ -55,7 +56,7 @@ class Socket(Gauge):
 
     @staticmethod
     def drawn(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Socket:
-        """Four sockets in the workspace; three targets where the platform can't be turned at will, else one."""
+        """Four sockets in the workspace; three targets where the platform has fewer than six degrees of freedom, else one."""
         name, targets = "cup", Targets.one() if layout.freedoms >= 6 else Targets.three()
         sockets = tuple(f"S{i + 1}" for i in range(len(CORNERS)))
         shares = [[SPREAD * share for share in corner] for corner in CORNERS]

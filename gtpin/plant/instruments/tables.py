@@ -1,4 +1,4 @@
-"""A dataset of several instruments, as a user has it: schema 2, written by the plant itself."""
+"""A dataset of several instruments (schema 2), written by the plant itself."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCHEMA = "gtpin-dataset/2"
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """What dataset.toml says of an instrument, and its table: the stop of each row (M,), and the columns of its own."""
+    """An instrument's ``[[instrument]]`` in dataset.toml, and its table: the stop of each row (M,), and its own columns."""
 
     described: dict[str, Any]
     stop: Ints
@@ -36,13 +36,13 @@ class Tables:
     Parameters
     ----------
     robot, tcp
-        As dataset.toml names them.
+        Names of the robot and of its TCP frame in dataset.toml.
     reference_temperature
-        degC.
+        Temperature at which the geometry holds, degC.
     pose, q, covariates
         (N,) id, (N, n) commands and (N,) covariates of each of the machine's stops.
     read
-        Of each instrument.
+        Description and table of each instrument.
     """
 
     robot: str
@@ -57,7 +57,7 @@ class Tables:
         return sum(len(one.stop) for one in self.read)
 
     def write(self, folder: Path) -> None:
-        """Write dataset.toml and a CSV file for each instrument into a folder, which is made where it is missing."""
+        """Write dataset.toml and a CSV file for each instrument into a folder, which is created if it is missing."""
         folder.mkdir(parents=True, exist_ok=True)
         head = {"schema": SCHEMA, "robot": self.robot, **({"tcp": self.tcp} if self.tcp else {})}
         about = {"conditions": {"reference_temperature": self.reference_temperature}}

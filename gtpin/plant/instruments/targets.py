@@ -1,4 +1,4 @@
-"""Targets: points on the platform, declared in the TCP frame, and where they really are."""
+"""Targets: points on the platform, declared in the TCP frame, and their true positions."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int_]
 
 SIGMA = 1e-4
-"""To so much targets are known, m: from a drawing, with what the assembly adds."""
+"""Standard deviation of a target's position, per axis, m: from a drawing and the errors of assembly."""
 ONE = (0.02, -0.03, 0.05)
 """A single target, TCP frame, m."""
 THREE = {"A": (0.06, 0.0, 0.01), "B": (-0.03, 0.05, 0.02), "C": (-0.03, -0.05, 0.06)}
-"""Three that show how the platform is turned."""
+"""Three targets, from which the platform's orientation can be determined, TCP frame, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """What the dataset says of an instrument's targets: a point (3,), m, by each id; one alone has the id ""."""
+    """Declared targets of an instrument: a point (3,), TCP frame, m, by id; a single target has the id ""."""
 
     points: dict[str, tuple[float, float, float]]
 
@@ -47,12 +47,12 @@ class Targets:
         return tuple(self.points)
 
     def table(self) -> dict[str, Any]:
-        """Keys of dataset.toml."""
+        """The targets' keys in dataset.toml."""
         named = {name: list(point) for name, point in self.points.items()}
         return {"target_sigma": SIGMA, **({"target": named[""]} if "" in named else {"targets": named})}
 
     def drawn(self, instrument: str, rng: np.random.Generator) -> tuple[Hidden, ...]:
-        """Where they really are, 3 numbers each."""
+        """True positions of the targets, TCP frame: three unknowns each."""
         return tuple(
             Hidden(
                 f"{instrument}.target{f'[{name}]' if name else ''}.{axis}", at + SIGMA * rng.standard_normal(), SIGMA
@@ -62,7 +62,7 @@ class Targets:
         )
 
     def positions(self, poses: Poses, u: Floats, which: Ints) -> Floats:
-        """(M, 3) positions of targets ``which`` (M,), m, base frame, with values u that begin with theirs."""
+        """(M, 3) positions of the targets ``which`` (M,), m, base frame; the unknowns ``u`` begin with the targets'."""
         local = u[: 3 * len(self)].reshape(-1, 3)[which]
         return np.asarray(poses.T + np.einsum("nij,nj->ni", poses.R, local))
 

@@ -20,15 +20,17 @@ Ints = npt.NDArray[np.int_]
 
 SIGMA = 2e-5
 MOUNT_SIGMA = 1e-2
-"""What a dataset takes the mounting's error for, where it does not say (the contract's), rad: it is drawn from it."""
+"""Standard deviation of the mounting's rotation, per axis, rad: the prior sigma that a dataset has by default."""
 
 STEEP = 0.1
-"""Third component below which it does not read: the other two tell next to nothing, and with noise are no unit vector's."""
+"""Smallest absolute third component of the measured unit vector. Below it the sensor does not read: the two others then
+hardly depend on the tilt, and noise can make their squares sum to more than 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tilt(Gauge):
-    """Two components of R_s' up, with R_s = R exp(mount): the sensor sits along the TCP's axes but for its mounting.
+    """z: the first two components of R_s' up, with R_s = R exp(mount). The sensor's axes are the TCP's, rotated by its
+    mounting.
 
     Parameters
     ----------
@@ -42,12 +44,12 @@ class Tilt(Gauge):
 
     @staticmethod
     def drawn(layout: Layout, poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Tilt:
-        """A sensor that reads at those stops, with poses (M), at which it is not too steep.
+        """A sensor that reads at those of the ``stops``, with ``poses`` (M), at which its z axis is not too near horizontal.
 
         Raises
         ------
         GtpinError
-            If there are fewer than two.
+            If there are fewer than two such stops.
         """
         name, level = "level", np.abs(poses.R[:, :, 2] @ layout.up) >= STEEP
         if len(stops) < 2:

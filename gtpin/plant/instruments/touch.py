@@ -1,4 +1,4 @@
-"""Commands at which a machine touches: solved until the true machine, with all its errors, is where the row says."""
+"""Commands of touches: solved so that the true machine, with all its errors, touches what each row names."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ AWay = TypeVar("AWay", bound=Way)
 
 ROUNDS = 40
 EXACT = 2e-10
-"""What a touch may miss by, m; deflections agree to half of that."""
+"""Largest error of a solved touch, m; deflections are solved to half of it."""
 FARTHEST = 0.3
-"""Longest change of a command in a round, m or rad."""
+"""Largest change of a command in one step of Newton's method, m or rad."""
 SPARE = 3
-"""So many starts for each touch that is wanted."""
+"""Number of starting points for each wanted touch."""
 ROOM = 1e-2
-"""Share of a command's range at either end at which nobody touches."""
+"""Share of a command's range, at either end, without touches."""
 SINGULAR = 1e-3
-"""Smallest singular value, over the largest, of the target's motion by the commands that counts."""
+"""Singular values of the readings' derivative by the commands below this share of the largest count as zero."""
 
 
 def begun(
     gauge: Gauge, machine: Moved, pool: Floats, ranges: tuple[Floats, Floats], rng: np.random.Generator
 ) -> Floats:
-    """(M, n) commands at which a machine without effects makes the touches of a gauge's rows.
+    """(M, n) commands, m or rad, at which a machine without effects makes the touches of an instrument's rows.
 
     Parameters
     ----------
     pool
-        (P, n) commands all over the workspace, to start from the nearest.
+        (P, n) commands all over the workspace; the solution starts from the nearest.
     ranges
         (n,) lower and upper ends of the commands.
 
     Raises
     ------
     UnreachableError
-        If it can't make some of them.
+        If the machine can't make some of the touches.
     """
     alike, which = np.unique(_asked(gauge), axis=0, return_inverse=True)
     found = np.empty((len(gauge.stop), pool.shape[1]))
@@ -68,14 +68,14 @@ def begun(
 
 
 def felt(way: AWay, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[AWay, Bools]:
-    """A way whose stops touch, and (N,) which of them do; stops of no gauge stay.
+    """The stops of ``way`` with commands solved so that they touch, and (N,) which of them do; other stops are unchanged.
 
     Parameters
     ----------
     gauges
-        Those that are touched, each at stops of its own.
+        The touched instruments, each with its own stops.
     errors
-        (M, c) by how much each touch misses, of each gauge.
+        For each instrument, (M, c) errors of its touches: the readings that are solved for, m.
     """
     return _felt(way, gauges, np.concatenate([e.ravel() for e in errors]) if errors else np.zeros(0))
 
@@ -113,12 +113,12 @@ def _slope(gauge: Gauge, poses: Poses, by_command: Floats) -> tuple[Floats, Floa
 
 
 def _asked(gauge: Gauge) -> Ints:
-    """(M, a) what each row is to touch with what."""
+    """(M, a) indices of what each row touches, and with which target."""
     return np.column_stack([getattr(gauge, name) for name in gauge.by_row() if name != "stop"])
 
 
 def _all_like(gauge: Gauge, row: int, count: int) -> Gauge:
-    """A gauge all of whose rows, one at each of so many stops, ask for the same as one of its rows."""
+    """An instrument with ``count`` rows that all touch the same as row ``row``, each at its own stop."""
     same = {name: np.full(count, getattr(gauge, name)[row]) for name in gauge.by_row()}
     return type(gauge)(**{**vars(gauge), **same, "stop": np.arange(count)})
 

@@ -1,4 +1,4 @@
-"""Trackers: the laser tracker of other datasets, and a camera that looks at several targets."""
+"""Trackers: the laser tracker of datasets of schema 1, and a camera that measures several targets."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int_]
 
 AWAY, CLEAR = 2.0, 0.8
-"""Distance of a camera from the centre: so many radii of the workspace, and so many m."""
+"""Distance of a camera from the centre: the first number times the workspace's radius, plus the second, m."""
 SIDEWAYS, ALONG = 3e-5, 1e-4
-"""A camera's sigmas, m, at the workspace's centre, across and along the line of sight; they grow with the distance squared."""
+"""A camera's sigmas, m, at the workspace's centre, across and along the line of sight. They are proportional to the square of
+the distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tracker(Gauge):
-    """Pose of the TCP in the instrument's frame.
+    """z: the pose of the TCP in the instrument's frame.
 
     Parameters
     ----------
     sigmas
-        (M, 3) or (M, 6), m and rad; positions alone where there are three.
+        (M, 6) noise, m and rad, or (M, 3) where only positions are measured.
     free
-        Whether the dataset leaves the instrument's frame open.
+        Whether the instrument's frame is unknown: ``frame = "free"`` in the dataset.
     """
 
     kind: ClassVar[str] = "tracker"
@@ -44,7 +45,7 @@ class Tracker(Gauge):
 
     @staticmethod
     def drawn(poses: Poses, stops: Ints, noise: Noise, rng: np.random.Generator) -> Tracker:
-        """One that reads all stops, whose poses (M) are given, with the noise of other datasets."""
+        """A tracker that reads at all ``stops``, with ``poses`` (M), base frame, and with the noise of a tracker's dataset."""
         T, R = noise.elsewhere(rng) if noise.free else (np.zeros(3), np.eye(3))
         frame = (*T, *log(R))
         prior = np.inf if noise.free else 0.0
@@ -67,7 +68,7 @@ class Tracker(Gauge):
         return poses.moved(u[:3], exp(u[3:]))
 
     def readings(self, poses: Poses, u: Floats) -> Floats:
-        """See :class:`Gauge`; turns as rotation vectors, which only differences of near ones are good for."""
+        """See :class:`Gauge`; orientations as rotation vectors. Use :meth:`change` for differences of orientations."""
         return self.change(poses, Poses(np.zeros_like(poses.T), np.tile(np.eye(3), (len(poses), 1, 1))), u, u)
 
     def change(self, one: Poses, other: Poses, u: Floats, v: Floats) -> Floats:
@@ -103,16 +104,16 @@ class Tracker(Gauge):
 
 @dataclass(frozen=True, eq=False)
 class Camera(Gauge):
-    """Positions of several targets in the camera's frame, whose z axis is the line of sight.
+    """z: the position of a target in the camera's frame, whose z axis is the line of sight.
 
     Parameters
     ----------
     targets
-        What the dataset says of them.
+        The targets as the dataset declares them.
     target
-        (M,) index of each row's.
+        (M,) index of each row's target.
     sigmas
-        (M, 3) along the camera's axes, m: the table states them row by row.
+        (M, 3) noise along the camera's axes, m: the table states it row by row.
     """
 
     kind: ClassVar[str] = "tracker"
@@ -123,7 +124,8 @@ class Camera(Gauge):
 
     @staticmethod
     def drawn(layout: Layout, poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Camera:
-        """One that looks at the workspace from the side, and sees three targets at all stops, whose poses are given."""
+        """A camera at the side of the workspace that measures three targets at all ``stops``, with ``poses`` (M), base
+        frame."""
         name, targets = "camera", Targets.three()
         distance = AWAY * layout.radius + CLEAR
         place = np.array(layout.around(rng.uniform(-np.pi, np.pi), 0.3 * layout.radius, distance))

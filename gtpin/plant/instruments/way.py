@@ -1,4 +1,4 @@
-"""A machine at its stops, before anything is measured: its true poses, and what other commands would do to them."""
+"""A machine at its stops, before anything is measured: its true poses, and their derivative by the commands."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class Way(Protocol):
-    """N stops."""
+    """A machine at N stops."""
 
     @property
     def q(self) -> Floats:
@@ -27,20 +27,20 @@ class Way(Protocol):
 
     @property
     def poses(self) -> Poses:
-        """(N) true poses of the TCP as instruments see them, base frame; NaN out of reach."""
+        """(N) true poses of the TCP as instruments measure them, base frame; NaN out of reach."""
 
     def by_command(self) -> Floats:
-        """(N, 6, n) their derivative by the commands, less small effects: position and rotation vector, base frame."""
+        """(N, 6, n) derivative of the poses, position and rotation vector, base frame, by the commands; without effects."""
 
     def at(self, q: Floats) -> Self:
-        """The same stops with other commands, near by."""
+        """The same stops with other commands q (N, n), near the present ones."""
 
 
 class Moved(Protocol):
-    """A machine without effects, of any kind."""
+    """A machine of any kind, without effects."""
 
     def predict(self, q: Floats) -> Poses:
-        """Poses of the TCP at commands q (N, n), base frame; NaN where it can't go."""
+        """Poses of the TCP at commands q (N, n), base frame; NaN out of reach."""
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the poses by the commands: position and rotation vector, base frame."""
@@ -63,7 +63,7 @@ class AnArm:
 
 @dataclass(frozen=True, eq=False)
 class PlainWay:
-    """A machine without effects."""
+    """A machine without effects, as :class:`Way`."""
 
     machine: Moved
     q: Floats
@@ -87,16 +87,16 @@ class PlainWay:
 
 @dataclass(frozen=True, eq=False)
 class DayWay:
-    """A machine with effects in the course of a day.
+    """A machine with effects over a day, as :class:`Way`.
 
     Parameters
     ----------
     plant
-        The machine and its visits: these are the stops, in the order of time.
+        The machine and its visits, which are the stops, in the order of time.
     active
-        What it has.
+        Its effects, with their amplitudes.
     jitter
-        What goes by nothing at every visit.
+        Random deviations by the repeatability, at every visit.
     """
 
     plant: Plant
@@ -118,7 +118,8 @@ class DayWay:
         return self.plant.by_command()[:, :6]
 
     def at(self, q: Floats) -> Self:
-        """See :class:`Way`; last moves begin as far off as before, so that directions stay."""
+        """See :class:`Way`. The starts of the last moves shift with the commands, so that directions of approach do not
+        change."""
         visits = self.plant.visits
         moved = replace(visits, q=q, before=visits.before + (q - visits.q))
         return replace(self, plant=replace(self.plant, visits=moved))

@@ -1,1 +1,1 @@
-"""Virtual machines whose loops are no rods: a tree of joints, closed at points, with the effects of arms."""
+"""Virtual machines whose loops are not rods: trees of joints, closed at points, with the effects of arms."""

@@ -1,4 +1,4 @@
-"""What effects do to a machine with loops: what they do to an arm, and to the pins of joints that follow."""
+"""Deviations of a machine with loops: those of an arm, and those of the axes of all joints."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class LoopedDeviation(ArmDeviation):
     Parameters
     ----------
     seat
-        (N, J, 6) of the axes of all joints, those that follow as well: shift, m, and rotation vector, rad, in the joint's
-        frame as it stands on its parent.
+        (N, J, 6) change of the axes of all joints, including passive ones: shift, m, and rotation vector, rad, in the joint's
+        frame at coordinate zero.
     """
 
     seat: Floats
 
     @staticmethod
     def at_rest(visits: int, commanded: int, joints: int) -> LoopedDeviation:
-        """No change at all."""
+        """Zeros."""
         return LoopedDeviation(**vars(ArmDeviation.none(visits, commanded)), seat=np.zeros((visits, joints, 6)))

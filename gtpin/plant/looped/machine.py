@@ -1,4 +1,4 @@
-"""A machine with loops as it was really built: the joints that follow close its loops whatever is off."""
+"""A machine with loops as it was really built: its passive joints close the loops in spite of all deviations."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from gtpin.plant.poses import Poses
 Floats = npt.NDArray[np.float64]
 
 SHARE = 0.95
-"""Of each range, about its middle: what keeps a machine with loops from its ends is where they lead it badly."""
+"""Used share of each range, about its middle. Bad conditioning limits a machine with loops more than the ends of its ranges."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoopedMachine(ArmMachine):
-    """A machine with n commanded joints, and others that follow; see :class:`~gtpin.plant.arms.machine.ArmMachine`.
+    """A machine with n commanded joints and passive ones; see :class:`~gtpin.plant.arms.machine.ArmMachine`.
 
     Parameters
     ----------
@@ -44,21 +44,21 @@ class LoopedMachine(ArmMachine):
 
     @staticmethod
     def draw(robot: LoopedArm, rng: np.random.Generator) -> LoopedMachine:  # type: ignore[override]
-        """A machine off nominal by normal draws from the tolerances, and by some per cent in its masses."""
+        """A machine whose parameters deviate from nominal by normal draws from the tolerances, its masses by some per cent."""
         return LoopedMachine.nominal(robot).drawn(rng)
 
     def drawn(self, rng: np.random.Generator) -> Self:
-        """See :class:`~gtpin.plant.arms.machine.ArmMachine`: the points at which its loops close are off as well."""
+        """See :class:`~gtpin.plant.arms.machine.ArmMachine`; the points at which its loops close deviate as well."""
         machine = super().drawn(rng)
         return replace(machine, ends=self.robot.tolerance[:3] * rng.standard_normal(self.ends.shape))
 
     @cached_property
     def loops(self) -> Loops:
-        """Its loops, with the joints, and the points at which they close, where they really are."""
+        """Its loops, with the true placements of the joints and of the points at which the loops close."""
         return replace(self.robot.loops.with_ends_moved(self.ends), joints=self.joints)
 
     def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
-        """See :class:`~gtpin.plant.arms.machine.ArmMachine`: by the points at which the loops close as well."""
+        """See :class:`~gtpin.plant.arms.machine.ArmMachine`; also by the points at which the loops close."""
         columns, near, read = [], self.bodies(q)[0], tuple(poses.joints)
         for end, axis in np.ndindex(self.ends.shape):
             step = np.zeros(self.ends.shape)
@@ -75,7 +75,7 @@ class LoopedMachine(ArmMachine):
         Raises
         ------
         UnreachableError
-            If they do without the deviation.
+            If the loops close without the deviation but not with it.
         """
         x = self.loops.led(q) if near is None else near.x
         if deviation is None:
@@ -91,16 +91,17 @@ class LoopedMachine(ArmMachine):
 
     @cached_property
     def _ends(self) -> Floats:
-        """(J, 3) where the bodies end: what else sits on one moves with its end."""
+        """(J, 3) ends of the bodies, own frames, m: everything that is fixed to a body moves with its end."""
         return np.array([self.robot.next_frame(j).p for j in range(len(self.joints))])
 
     def unbent(self, visits: int) -> LoopedDeviation:
-        """A deviation of zero at a number of visits."""
+        """Deviations of zero at a number of visits."""
         return LoopedDeviation.at_rest(visits, self.n_carts, len(self.joints))
 
     @cached_property
     def region(self) -> tuple[Floats, Floats]:
-        """(n,) middles and half widths of the commands that it is sent to; about home where a range has no end."""
+        """(n,) middles and half widths of the ranges from which commands are drawn, rad or m; about home for an infinite
+        range."""
         lower, upper = self.robot.lower, self.robot.upper
         ended = np.isfinite(upper - lower)
         lower, upper = np.where(ended, lower, -np.pi), np.where(ended, upper, np.pi)

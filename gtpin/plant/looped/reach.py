@@ -1,4 +1,4 @@
-"""Which commands a machine with loops is sent to: all over its ranges, where the loops lead it about as well as at home."""
+"""Random commands of a machine with loops: all over its ranges, where it is about as well conditioned as at home."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gtpin.plant.looped.machine import LoopedMachine
 Floats = npt.NDArray[np.float64]
 
 CONDITIONED = 1.5
-"""Motion of the TCP by the commands, over that at home, beyond which nobody would measure."""
+"""Largest ratio of the TCP's motion by unit commands to that at home: commands with a larger one are not used."""
 RESOLUTION = 1e-6
-"""Commands are rounded to this, rad or m."""
+"""Step to which commands are rounded, rad or m."""
 TRIES = 50
 
 
@@ -45,6 +45,6 @@ def well_led(machine: LoopedMachine, count: int, rng: np.random.Generator) -> Fl
 
 
 def _gain(machine: LoopedMachine, q: Floats) -> Floats:
-    """(N,) motion of the TCP by unit motions of the commands; infinite where the machine can't go."""
+    """(N,) motion of the TCP by unit commands: the norm of its derivative; infinite out of reach."""
     gain = np.linalg.norm(machine.command_jacobian(q), axis=(1, 2))
     return np.where(np.isfinite(gain), gain, np.inf)

@@ -1,4 +1,4 @@
-"""A robot with loops that are no rods, as its URDF says it is: which joints follow, and where its links end."""
+"""A nominal robot whose loops are not rods, from its URDF: its passive joints, and the ends of its links."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gtpin.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class LoopedArm(Arm):
-    """The nominal robot: an arm some of whose joints follow, because loops close.
+    """The nominal robot: an arm with passive joints, which close its loops.
 
     Parameters
     ----------
@@ -27,12 +27,12 @@ class LoopedArm(Arm):
 
     @staticmethod
     def of(robot: Robot) -> LoopedArm:
-        """The robot: names and choices are the package's, numbers those of the URDF's text.
+        """The robot. Names and the choice of joints are from ``robot``, numbers from the URDF's text.
 
         Raises
         ------
         RobotError
-            If joints of it mimic others.
+            If a joint mimics another one.
         """
         loops = Loops.of(robot, {})
         gravity = np.array(robot.description.gravity)
@@ -40,12 +40,12 @@ class LoopedArm(Arm):
 
     @cached_property
     def closing(self) -> tuple[int, ...]:
-        """Indices of the joints that move the TCP: those on its way, and those of the loops."""
+        """Indices of the joints that move the TCP: those between base and TCP, and those of the loops."""
         return tuple(sorted({*self.way, *self.loops.closing}))
 
     @property
     def placed(self) -> tuple[int, ...]:
-        """See :class:`~gtpin.plant.arms.robot.Arm`: followers as well."""
+        """See :class:`~gtpin.plant.arms.robot.Arm`; passive joints are included."""
         return self.closing
 
     @cached_property
@@ -55,24 +55,24 @@ class LoopedArm(Arm):
 
     @cached_property
     def linked(self) -> tuple[int, ...]:
-        """See :class:`~gtpin.plant.arms.robot.Arm`: all but those on which a loop closes with no joint in between."""
+        """See :class:`~gtpin.plant.arms.robot.Arm`; without links that carry no joint, on which a loop closes directly."""
         return tuple(c for c in self.acting if self.counted[c] == self.tcp.joint or self._beyond(self.counted[c]))
 
     @cached_property
     def pins(self) -> tuple[int, ...]:
-        """Indices of the joints that follow and turn."""
+        """Indices of the passive revolute joints."""
         return tuple(j for j in self.loops.passive if not self.joints[j].slides)
 
     @property
     def pin_sites(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the passive revolute joints."""
         return tuple(self.joints[j].name for j in self.pins)
 
     def _beyond(self, joint: int) -> tuple[int, ...]:
         return tuple(j for j, other in enumerate(self.joints) if other.parent == joint)
 
     def onward(self, joint: int) -> tuple[int, ...]:
-        """See :class:`~gtpin.plant.arms.robot.Arm`; off the way: those up to the end of a loop."""
+        """See :class:`~gtpin.plant.arms.robot.Arm`; for a joint that is not on the way, those up to the end of its loop."""
         if joint in self.way:
             return super().onward(joint)
         found = [joint]
@@ -81,7 +81,7 @@ class LoopedArm(Arm):
         return tuple(found)
 
     def next_frame(self, joint: int) -> Frame:
-        """See :class:`~gtpin.plant.arms.robot.Arm`; the last one off the way ends where its loop closes."""
+        """See :class:`~gtpin.plant.arms.robot.Arm`; the last body of a loop ends at the point at which the loop closes."""
         line = self.onward(joint)
         if len(line) > 1 or joint == self.tcp.joint:
             return super().next_frame(joint)

@@ -1,4 +1,4 @@
-"""What a machine with loops is in at every visit: forces pass through the points at which its loops close."""
+"""Posture, loads and motion of a machine with loops at every visit. Forces act through the points at which loops close."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LoopedSituation(ArmSituation):
 
     @cached_property
     def _loads(self) -> tuple[Floats, Floats]:
-        """See :class:`~gtpin.plant.arms.situation.ArmSituation`: with the forces that keep the followers still."""
+        """See :class:`~gtpin.plant.arms.situation.ArmSituation`; with the forces in the loops that hold the passive joints."""
         force, moment = self._own()
         loops = self.machine.loops
         whole = self._carried(force.copy(), moment.copy())
@@ -38,7 +38,7 @@ class LoopedSituation(ArmSituation):
         return self._carried(force, moment)
 
     def _along(self, joint: int, force: Floats, moment: Floats) -> Floats:
-        """(N,) what pushes a joint along its coordinate, N m or N, of forces and moments about the base's origin."""
+        """(N,) load of a joint along its coordinate, N m or N, from forces and moments about the base's origin."""
         one = self.machine.joints[joint]
         push = force[:, joint]
         if not one.slides:
@@ -46,13 +46,13 @@ class LoopedSituation(ArmSituation):
         return np.asarray(np.einsum("ni,ni->n", push, self.bodies.seats[:, joint] @ one.axis))
 
     def carried_by(self, joint: int) -> tuple[Floats, Floats]:
-        """(N, 3) force, N, and moment about a joint's origin, N m, base frame, of all that any joint carries."""
+        """(N, 3) force, N, and moment about a joint's origin, N m, base frame, on everything that the joint carries."""
         force, moment = self._loads
         return force[:, joint], moment[:, joint] - np.cross(self.bodies.p[:, joint], force[:, joint])
 
     @property
     def leaning(self) -> Floats:
-        """(N, 3) moment on the base about its origin, base frame, in parts of what the joints that stand on it usually hold."""
+        """(N, 3) moment on the base about its origin, base frame, over the usual load of the joints on the base; no unit."""
         usual = sum(self.machine.robot.usual_moment(j) for j in self._standing)
         return np.asarray(self._loads[1][:, self._standing].sum(axis=1) / usual)
 
@@ -61,18 +61,19 @@ class LoopedSituation(ArmSituation):
         return [j for j, joint in enumerate(self.machine.joints) if joint.parent < 0]
 
     def unbent(self) -> LoopedDeviation:
-        """No deviation, to be filled in."""
+        """Deviations of zero, to be filled in."""
         return self.machine.unbent(len(self))
 
     def tilted(self, turn: Floats) -> LoopedDeviation:
-        """All that stands on the base turned about its origin by small rotation vectors (N, 3), base frame, rad."""
+        """Deviation that rotates everything on the base about the base's origin, by small rotation vectors (N, 3), base frame,
+        rad."""
         deviation, joints = self.unbent(), self.machine.joints
         for j in self._standing:
             deviation.seat[:, j] = np.hstack([np.cross(turn, joints[j].p), turn]) @ np.kron(np.eye(2), joints[j].R)
         return deviation
 
     def tip_load(self, cart: int) -> tuple[Floats, Floats]:
-        """See :class:`~gtpin.plant.arms.situation.ArmSituation`: of all that the link carries but its own weight."""
+        """See :class:`~gtpin.plant.arms.situation.ArmSituation`; the forces of the loops are included."""
         machine, j = self.machine, self.machine.robot.counted[cart]
         force, moment = self._loads[0][:, j], self._loads[1][:, j]
         weight = machine.masses[j] * machine.robot.gravity

@@ -1,1 +1,1 @@
-"""How each kind of result is shown: one file for each."""
+"""Presentations: text, table and figures of each kind of result, one file for each kind."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AccuracyPresentation(Presentation):
-    """An analysis as the table of its sensitivity."""
+    """An accuracy analysis; its table is that of the sensitivity."""
 
     accuracy: Accuracy
 
@@ -40,7 +40,7 @@ class AccuracyPresentation(Presentation):
 
 
 def save(found: Accuracy, folder: Path, *, force: bool) -> None:
-    """Write what the command writes."""
+    """Write the files that ``gtpin sensitivity`` writes."""
     with results_folder(folder, (*FILES, "report.html"), force=force) as new:
         write_accuracy(found, new)
         (new / "report.html").write_text(sensitivity_page(found, seed=found.seed), encoding="utf-8")

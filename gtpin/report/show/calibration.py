@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CalibrationPresentation(Presentation):
-    """A calibration as a table of its parameters."""
+    """A calibration; its table is that of its parameters."""
 
     calibration: Calibration
 
     def short(self) -> str:
-        """How many parameters from how many poses, and how well they fit."""
+        """Numbers of parameters and poses, the errors, and chi-square."""
         c = self.calibration
         if isinstance(c, ReadingsCalibration):
             what = f"{c.poses} readings"

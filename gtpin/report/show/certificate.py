@@ -15,12 +15,12 @@ from gtpin.report.certificate_words import headline, statement, why
 
 @dataclass(frozen=True)
 class CertificatePresentation(Presentation):
-    """A certificate as a table of its numbers."""
+    """A certificate; its table is that of its numbers."""
 
     certificate: Certificate
 
     def short(self) -> str:
-        """What is certified."""
+        """The certified uncertainty."""
         c = self.certificate
         return f"Certificate of {c.model.robot.name}\n{headline(c)}\n{statement(c)[0]}"
 
@@ -31,6 +31,6 @@ class CertificatePresentation(Presentation):
         return "\n".join([headline(c), *statement(c), *numbers]) + "\n"
 
     def table(self) -> pd.DataFrame:
-        """By symbol and site: value, standard uncertainty, unit, on how many poses it rests, and why it is blank."""
+        """By symbol and site: value, standard uncertainty, unit, numbers of poses and rows, and why it is blank."""
         rows = [row_of(q) for q in self.certificate.quantities]
         return pd.DataFrame(rows).set_index(["symbol", "site"])

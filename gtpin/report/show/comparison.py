@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ComparisonPresentation(Presentation):
-    """A comparison as a table of its models."""
+    """A comparison; its table has a row for each model."""
 
     comparison: Comparison
 
     def short(self) -> str:
-        """Which models, on how many poses."""
+        """The models with their mean errors, and the number of poses."""
         c = self.comparison
         models = ", ".join(f"{held.model} ({1e6 * held.position.mean():.0f} µm)" for held in c.held)
         return f"Comparison of models on {len(c.held[0].position)} held-out poses\nmean position error: {models}"
@@ -45,7 +45,7 @@ class ComparisonPresentation(Presentation):
 
 
 def save(comparison: Comparison, folder: Path, *, force: bool) -> None:
-    """Write what the command writes."""
+    """Write the files of the paper's ``compare`` command."""
     data = comparison.dataset
     if data is None:
         raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")

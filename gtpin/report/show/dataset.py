@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DatasetPresentation(Presentation):
-    """A dataset as a table of its rows."""
+    """A dataset; its table has a row for each measurement."""
 
     dataset: Dataset
 
     def short(self) -> str:
-        """How many poses and of what, and the columns."""
+        """Numbers of measurements and poses, the instruments, and the covariates."""
         data = self.dataset
         visits = len(set(data.pose.tolist()))
         if data.readings is not None:
@@ -42,7 +42,7 @@ class DatasetPresentation(Presentation):
         )
 
     def text(self) -> str:
-        """The few lines, the instrument, and the range of every column."""
+        """The text of :meth:`short`, the instruments, and the range of every column."""
         data = self.dataset
         lines = [self.short(), "", "instrument"]
         if data.readings is not None:
@@ -71,7 +71,7 @@ class DatasetPresentation(Presentation):
 
 
 def workspace(dataset: Dataset, view: str, color: str | None) -> Figure:
-    """Measured positions, coloured by a column of numbers; of readings, where the nominal TCP is."""
+    """Measured positions, or for readings the nominal TCP positions; coloured by a column of numbers."""
     if dataset.readings is not None:
         dataset = with_positions(dataset, robot_of(dataset))
     table = DatasetPresentation(dataset).table()

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 WIDTH = 120
-"""Letters of a line of text."""
+"""Characters of a line of text."""
 COLUMNS = ("effect", "site", "probability", "shrinkage", "parameter", "value", "sigma", "low", "high", "unit")
-"""Of the table of causes."""
+"""Columns of the table of causes."""
 
 
 @dataclass(frozen=True)
 class DiagnosisPresentation(Presentation):
-    """A diagnosis as a table of its causes' parameters."""
+    """A diagnosis; its table is that of its causes' parameters."""
 
     diagnosis: Diagnosis
 

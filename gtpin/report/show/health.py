@@ -13,12 +13,12 @@ from gtpin.report.health_words import advice, headline, power_words, unseen
 
 @dataclass(frozen=True)
 class HealthPresentation(Presentation):
-    """A check as a table of the smallest changes that it shows."""
+    """A check; its table is that of the smallest changes that its poses show."""
 
     check: HealthCheck
 
     def short(self) -> str:
-        """What has changed."""
+        """Verdict, changes and power."""
         c = self.check
         return f"Check against an earlier model: {c.verdict}\n{headline(c)}\n{power_words(c)}"
 

@@ -13,17 +13,17 @@ from gtpin.report.plan_words import plan_words, smallest_words, usual
 
 @dataclass(frozen=True)
 class PlanPresentation(Presentation):
-    """A plan as the table of its commands."""
+    """A plan; its table is that of its commands."""
 
     plan: PosePlan
 
     def short(self) -> str:
-        """What the poses are for, and what they tell."""
+        """The purpose of the poses, and what they can show."""
         worst = [f"{one.effect} at {one.site}: {smallest_words(one)}" for one in usual(self.plan.smallest)]
         return "\n".join([*plan_words(self.plan), *worst])
 
     def text(self) -> str:
-        """The sentences, and every number of what the poses tell."""
+        """The sentences, and the numbers of all changes or effects that the poses can show."""
         rows = [*map(asdict, self.plan.smallest), *map(asdict, self.plan.told)]
         table = [pd.DataFrame(rows).to_string(index=False)] if rows else []
         return "\n".join([*plan_words(self.plan), *table]) + "\n"

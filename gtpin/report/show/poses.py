@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PosesPresentation(Presentation):
-    """Poses as a table of positions and quaternions."""
+    """Poses; their table has positions and quaternions."""
 
     poses: Poses
 
     def short(self) -> str:
-        """How many, and the box that they span."""
+        """The number of poses, and the box that they span."""
         poses = self.poses
         there = poses.T[poses.reached]
         first = f"Poses: {len(poses)}"
@@ -33,7 +33,7 @@ class PosesPresentation(Presentation):
         return f"{first}\n{', '.join(f'{axis} {low:.4f} to {high:.4f}' for axis, low, high in ends)} m"
 
     def text(self) -> str:
-        """The few lines, and the table."""
+        """The text of :meth:`short`, and the table."""
         return f"{self.short()}\n\n{self.table().to_string(max_rows=60)}\n"
 
     def table(self) -> pd.DataFrame:

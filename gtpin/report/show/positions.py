@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 VIEWS = ("xy", "xz", "yz")
-"""Pairs of axes that positions are seen along."""
+"""Pairs of axes of a map of positions."""
 
 
 def position_map(
@@ -28,16 +28,16 @@ def position_map(
     color: npt.NDArray[np.float64] | None = None,
     color_title: str = "",
 ) -> Figure:
-    """Positions (N, 3), m, seen along two of their axes.
+    """A map of positions (N, 3), m, over two of their axes.
 
     Parameters
     ----------
     names
-        (N,) of the poses.
+        (N,) names of the poses.
     view
-        ``xy``, ``xz`` or ``yz``.
+        The two axes: ``xy``, ``xz`` or ``yz``.
     color
-        (N,) values that colour them.
+        (N,) values that determine the colours.
     """
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")

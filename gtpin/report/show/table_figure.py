@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 ROW = 26
 """Height of a row, in pixels."""
 LEAST = 8
-"""Letters that the narrowest column has room for."""
+"""Width of the narrowest column, in characters."""
 MOST = 600
-"""Height beyond which the table scrolls."""
+"""Largest height of the figure, in pixels; a higher table scrolls."""
 
 
 def table_figure(table: Table, title: str) -> Figure:

@@ -1,1 +1,1 @@
-"""Causes of error of open chains, and of machines with loops that are no rods."""
+"""Causes of error of open chains, and of machines whose loops are not rods."""

@@ -1,4 +1,4 @@
-"""Errors of a joint's axis: it wanders as the joint moves, and gives way across itself under moments."""
+"""Errors of a joint's axis: error motions as the joint moves, and compliance of its bearing under moments."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from gtpin.plant.fields import Field, curve, uneven_curve
 from gtpin.plant.rotations import across
 
 MOTIONS = np.array([2e-5, 2e-5, 7e-6, 5e-5, 5e-5, 0.0])
-"""Radial and axial, m, and tilt, rad, about two axes across (ISO 230-7); cross-roller bearings of small arms run out by 5 to
-20 um at their own diameter, which is some 0.1 m."""
+"""Typical error motions (ISO 230-7): two radial and one axial, m; tilt about two axes across the joint's, rad; no rotation
+about it. Cross-roller bearings of small arms have a runout of 5 to 20 um at their diameter of about 0.1 m."""
 
 
 def axis_motion(site: Site, rng: np.random.Generator) -> Cause:
-    """20 um and 50 urad: the axis moves and tilts once a turn and oftener, the more slowly the more; a few per cent with load.
+    """20 um and 50 urad: the axis shifts and tilts with the joint's angle, slow changes being the largest; some per cent by
+    load.
 
-    A smooth closed curve of the angle and not a series of harmonics. A sliding joint strays and rolls along its guide.
+    The error motion is a random smooth periodic function of the angle, not a series of harmonics. A prismatic joint has
+    straightness errors and rolls along its guide.
     """
     fields = [Field.draw(rng, [0.8, 0.8]) for _ in range(6)]
     curves = [uneven_curve(rng, -REACH, REACH) for _ in range(6)]
@@ -46,10 +48,10 @@ def axis_motion(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def bearing_compliance(site: Site, rng: np.random.Generator) -> Cause:
-    """60 urad at the moment that the joint usually carries: a bearing that tilts about the two axes across its own.
+    """60 urad at the joint's usual moment: a bearing that tilts about the two axes across the joint's axis.
 
-    Cross-roller bearings of strain-wave units give by 1e-6 to 1e-5 rad per N m. Stiffer under more load, softer in places
-    of the turn, unequal about the two axes, with a little of each about the other.
+    Cross-roller bearings of strain-wave units have a compliance of 1e-6 to 1e-5 rad/(N m). It decreases with the load, depends
+    on the joint's angle, differs between the two axes, and has a small coupling of them.
     """
     exponent, softer = rng.uniform(0.75, 0.95), curve(rng, -REACH, REACH, 0.35)
     give, part = rng.uniform(0.6, 1.4, 2), rng.uniform(0.02, 0.1)

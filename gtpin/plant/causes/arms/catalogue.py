@@ -1,4 +1,4 @@
-"""All kinds of error of robots without rods: those of the contract's tables, and those that are in no catalogue."""
+"""All kinds of error of robots without rods: those of the catalogue, and unlisted ones."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ ARM_CATALOGUE = (
     Kind("tracker_scale", "frame", instrument.tracker_scale, largest=6.0),
     Kind("target_offset", "platform", instrument.target_offset, largest=5.0),
 )
-"""The contract's tables. What no machine exceeds, at ``largest`` times the typical size:
+"""The effects of the catalogue. At ``largest`` times the typical size, an error is as large as on the worst machines:
 
-- ``encoder_scale`` 1e-3: a belt's pitch is off by no more, and a wrong gear ratio by far more.
-- ``linearity`` 1 mrad rms: 0.1 degrees are stated of magnetic ring encoders that are mounted badly.
-- ``rack_periodic`` 0.5 mrad: strain-wave gears' kinematic error, as its docstring says.
-- ``backlash`` 1 mrad to either side, 7 arc minutes in all: planetary gears of the ordinary grade; robots' gears have fewer.
-- ``cross_coupling`` 1 mrad: cables and belts that turn a joint of 1e4 N m/rad by their 10 N m.
-- ``joint_compliance`` 1.5 mrad at the usual load: what a strain-wave gear winds up by at its rated torque.
-- ``bearing_compliance`` 0.36 mrad at the usual moment: cross-roller units tilt by some 1 mrad at the moment that they allow,
-  and the usual one is 0.4 of it.
-- ``axis_motion`` 0.1 mm and 0.25 mrad: a seat that is machined badly, or a bent flange.
+- ``encoder_scale`` 1e-3: the pitch error of a belt is smaller; a wrong gear ratio causes much more.
+- ``linearity`` 1 mrad rms: badly mounted magnetic ring encoders are stated with 0.1 degrees.
+- ``rack_periodic`` 0.5 mrad: kinematic error of strain-wave gears, as its docstring says.
+- ``backlash`` 1 mrad to either side, 7 arc minutes in all: ordinary planetary gears; gears of robots have less.
+- ``cross_coupling`` 1 mrad: cables and belts with 10 N m on a joint of 1e4 N m/rad.
+- ``joint_compliance`` 1.5 mrad at the usual load: wind-up of a strain-wave gear at its rated torque.
+- ``bearing_compliance`` 0.36 mrad at the usual moment: cross-roller units tilt by about 1 mrad at the permitted moment, and the
+  usual moment is 0.4 of it.
+- ``axis_motion`` 0.1 mm and 0.25 mrad: a badly machined bearing seat, or a bent flange.
 - ``joint_clearance`` 0.4 mrad to either side.
 - ``link_compliance`` 1 mrad over a link at half of the usual moment.
-- ``thermal_links`` 9.2e-5/K: unfilled ABS and polyamide, 0.7e-4 to 1.0e-4/K; aluminium has 2.3e-5, and no material of links
-  more than plastics (handbook tables of linear expansion).
-- ``tracker_scale`` 120 ppm, 10 K on a part of steel whose temperature is entered wrongly, of which what goes with the air is
-  then 0.9 ppm/K: the refractive index of air changes by 1 ppm/K (Ciddor 1996), and a scale can't vary faster.
+- ``thermal_links`` 9.2e-5/K: unfilled ABS and polyamide have 0.7e-4 to 1.0e-4/K, aluminium 2.3e-5/K; no material of links
+  expands more than plastics (handbook tables of linear expansion).
+- ``tracker_scale`` 120 ppm: a steel part whose temperature is entered with an error of 10 K. The part that varies with the
+  temperature of the air is then 0.9 ppm/K: the refractive index of air changes by 1 ppm/K (Ciddor 1996).
 """
 ARM_UNLISTED = (
     Kind("creep", "joints", unlisted.creep, ("payload",)),
@@ -55,17 +55,17 @@ ARM_UNLISTED = (
     Kind("whip", "links", unlisted.whip, ("speed",)),
     Kind("nest_tilt", "platform", unlisted.nest_tilt),
 )
-"""What is in no catalogue."""
+"""Unlisted effects."""
 
 
 def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
-    """The same kinds on robots with loops: what goes by a load needs a push on the tool.
+    """The same kinds for robots with loops: effects of a load also need forces on the tool.
 
-    Gravity does not load the drives of a level loop, nor the bearings of an upright one across its plane.
+    Gravity does not load the drives of a loop in a horizontal plane, nor the bearings of a loop in a vertical plane across it.
     """
     return tuple(replace(kind, needs=(*kind.needs, "force")) if "payload" in kind.needs else kind for kind in kinds)
 
 
 LOOPED_CATALOGUE = pushed(ARM_CATALOGUE)
 LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", pins.worn_pin, ("payload",))))
-"""The same on robots with loops that are no rods."""
+"""Unlisted effects of robots whose loops are not rods."""

@@ -1,4 +1,4 @@
-"""Errors of a joint's coordinate: what its encoder, gear and servo get wrong."""
+"""Errors of a joint's coordinate: of its encoder, gear and servo."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from gtpin.plant.fields import Field, curve, uneven_curve
 Floats = npt.NDArray[np.float64]
 
 SLIDING = 0.3
-"""m of a sliding joint for one rad of a turning one: at 0.3 m from the axis they move the TCP alike."""
+"""Error of a prismatic joint, m, over that of a revolute one, rad: both then move a TCP at 0.3 m from the axis equally."""
 
 
 def turned(now: ArmSituation, site: Site, angle: Floats) -> ArmDeviation:
-    """A joint that is off by an angle (N,), rad; a sliding one by the length that goes with it."""
+    """The error of a joint by an angle (N,), rad; for a prismatic joint, by ``SLIDING`` times as many m."""
     deviation = now.unbent()
     deviation.travel[:, site.cart] = angle * (SLIDING if now.machine.robot.slides[site.cart] else 1.0)
     return deviation
 
 
 def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
-    """100 ppm of the angle, a few of them not constant: a pitch error of a belt stage, or counts lost on a sliding joint."""
+    """100 ppm of the coordinate, some of them not constant: pitch error of a belt stage, or lost counts of a prismatic
+    joint."""
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.01, 0.03)
     sign = rng.choice([-1.0, 1.0])
 
@@ -39,16 +40,16 @@ def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def linearity(site: Site, rng: np.random.Generator) -> Cause:
-    """0.1 mrad: smooth over the range, with rough patches, at times a step (absolute encoders: 20 to 100 arc seconds)."""
+    """0.1 mrad: smooth over the range, rough in places, sometimes with a step (absolute encoders: 20 to 100 arc seconds)."""
     error = uneven_curve(rng, -REACH, REACH)
     return lambda now: turned(now, site, 1e-4 * error(now.places[:, site.cart]))
 
 
 def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
-    """0.1 mrad: one to three lines of 1 to 100 periods a turn, the first of them a whole number every other time.
+    """0.1 mrad: one to three lines of 1 to 100 periods a turn; in half of the cases whole numbers.
 
-    Strain-wave gears have kinematic errors of 0.1 to 0.5 mrad at two a turn of the input and its neighbours, eccentric
-    encoders one a turn. Amplitudes swell and fade a little over the range, and a line has a weak harmonic.
+    Strain-wave gears have kinematic errors of 0.1 to 0.5 mrad with two periods a turn of the input and neighbouring numbers,
+    eccentric encoders one a turn. The amplitudes vary a little over the range, and each line has a weak second harmonic.
     """
     a_turn = np.array(periods) if periods else _drawn_periods(rng)
     lines = len(a_turn)
@@ -71,7 +72,7 @@ def _drawn_periods(rng: np.random.Generator) -> Floats:
 
 
 def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
-    """0.1 mrad from session to session (homing, a battery changed, a crash), of which some per cent settle."""
+    """0.1 mrad between sessions (homing, a changed battery, a crash), of which some per cent change early in a session."""
     shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
 
     def cause(now: ArmSituation) -> ArmDeviation:
@@ -83,20 +84,20 @@ def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def backlash(site: Site, rng: np.random.Generator) -> Cause:
-    """0.07 mrad to either side (lost motion of strain-wave gears is below 1 arc minute, 0.3 mrad, end to end).
+    """0.07 mrad to either side (lost motion of strain-wave gears is below 1 arc minute, 0.3 mrad, in all).
 
-    The side is that of the last move's friction and of the load together, so a joint that gravity loads hard stays on the
-    load's side; a vertical axis has friction alone. The gap is wider where the teeth are worn.
+    The sum of friction in the last move and load decides the side: a joint with a large load by gravity stays on the side of
+    the load; a vertical axis has friction alone. The play is larger where the teeth are worn.
     """
     drag, soft = rng.uniform(1.0, 4.0), rng.uniform(0.05, 0.2)
     wear, worn = rng.uniform(0.03, 0.15), curve(rng, -REACH, REACH, 0.35)
-    taken = rng.uniform(0.003, 0.006)  # rad of motion until the friction has turned
+    taken = rng.uniform(0.003, 0.006)  # rad of motion until the friction has changed its sign
 
     def cause(now: ArmSituation) -> ArmDeviation:
         cart, q = site.cart, now.q[:, site.cart]
         usual = now.machine.usual_load(cart)
         friction = drag * now.visits.approach[:, cart] * np.tanh(np.abs(q - now.visits.before[:, cart]) / taken)
-        # Friction resists the move: the output stays behind, where the last move came from.
+        # Friction opposes the move, so the output stays on the side from which the last move came.
         side = np.tanh((now.load(cart) / usual - friction) / soft)
         return turned(now, site, 7e-5 * side * (1.0 + wear * worn(now.places[:, cart])))
 
@@ -104,7 +105,7 @@ def backlash(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
-    """0.5 ms of the speed, a part of the acceleration, and less at high speed, where feed-forward helps."""
+    """0.5 ms times the speed, less at high speed, where feed-forward helps, and a part proportional to the acceleration."""
     saturation, inertia = rng.uniform(0.0, 0.8), rng.uniform(0.5e-5, 2e-5)
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.0, 0.12)
 
@@ -119,9 +120,10 @@ def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
-    """0.1 mrad with the joints next to this one: wrist gears that pass through each other, belts along the forearm.
+    """0.1 mrad by the coordinates of the neighbouring joints: nested wrist gears, belts along the forearm.
 
-    Mostly in proportion to the neighbours' angles, with a smooth part and one that goes with this joint's angle.
+    Mostly proportional to the neighbours' coordinates, with a smooth function of them, and a part that also depends on this
+    joint's coordinate.
     """
     slopes, field = rng.standard_normal(2), Field.draw(rng, [0.6, 0.6])
     own, part = Field.draw(rng, [0.6, 0.6, 0.6]), rng.uniform(0.05, 0.2)

@@ -1,4 +1,4 @@
-"""What grows with temperature: links, later than the sensor says, and unevenly."""
+"""Thermal expansion of links. It is not uniform, and follows the sensor with a delay."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from gtpin.plant.causes.cause import Cause, Site
 from gtpin.plant.fields import curve
 
 ALUMINIUM = 23e-6
-"""Expansion, 1/K."""
+"""Coefficient of linear expansion, 1/K."""
 
 
 def thermal_links(site: Site, rng: np.random.Generator) -> Cause:
-    """Aluminium links, from their own joint to the next: warmer or cooler and later than the sensor, each its own way."""
+    """Aluminium links that expand from their own joint to the next; each is warmer or cooler than the sensor, with a delay."""
     count = len(site.rods)
     warmer, delays = rng.normal(1.0, 0.06, count), rng.uniform(0.0, 150.0) + rng.uniform(0.0, 40.0, count)
     local, part = [curve(rng, 0.0, 1.0, 0.25, "twice") for _ in range(count)], rng.uniform(0.01, 0.04)

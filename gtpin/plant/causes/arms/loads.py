@@ -1,4 +1,4 @@
-"""What gives way under load: drives about their axes, play, and links that bend and twist."""
+"""Errors by loads: compliance of drives about their axes, play, bending and torsion of links."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from gtpin.plant.fields import curve
 Floats = npt.NDArray[np.float64]
 
 WEIGHT = 3.0 / 8.0
-"""Of a beam's own weight at its end, to bend it as its weight does."""
+"""Share of a beam's weight that, at the beam's end, deflects the end as much as the distributed weight does."""
 
 
 def joint_compliance(site: Site, rng: np.random.Generator) -> Cause:
-    """0.15 mrad at the torque that the joint usually holds: a gear that winds up, stiffer under more of it.
+    """0.15 mrad at the joint's usual torque: wind-up of a gear whose stiffness increases with the torque.
 
-    Strain-wave gears of 5 to 30 kN m/rad under 10 to 60 N m wind up by 1 to 3 mrad, of which controllers take off most.
-    Some hysteresis by the last move's direction, and softer in places of the turn.
+    Strain-wave gears of 5 to 30 kN m/rad wind up by 1 to 3 mrad under 10 to 60 N m; controllers compensate most of it. There is
+    some hysteresis by the direction of approach, and the compliance varies over the turn.
     """
     exponent, friction = rng.uniform(0.75, 0.95), rng.uniform(0.0, 0.05)
     softer, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.02, 0.08)
@@ -40,7 +40,7 @@ def joint_compliance(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def joint_clearance(site: Site, rng: np.random.Generator) -> Cause:
-    """0.07 mrad to either side, taken up by a tenth of the usual load, and 2 um of play in the bearing on the same occasion."""
+    """0.07 mrad to either side, reached at about a tenth of the usual load, and 2 um of play in the bearing along the force."""
     seated, wider = rng.uniform(0.03, 0.15), rng.uniform(0.0, 0.1)
     uneven, part = curve(rng, -REACH, REACH, 0.35), rng.uniform(0.01, 0.05)
 
@@ -57,10 +57,10 @@ def joint_clearance(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
-    """0.1 mrad over a link at the moment at its end: beams that bend and twist, each at its root a little on its own.
+    """0.1 mrad over a link by the load at its end: bending and torsion of beams, with some compliance at the root of each.
 
-    Aluminium tubes of small arms have E I of 1e4 to 1e5 N m^2. ``arm``: all links of one section; one link: its own, made for
-    its load.
+    Aluminium tubes of small arms have E I of 1e4 to 1e5 N m^2. ``arm``: all links have the same cross section. A single link:
+    its cross section is made for its load.
     """
     exponent, softer_twist = rng.uniform(0.85, 1.0), rng.uniform(1.2, 1.8)
     each = rng.normal(1.0, 0.1, len(site.rods)).clip(0.6, 1.4)
@@ -83,7 +83,8 @@ def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
 def _beam(
     now: ArmSituation, link: int, flexibility: Floats, softer_twist: float, root: float, exponent: float
 ) -> Floats:
-    """(N, 6) shift, m, and turn, rad, of a link's end: a cantilever of 1/EI ``flexibility`` (3,) along the link's axes."""
+    """(N, 6) shift, m, and rotation, rad, of a link's end, link's frame: a cantilever with 1/EI ``flexibility`` (3,), 1/(N
+    m^2), about the axes of that frame."""
     machine = now.machine
     j = machine.robot.counted[link]
     end = machine.robot.next_frame(j).p

@@ -1,4 +1,4 @@
-"""Errors of the pins of joints that follow, in machines with loops; in no catalogue."""
+"""Errors of the pins of passive joints in machines with loops; unlisted."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gtpin.plant.rotations import across
 
 
 def worn_pin(site: Site, rng: np.random.Generator) -> Cause:
-    """A pin with 20 um of play, which lies where its force presses it, and rolls up its hole with the last move.
+    """A pin with 20 um of play: the force presses it to one side of its hole, and the last move rolls it along the hole's wall.
 
-    A running fit H7/f7 of 10 mm has 13 to 43 um (ISO 286). The hole is worn out of round.
+    A running fit H7/f7 of 10 mm has 13 to 43 um (ISO 286). The worn hole is not round.
     """
     seated, roll = rng.uniform(0.03, 0.15), rng.uniform(0.05, 0.3)
     worn, way = rng.uniform(0.1, 0.5), rng.uniform(0.0, 2.0 * np.pi)

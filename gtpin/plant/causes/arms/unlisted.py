@@ -1,4 +1,4 @@
-"""Errors of arms that no catalogue has."""
+"""Unlisted errors of arms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gtpin.plant.looped.situation import LoopedSituation
 
 
 def creep(site: Site, rng: np.random.Generator) -> Cause:
-    """A joint that creeps under its load and recovers in the course of minutes: 0.1 mrad, by what it held lately."""
+    """A joint that creeps under its load and recovers within minutes: 0.1 mrad, by its earlier loads."""
     constant, memory = rng.uniform(200.0, 1500.0), rng.uniform(0.6, 0.95)
 
     def cause(now: ArmSituation) -> ArmDeviation:
@@ -29,7 +29,7 @@ def creep(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def dress_pack(site: Site, rng: np.random.Generator) -> Cause:
-    """A cable bundle across two joints pulls the first of them by how it lies and how it came to lie there: 0.1 mrad."""
+    """A cable bundle along two joints pulls the first of them, by its position and by the path to this position: 0.1 mrad."""
     field, width = Field.draw(rng, [0.5, 0.5]), rng.uniform(0.1, 0.3)
     stick = rng.uniform(0.4, 1.0)
 
@@ -44,7 +44,8 @@ def dress_pack(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def loose_foot(site: Site, rng: np.random.Generator) -> Cause:
-    """A base that lifts off one of its feet when the arm leans to the other side: 0.1 mrad, one-sided, and it rattles."""
+    """A base that lifts off one of its feet when the arm leans to the other side: 0.1 mrad, to one side only, with
+    hysteresis."""
     angle, edge = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 0.4)
     lag = rng.uniform(0.02, 0.1)
 
@@ -63,7 +64,7 @@ def loose_foot(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def sunny_side(site: Site, rng: np.random.Generator) -> Cause:
-    """A motor heats one side of its link, which bends away from it: 50 urad per K of links over frame, later."""
+    """A motor heats one side of its link, which bends away from it, with a delay: 50 urad per K between link and frame."""
     delay, way = rng.uniform(100.0, 900.0), rng.standard_normal(3)
     (link,) = site.rods
 
@@ -83,7 +84,8 @@ def sunny_side(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def loose_gripper(site: Site, rng: np.random.Generator) -> Cause:
-    """A tool that shifts on its flange as it is tilted, until it is tilted the other way: 50 um, more with payload."""
+    """A tool that shifts on its flange when it is tilted, and back when it is tilted the other way: 50 um, more with
+    payload."""
     ways, width = rng.standard_normal((2, 3)), rng.uniform(0.15, 0.5)
     directions, heavy = rng.standard_normal((2, 3)), rng.uniform(0.5, 2.0)
 
@@ -101,7 +103,7 @@ def loose_gripper(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def slipping_disc(site: Site, rng: np.random.Generator) -> Cause:
-    """An encoder disc that slips on its hub with hard reversals: 0.1 mrad in all, at random to either side."""
+    """An encoder disc that slips on its hub at reversals of long moves: 0.1 mrad in all, in random directions."""
     slips, hard = rng.standard_normal(4096), rng.uniform(0.5, 0.8)
 
     def cause(now: ArmSituation) -> ArmDeviation:
@@ -115,7 +117,7 @@ def slipping_disc(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def whip(site: Site, rng: np.random.Generator) -> Cause:
-    """A link that still swings when it is measured: by speed and acceleration of its joint, more when stretched; 50 urad."""
+    """A link that still vibrates when it is measured: 50 urad, by speed and acceleration of its joint, more when stretched."""
     lean, loose = rng.standard_normal(3), curve(rng, -REACH, REACH, 0.3)
     (link,) = site.rods
 
@@ -125,7 +127,7 @@ def whip(site: Site, rng: np.random.Generator) -> Cause:
         size = (np.tanh(speed / 0.1) + 2.0 * acceleration) * arm * (1.0 + 0.4 * loose(now.places[:, link]))
         deviation, turn = now.unbent(), 1e-4 * size[:, None] * lean
         deviation.tip[:, link, 3:] = turn
-        if isinstance(now, LoopedSituation):  # a turn alone is all but taken up by the joint that follows there
+        if isinstance(now, LoopedSituation):  # the passive joint there compensates nearly all of a rotation alone
             end = now.machine.robot.next_frame(now.machine.robot.counted[link]).p
             deviation.tip[:, link, :3] = np.cross(turn, 0.5 * end)
         return deviation
@@ -134,7 +136,7 @@ def whip(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def nest_tilt(site: Site, rng: np.random.Generator) -> Cause:
-    """The target's nest rocks on its magnet: 30 um by how the arm came to rest, and by where down is for it."""
+    """The target rocks in its magnetic nest: 30 um, by the direction of the last move and by the direction of gravity."""
     rock, lean = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
     sharp, swift = rng.uniform(0.2, 0.5), rng.uniform(0.5, 2.0)
 
