@@ -60,9 +60,9 @@ class Priors:
     """Smallest temperature: gains in log evidence are divided by it to compute probabilities. Measured: docs/priors.md."""
     warming: float = 0.004
     """Increase of the temperature for each nat of evidence: the larger an effect is, the more its difference from its equation
-    shows. Measured."""
+    shows. Measured: calibrated probabilities, docs/blind.md."""
     warmest: float = 6.0
-    """Largest temperature. Measured."""
+    """Largest temperature. Measured: docs/blind.md."""
 
     # Proxies of covariates that were not recorded.
     not_recorded: float = 0.2
