@@ -1,4 +1,4 @@
-"""Identify a geometry from measured poses, see what the data can't tell, and check it on poses that were not fitted."""
+"""Identify a geometry from measured poses, list what the data do not determine, and check it on poses that were not fitted."""
 
 import numpy as np
 

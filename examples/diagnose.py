@@ -1,4 +1,4 @@
-"""Ask what a calibrated geometry leaves out: one cause, several at once, or something that no catalogue has."""
+"""Diagnose what a calibrated geometry does not explain: one cause, several at once, or a cause that is in no catalogue."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Export a calibrated robot to MuJoCo, drive it there, and compare with gtpin. Needs `pip install ".[mujoco]"`."""
+"""Export a calibrated robot to MuJoCo, move it there, and compare its pose with gtpin's. Needs `pip install ".[mujoco]"`."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""Load a robot, close its loops, move it there and back."""
+"""Load a robot, close its loops, and move it to commands and back."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""An effect of one's own: a cable chain that pulls a cart back, its size in the pose, and its exact use in a model."""
+"""An effect of one's own: a cable chain that pulls a cart back, how far it moves the pose, and its exact use in a model."""
 
 import numpy as np
 

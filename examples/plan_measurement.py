@@ -1,4 +1,4 @@
-"""Plan the next measurement: the poses that tell most about the geometry, and those that tell rival causes apart."""
+"""Plan the next measurement: the poses that determine the geometry best, and those that distinguish two possible causes."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How manufacturing tolerances spoil a Stewart platform's accuracy over its workspace: Monte Carlo against the Jacobian.
+"""The pose error of a Stewart platform that manufacturing tolerances cause: Monte Carlo compared with the Jacobian.
 
 After Wang and Masory, "On the accuracy of a Stewart platform. I. The effect of manufacturing tolerances", ICRA 1993: machines
 are drawn whose joints and legs are off by their tolerances, and sent where the nominal geometry says. The Jacobian's

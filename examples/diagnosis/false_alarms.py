@@ -46,7 +46,7 @@ def bound(alarms: int, machines: int) -> float:
 def table(records: pd.DataFrame) -> str:
     """Alarms by rate, with bounds."""
     lines = [
-        "| poses | noise declared |" + "".join(f" asked for {rate:g} |" for rate in RATES),
+        "| poses | noise declared |" + "".join(f" `--false-alarm {rate:g}` |" for rate in RATES),
         "|---|---|" + "---|" * len(RATES),
     ]
     for (poses, declared), rows in records.groupby(["poses", "declared"], sort=False):

@@ -109,7 +109,7 @@ Results:
   link 3c, and the printed track directions of 3a and 3b have smaller norms than that of 3c.
 - Models 2 and 3 do not have the paper's order. According to Table II's costs, the rotation of the plate contributes {asked:.0f}
   micrometres of rod length to the residual of link 1; according to the geometry of Table II, {given:.0f}. So the change from the reduced arm (models 1 and 2) to the full arm (models 3 to 5) reduces the error less than in the paper.
-- The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws, because the errors of the links of a cluster are correlated, and because the poses are held out.
+- The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws, because the errors of the links of one cart are correlated, and because the poses are held out.
 - Models 4 and 5 differ only in link 1 and cart 3, and their errors are close: {gap:.1f} um apart in the mean on the twin's grid and {other_gap:.1f} um on that of Table III, where 4 > 5 in {other} draws. The paper prints 10 um; its own Table II gives
   {from_table2:.1f} um (Table I from Table II, above).
 - Of {fits} comparisons of a model by the pose cost in these draws, {aside} set poses aside as gross errors.

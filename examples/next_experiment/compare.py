@@ -152,7 +152,8 @@ def measured(truth: str, rival: str, machine: int) -> list[dict[str, float]]:
 def table(records: pd.DataFrame) -> str:
     """Means by pair of effects."""
     lines = [
-        "| truth | rival | planned (expected) | random (expected) | planned told more | settled by planned, random, of open |",
+        "| true effect | alternative | planned (expected) | random (expected) | planned added more "
+        "| settled by planned, random, of open |",
         "|---|---|---|---|---|---|",
     ]
     total = np.zeros(3, dtype=int)

@@ -85,7 +85,7 @@ def _scores(record: str) -> str:
     lines = ["| machine | failed | " + " | ".join(MACHINE.values()) + " |", "|---" * (len(MACHINE) + 2) + "|"]
     for machine, score in _record(record).items():
         rows = {row["figure"]: row for row in score["figures"]}
-        cells = [f"{value(rows[name])} of {rows[name]['of']}" for name in MACHINE]
+        cells = [value(rows[name]) + (f" of {rows[name]['of']}" if rows[name]["of"] else "") for name in MACHINE]
         lines.append(f"| `{machine}` | {len(score['failures'])} of {score['cases']} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

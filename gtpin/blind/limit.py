@@ -110,7 +110,7 @@ class Enumeration(Generic[K]):
         return max([NOTHING, *self.singles.values(), *pairs, *threes], key=worth)
 
     def _larger(self, models: Iterable[Posterior[K]]) -> list[Larger[K]]:
-        """Each of the models with each further hypothesis. If two lead to the same set of hypotheses, only the better is kept."""
+        """Each of the models with each further hypothesis. Of two with the same set of hypotheses, only the better is kept."""
         found: dict[frozenset[K], Larger[K]] = {}
         for model in models:
             for term, (gain, scale) in all_gains(self.groups, model, self._others(model.terms)).items():

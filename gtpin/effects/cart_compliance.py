@@ -48,8 +48,8 @@ class CartCompliance(Effect):
     """
 
     id = "cart_compliance"
-    title = "the cart gives way and tips under the forces of its links"
-    clause = "{site} gives way under the forces of its links"
+    title = "the cart moves and tilts under the forces of its links"
+    clause = "{site} moves and tilts under the forces of its links"
     remedy = "Check carriage preload and pinion stiffness; use the corrected model with the payload given."
     coefficient = ("along", "m/N")
     exported_as = "cart_springs"

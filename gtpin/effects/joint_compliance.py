@@ -38,8 +38,8 @@ class JointCompliance(Effect):
     """
 
     id = "joint_compliance"
-    title = "the drive of a joint gives way under the joint's load"
-    clause = "the drive of {site} gives way under its load"
+    title = "the drive of a joint deflects under the joint's load"
+    clause = "the drive of {site} deflects under its load"
     remedy = "Use the corrected model with the payload given; check the gear and its preload."
     coefficient = ("compliance", "rad/(N m)")
     exported_as = "joint_spring"
