@@ -10,7 +10,7 @@ measured: by poses, or by readings of any instruments.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -118,26 +118,26 @@ class Difficulty:
         """(c N, m) whitened displacements (N, 6, m)."""
         return self.seen.whitened(columns).reshape(-1, columns.shape[2])
 
-    def _true(self, displacement: Floats) -> Floats:
+    def true(self, displacement: Floats) -> Floats:
         """(c N,) whitened displacement from a displacement (rows, 6) at the dataset's rows."""
         here = displacement if self.row is None else displacement[self.row]
         return self.whitened(here[:, :, None])[:, 0]
 
     def energy(self, displacement: Floats) -> float:
         """E of a displacement (rows, 6) at the dataset's rows."""
-        d = self._true(displacement)
-        return float(d @ self._orthogonal(d))
+        d = self.true(displacement)
+        return float(d @ self.orthogonal(d))
 
-    def _orthogonal(self, d: Floats) -> Floats:
-        """(I + B B')^-1 d."""
+    def orthogonal(self, d: Floats) -> Floats:
+        """(I + B B')^-1 d for whitened displacements, (c N,) or (c N, m)."""
         B, lower = self._geometry
         return np.asarray(d - B @ cho_solve((lower, True), B.T @ d))
 
     def left(self, displacement: Floats) -> dict[str, Best]:
         """Energy of a displacement (rows, 6) that every effect at every site leaves, by ``effect@site``."""
         at = self.situation
-        d = self._true(displacement)
-        past = self._orthogonal(d)
+        d = self.true(displacement)
+        past = self.orthogonal(d)
         found = {}
         for effect in effects_by_id().values():
             for site in effect.sites(at.robot):
@@ -147,18 +147,6 @@ class Difficulty:
                     left = float(d @ past) - taken
                     found[f"{effect.id}@{site}"] = Best(left, scale, one, effect, site, tuple(values[1:]))
         return found
-
-    def parameters(self, best: Best, displacement: Floats) -> dict[str, float]:
-        """Parameters, by name, of an effect in its textbook form, fitted to a displacement (rows, 6).
-
-        Coefficients that the poses do not determine are as small as the fit allows, in units of the scale.
-        """
-        basis = best.effect.basis_of(self.situation, best.site, best.values)
-        X = self.whitened(basis.displacement(self.situation) * basis.sigma)
-        d = self._true(displacement)
-        c = np.linalg.solve(X.T @ X + np.eye(X.shape[1]) / best.scale**2, X.T @ d) * basis.sigma
-        robot = self.situation.robot
-        return {n: value for n, (value, _) in best.effect.parameters_of(robot, best.site, c, best.values).items()}
 
     def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, list[float]]:
         """The energy that an effect explains, its scale, and the values of its nonlinear parameter."""
@@ -195,13 +183,13 @@ class Difficulty:
             waiting = [i for i in places if near is None or abs(i - near) < STRIDE]
             for start in range(0, len(waiting), BATCH):
                 batch = waiting[start : start + BATCH]
-                taken, _ = self._taken([effect.basis(at, site, kept[i]) for i in batch], past)
+                taken, _, _ = self.by_basis([effect.basis(at, site, kept[i]) for i in batch], past)
                 tried |= {i: float(t) for i, t in zip(batch, taken, strict=True)}
         return kept[max(tried, key=lambda i: tried[i])]
 
     def _together(self, effect: Effect, site: str, values: list[float], past: Floats) -> tuple[float, float]:
         """The energy that an effect with some values explains, and its scale."""
-        (taken,), (scale,) = self._taken([effect.basis_of(self.situation, site, values)], past)
+        (taken,), (scale,), _ = self.by_basis([effect.basis_of(self.situation, site, values)], past)
         return float(taken), float(scale)
 
     def _less(self, effect: Effect, site: str, values: list[float], scale: float, past: Floats) -> Floats:
@@ -212,8 +200,11 @@ class Difficulty:
         own = X - B @ cho_solve((lower, True), B.T @ X)
         return np.asarray(past - own @ np.linalg.solve(np.eye(X.shape[1]) + X.T @ own, X.T @ past))
 
-    def _taken(self, bases: list[Basis], past: Floats) -> tuple[Floats, Floats]:
-        """(S,) energy that each basis explains at its scale of largest evidence, and the scale."""
+    def by_basis(self, bases: Sequence[Basis], past: Floats) -> tuple[Floats, Floats, Floats]:
+        """(S,) energy that each basis explains at its scale of largest evidence, the scale, and the log evidence, nats.
+
+        ``past`` is :meth:`orthogonal` of the displacement.
+        """
         B, lower = self._geometry
         width = len(bases[0])
         if bases[0].command is None:
@@ -241,10 +232,11 @@ def _situation(dataset: Dataset, model: Model) -> Situation:
     return Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates, None, temperature)
 
 
-def _likeliest(values: Floats, squares: Floats) -> tuple[Floats, Floats]:
-    """(S,) energy explained at the scale of largest evidence, and the scale, from (S, m) eigenvalues and squared moments."""
+def _likeliest(values: Floats, squares: Floats) -> tuple[Floats, Floats, Floats]:
+    """(S,) energy explained at the scale of largest evidence, the scale, and the log evidence, from (S, m) eigenvalues and
+    squared moments."""
     s2 = (SCALES**2)[:, None, None]
     taken = (s2 * squares / (1.0 + s2 * values)).sum(axis=2)
     evidence = 0.5 * taken - 0.5 * np.log1p(s2 * values).sum(axis=2)
     best = np.argmax(evidence, axis=0)
-    return np.take_along_axis(taken, best[None], axis=0)[0], SCALES[best]
+    return np.take_along_axis(taken, best[None], axis=0)[0], SCALES[best], evidence.max(axis=0)

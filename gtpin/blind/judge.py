@@ -17,6 +17,7 @@ from gtpin.blind.realised_readings import shrunk_readings
 from gtpin.blind.seal import SealError, opened
 from gtpin.blind.smooth import gaussian_process_positions
 from gtpin.blind.statement import Named, Statement
+from gtpin.blind.true_parameters import true_parameters
 from gtpin.blind.truth import TrueEffect, TruePoses, Truth
 from gtpin.blind.worker import Outcome
 from gtpin.calibration.calibrate import calibrate
@@ -142,7 +143,7 @@ def _parameters(
     cause: Named | None = next((c for c in statement.causes if c.name == effect.name), None)
     if cause is None or effect.name not in left:
         return
-    true = difficulty.parameters(left[effect.name], np.array(effect.displacement))
+    true = true_parameters(difficulty, left[effect.name], np.array(effect.displacement))
     for name, (value, sigma) in cause.parameters.items():
         if name in true:
             yield name, value, sigma, true[name]

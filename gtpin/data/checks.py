@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtpin.data.codes import codes
 from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import check_covariate_name, command_names, is_approach
 from gtpin.data.table import Column, Floats
@@ -131,9 +132,7 @@ class Rows:
 
     def same_commands(self, pose: Ids, q: Floats) -> None:
         """Raise `DatasetError` where rows that share a pose id differ in their commands."""
-        import pandas as pd
-
-        visit, _ = pd.factorize(pose)
+        visit, _ = codes(pose)
         _, first = np.unique(visit, return_index=True)
         with np.errstate(over="ignore"):
             apart = np.abs(q - q[first[visit]])

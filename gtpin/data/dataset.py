@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gtpin.data import columns
 from gtpin.data.carts import CartMeasurements
 from gtpin.data.checks import Rows, unnumbered
+from gtpin.data.codes import codes
 from gtpin.data.commands import Commands
 from gtpin.data.description import (
     SCHEMA,
@@ -169,10 +170,7 @@ class Dataset(Shown):
     @cached_property
     def visits(self) -> NDArray[np.intp]:
         """(N,) index of each row's pose among the dataset's sorted pose ids: equal for all visits to one pose."""
-        import pandas as pd
-
-        visit, _ = pd.factorize(self.pose, sort=True)
-        return visit
+        return codes(self.pose)[0]
 
     @property
     def commands(self) -> Commands:
@@ -200,10 +198,8 @@ class Dataset(Shown):
         )
 
     def in_order(self) -> Dataset:
-        """The dataset with rows sorted by pose, and visits to a pose by their values: the same for any order of the input."""
-        import pandas as pd
-
-        keys = [pd.factorize(values, sort=True)[0] for values in self.covariates.values()]
+        """The dataset with rows sorted by pose, and visits to a pose by their values: independent of the input order."""
+        keys = [codes(values)[0] for values in self.covariates.values()]
         measured = self.position if self.orientation is None else np.hstack([self.position, self.orientation])
         if self.readings is not None:
             return self.take(np.lexsort([self.readings.component, self.row, *keys, self.visits]))

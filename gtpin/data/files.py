@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import importlib.util
 import os
 import stat
 import uuid
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
+
+import numpy as np
 
 from gtpin.data.csv_file import read_csv
 from gtpin.data.table import Column, Table
@@ -82,13 +85,20 @@ def write_table(file: Path, columns: Mapping[str, Column]) -> None:
     """
     if file.suffix.lower() == ".parquet":
         _require_pyarrow(file)
-    import pandas as pd
+        import pandas as pd
 
-    frame = pd.DataFrame(dict(columns))
-    if file.suffix.lower() == ".parquet":
-        frame.to_parquet(file, index=False)
-    else:
-        frame.to_csv(file, index=False, lineterminator="\n", encoding="utf-8")
+        pd.DataFrame(dict(columns)).to_parquet(file, index=False)
+        return
+    with file.open("w", encoding="utf-8", newline="") as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*map(_cells, columns.values()), strict=True))
+
+
+def _cells(column: Column) -> list[object]:
+    """A column's values as a CSV file has them: nothing for NaN."""
+    values: list[object] = np.asarray(column).tolist()
+    return ["" if value != value else value for value in values]
 
 
 def _require_pyarrow(file: Path) -> None:

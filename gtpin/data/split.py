@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gtpin.data.codes import codes
 from gtpin.data.dataset import Dataset
 from gtpin.data.table import Floats
 from gtpin.errors import DatasetError
@@ -18,12 +19,10 @@ def by_session(dataset: Dataset) -> list[Mask]:
     A pose that was visited in several sessions is held out, with all its visits, in the session that has most of them (of
     equals, the first). Raises `DatasetError` where there is no column `session`, or where fewer than two sessions hold a pose.
     """
-    import pandas as pd
-
     if "session" not in dataset.covariates:
         hint = "add the column, or split otherwise"
         raise DatasetError("there are no sessions to split by", file=dataset.file, column="session", hint=hint)
-    session, names = pd.factorize(dataset.covariates["session"], sort=True)
+    session, names = codes(dataset.covariates["session"])
     count = np.zeros((dataset.visits.max() + 1, len(names)), dtype=np.int64)
     np.add.at(count, (dataset.visits, session), 1)
     return _masks(dataset, np.argmax(count, axis=1), "sessions")

@@ -10,6 +10,7 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.kinematics.halton import halton
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, log
 
@@ -55,14 +56,12 @@ class FirstGuess:
         """
         if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
             return None
-        from scipy.stats import qmc
-
         n = len(lower)
         degree = max(d for d in range(1, 9) if comb(n + d, d) <= MOST_TERMS or d == 1)
         powers = [e for e in product(range(degree + 1), repeat=n) if sum(e) <= degree]
         exponents = np.array(sorted(powers, key=sum))
-        uniform = qmc.Halton(n, scramble=False).random(NODES_PER_TERM * len(exponents) + 1)[1:]
-        x = -np.cos(np.pi * uniform)  # dense at the ends, where polynomials of high degree oscillate
+        uniform = halton(n, NODES_PER_TERM * len(exponents) + 1)[1:]
+        x = -np.cos(np.pi * uniform)  # dense at the ends, where polynomials of high degree go astray
         poses = solve(lower + (x + 1.0) / 2.0 * (upper - lower))
         if poses.reached.sum() < 2 * len(exponents):
             return None

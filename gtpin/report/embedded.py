@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -159,9 +160,12 @@ def script(content: Mapping[str, Any]) -> Markup:
 
 
 def plain(value: Any) -> Any:
-    """Arrays and numbers as JSON values, with five digits, more than a screen shows. A number that is not finite becomes
-    None."""
-    if isinstance(value, Mapping):
+    """Arrays and numbers as JSON has them, with five digits: more than a screen shows. None for what is not finite."""
+    if isinstance(value, float):  # first, because a page has some 100,000 numbers
+        return float(f"{value:.5g}") if isfinite(value) else None
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, dict):
         return {key: plain(one) for key, one in value.items()}
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
@@ -169,8 +173,8 @@ def plain(value: Any) -> Any:
         return [plain(one) for one in value]
     if isinstance(value, np.generic):
         return plain(value.item())
-    if isinstance(value, float):
-        return float(f"{value:.5g}") if np.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
     return value
 
 

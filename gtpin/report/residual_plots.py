@@ -133,8 +133,8 @@ def _drawn(seen: View) -> npt.NDArray[np.intp]:
 
 
 def pose_names(residuals: Residuals, rows: npt.NDArray[np.intp]) -> npt.NDArray[np.object_]:
-    """Ids of the poses of some rows, as plotly takes text."""
-    return np.array([escaped(str(pose)) for pose in residuals.dataset.pose[rows]], dtype=object)
+    """(M,) ids of the poses of some rows, as plotly takes text."""
+    return residuals.names[rows]
 
 
 def _drawing(residuals: Residuals, against: Column, seen: View, causes: bool, after: bool) -> Drawing:

@@ -19,6 +19,7 @@ from gtpin.effects.situation import Column, References, Situation
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.report.embedded import escaped
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -90,6 +91,11 @@ class Residuals:
 
     def __len__(self) -> int:
         return len(self.before)
+
+    @cached_property
+    def names(self) -> npt.NDArray[np.object_]:
+        """(N,) ids of the poses, as plotly takes text."""
+        return np.array([escaped(str(pose)) for pose in self.dataset.pose], dtype=object)
 
     @property
     def components(self) -> int:

@@ -79,15 +79,6 @@ def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration]
     )
 
 
-def test_parameters_are_those_of_the_form(difficulty: Difficulty) -> None:
-    at = difficulty.situation
-    scale = effects_by_id()["encoder_scale"].basis(at, "cart1")
-    displacement = scale.displacement(at)[:, :, 0] * 1e-4
-    best = difficulty.left(displacement)["encoder_scale@cart1"]
-    values = difficulty.parameters(best, displacement)
-    assert next(iter(values.values())) == pytest.approx(1e-4, rel=0.01)
-
-
 def test_who_knows_the_cause_is_nearer_to_the_truth_than_the_geometry_and_who_smooths(
     linearity: tuple[Case, Calibration], difficulty: Difficulty
 ) -> None:

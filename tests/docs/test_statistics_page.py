@@ -43,7 +43,7 @@ NUMBERS = (
     f"those with at least {scan.LIKELY:g} of the largest such gain",
     f"more than {settle.FEW_POSES:,} poses a long model is searched on {settle.FEW_POSES:,} of them",
     f"until that gains less than {lines.SETTLED:g} nats",
-    f"over {2 * causes.DRAWS} draws from the posterior",
+    f"68 % of {2 * causes.DRAWS} draws from the posterior",
     f"has {cross_validation.DRAWS} draws: coefficients from their posterior, {cross_validation.ASKED} poses",
 )
 WORDS = {3: "three", 4: "four", 5: "five"}

@@ -16,6 +16,8 @@ from gtpin.robot.robot import Robot
 
 DRAWS = 150
 """Number of draws from a posterior for a parameter's sigma; as many mirrored draws are added."""
+WITHIN = 0.6827
+"""Share of the draws that differ from the value by less than sigma: as of a normal distribution."""
 
 
 def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, ...]) -> Cause:
@@ -30,9 +32,11 @@ def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, 
 
 
 def _parameters(robot: Robot, active: ActiveEffect, nonlinear_sigmas: Sequence[float]) -> dict[str, Estimate]:
-    """Parameters by name: median and half width of the central 68 % of draws from the coefficients' posterior.
+    """Parameters by name: value at the coefficients' posterior mean, and sigma, within which 68 % of draws lie about it.
 
-    Draws are needed because some parameters, such as a curve's root mean square, are not linear in the coefficients.
+    Draws from the posterior are needed because some parameters, such as a curve's root mean square, are not linear in the
+    coefficients. They are not needed for the value: a mean or a median of draws of such a norm is too large, because the
+    draws add the posterior's variance to coefficients that contain the noise already.
     """
     values, vectors = np.linalg.eigh(active.covariance)
     unit = np.random.default_rng(0).standard_normal((DRAWS, len(values) + max(len(active.values), 1)))
@@ -42,9 +46,6 @@ def _parameters(robot: Robot, active: ActiveEffect, nonlinear_sigmas: Sequence[f
         own = zip(active.values, nonlinear_sigmas, z[len(values) :], strict=False)
         places = [value + sigma * float(draw) for value, sigma, draw in own]
         drawn.append([v for v, _ in active.effect.parameters_of(robot, active.site, c, places).values()])
-    low, middle, high = np.quantile(drawn, (0.1587, 0.5, 0.8413), axis=0)
     said = active.effect.parameters_of(robot, active.site, active.coefficients, active.values)
-    return {
-        name: Estimate(float(middle[i]), float(high[i] - low[i]) / 2.0, unit)
-        for i, (name, (_, unit)) in enumerate(said.items())
-    }
+    sigma = np.quantile(np.abs(np.array(drawn) - [value for value, _ in said.values()]), WITHIN, axis=0)
+    return {name: Estimate(value, float(s), unit) for (name, (value, unit)), s in zip(said.items(), sigma, strict=True)}

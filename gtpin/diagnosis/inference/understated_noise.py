@@ -48,6 +48,10 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         return {}
     sure = prepared.dataset.take(baseline.used(prepared.dataset))
     observed = Observed.of(sure, baseline).take(np.arange(len(sure))[:: 1 + len(sure) // LOOKED_AT])
+    repeats = _of_repeats(observed, baseline)
+    most = scope.priors.understated_once if repeats is None else scope.priors.understated
+    if repeats is not None and all(getattr(repeats, key) <= most * value for key, value in declared.items()):
+        return {}  # the smaller of the two estimates is no larger: no search is needed
     noise = replace(observed.noise.scaled(float(np.sqrt(baseline.chi2_per_dof))), repeatability=0.0)
     guess: Model = NOTHING
     for _ in range(LOOKS):
@@ -55,11 +59,10 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         hypotheses = propose(now.design(baseline.model), scope).hypotheses
         guess = rough_guess(hypotheses, guess)
         noise = reestimate_noise(now, hypotheses, guess, (False, False)).observed.noise
-    repeats = _of_repeats(observed, baseline)
     found = {}
     for key, value in declared.items():
         seen = [getattr(n, key) for n in (noise, repeats) if n is not None]
-        if min(seen) > (scope.priors.understated_once if repeats is None else scope.priors.understated) * value:
+        if min(seen) > most * value:
             found[key] = (value, float(min(seen)))
     return found
 

@@ -1,0 +1,63 @@
+"""The sigma of parameters against machines of the plant: is the true value within 1.96 sigma in 95 % of them?
+
+The cause is given, so that this is about the fit and not about the search.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gtpin.blind.difficulty import Best, Difficulty
+from gtpin.blind.true_parameters import true_parameters
+from gtpin.calibration.calibrate import calibrate
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.inference.causes import cause
+from gtpin.diagnosis.inference.joint_fit import fit_together
+from gtpin.diagnosis.inference.verdict import Contender
+from gtpin.diagnosis.linear.observed import Observed
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.plant import make_case
+
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # poses set aside
+
+SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
+MACHINES = 20
+
+
+@cache
+def off(effect: str, site: str, machine: int) -> dict[str, float]:
+    """By parameter, value less true value in sigmas, for a machine with this effect alone."""
+    case = make_case(machine, effects=[(effect, site)], energy=500.0, poses=80, held_out=2, background=False)
+    baseline = calibrate(case.dataset)
+    difficulty = Difficulty.of(case.dataset, SIGMA, baseline.model.geometry)
+    displacement, known = case.effects[0].displacement, effects_by_id()[effect]
+    past = difficulty.orthogonal(difficulty.true(displacement))
+    (taken,), (scale,), _ = difficulty.by_basis([known.basis(difficulty.situation, site)], past)
+    best = Best(case.effects[0].energy - taken, scale, None, known, site)
+    observed = Observed.of(case.dataset.take(baseline.used(case.dataset)), baseline)
+    hypothesis = Hypothesis(known, site)
+    references = observed.situation(baseline.model).references
+    model = fit_together(observed, baseline.model, [hypothesis], [scale], references)
+    found = cause(model, hypothesis, (Contender(hypothesis, 1.0),)).parameters
+    true = true_parameters(difficulty, best, displacement)
+    return {name: (e.value - true[name]) / e.sigma for name, e in found.items()}
+
+
+@pytest.mark.parametrize(
+    ("effect", "site", "parameter"),
+    [
+        ("straightness", "cart2", "rms_a"),
+        ("straightness", "cart2", "peak_to_valley_a"),
+        ("straightness", "cart2", "rms_b"),
+        ("straightness", "cart2", "peak_to_valley_b"),
+        ("linearity", "cart3", "rms"),
+        ("encoder_scale", "cart1", "scale"),
+    ],
+)
+def test_parameters_are_not_biased_and_95_percent_intervals_cover(effect: str, site: str, parameter: str) -> None:
+    z = np.array([off(effect, site, machine)[parameter] for machine in range(MACHINES)])
+    assert abs(z.mean()) < 3.0 / np.sqrt(MACHINES)  # of independent errors of one sigma
+    assert np.count_nonzero(np.abs(z) > 1.96) <= 4  # more than 4 of 20 have a probability of 0.003
