@@ -63,7 +63,10 @@ def _copies(dataset: Dataset) -> NDArray[np.bool_]:
 def _repeated(
     numbers: list[NDArray[np.float64]], ids: NDArray[np.object_] | None, *, coarse: bool
 ) -> NDArray[np.bool_]:
-    """(N,) rows that repeat an earlier one of numbers, (N, k) each, and ids (N, m); of coarse ones where all are repeated."""
+    """(N,) whether a row of ``numbers``, (N, k) each, and ``ids``, (N, m), repeats an earlier row.
+
+    If ``coarse``, rows count as repeated only where each row of the table occurs equally often.
+    """
     if any(len(np.unique(column)) == len(column) for part in reversed(numbers) for column in part.T):
         return np.zeros(len(numbers[0]), dtype=bool)  # the usual case, without pandas, whose import takes long
     import pandas as pd

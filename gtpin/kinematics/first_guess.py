@@ -61,7 +61,7 @@ class FirstGuess:
         powers = [e for e in product(range(degree + 1), repeat=n) if sum(e) <= degree]
         exponents = np.array(sorted(powers, key=sum))
         uniform = halton(n, NODES_PER_TERM * len(exponents) + 1)[1:]
-        x = -np.cos(np.pi * uniform)  # dense at the ends, where polynomials of high degree go astray
+        x = -np.cos(np.pi * uniform)  # dense at the ends, where polynomials of high degree oscillate
         poses = solve(lower + (x + 1.0) / 2.0 * (upper - lower))
         if poses.reached.sum() < 2 * len(exponents):
             return None

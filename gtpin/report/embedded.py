@@ -160,7 +160,8 @@ def script(content: Mapping[str, Any]) -> Markup:
 
 
 def plain(value: Any) -> Any:
-    """Arrays and numbers as JSON has them, with five digits: more than a screen shows. None for what is not finite."""
+    """Arrays and numbers as JSON values, with five digits, more than a screen shows. A number that is not finite becomes
+    None."""
     if isinstance(value, float):  # first, because a page has some 100,000 numbers
         return float(f"{value:.5g}") if isfinite(value) else None
     if isinstance(value, str):
