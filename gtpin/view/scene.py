@@ -24,7 +24,7 @@ from gtpin.view.chain_display import ChainDisplay
 from gtpin.view.gap import Gap
 from gtpin.view.gap_panel import GapPanel
 from gtpin.view.instrument_display import InstrumentDisplay
-from gtpin.view.parts import Part, parts
+from gtpin.view.parts import Part, joint_places, parts
 from gtpin.view.shapes import robot_as_modelled, shapes
 
 Floats = npt.NDArray[np.float64]
@@ -45,7 +45,7 @@ class Scene:
     Attributes
     ----------
     instruments : InstrumentDisplay or None
-        Stations, planes and sockets; None where there are none.
+        Stations, planes, sockets and encoders; None where there are none.
     panel : GapPanel or None
         What the page says of the gap.
     labels, names : dict of Part to label, and checkbox
@@ -103,9 +103,11 @@ class Scene:
             self.server.stop()
 
     def _show_instruments(self) -> None:
-        """Bring what instruments have on the platform to where it is."""
+        """Bring what instruments have on the platform and at joints to where it is."""
         if self.instruments is not None:
-            self.instruments.show(self.posture.T, self.posture.R)
+            encoders = self.instruments.places.encoders.values()
+            joints = joint_places(self.robot, self._visualizer.data, encoders)
+            self.instruments.show(self.posture.T, self.posture.R, joints)
 
     def _go(self, q: Floats) -> str:
         """Bring the machine to a command if it can go there; else say why not, and stay."""
