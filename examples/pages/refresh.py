@@ -21,6 +21,8 @@ from installed import table as installed_table
 from priors_listed import modulation_listed, priors_listed
 from scores import (
     chain_scores,
+    instrument_checks,
+    instrument_scores,
     jugglebot,
     machine_scores,
     real_causes,
@@ -44,6 +46,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "sealed_sentence": sealed_sentence,
     "chain_scores": chain_scores,
     "machine_scores": machine_scores,
+    "instrument_checks": instrument_checks,
+    "instrument_scores": instrument_scores,
     "jugglebot": jugglebot,
     "real_causes": real_causes,
     "real_curves": real_curves,

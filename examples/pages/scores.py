@@ -1,4 +1,4 @@
-"""Tables of sealed scores for the pages, from ``blind.json``, ``machines.json`` and ``chains.json`` in docs/figures."""
+"""Tables of sealed scores for the pages, from ``blind*.json``, ``machines.json`` and ``chains.json`` in docs/figures."""
 
 from __future__ import annotations
 
@@ -42,6 +42,16 @@ MACHINE = {
     "95 % interval of shrinkage covers": "explained fraction covered",
 }
 """The same for docs/machines.md."""
+INSTRUMENT: dict[str, tuple[str, str, float | None, float | None]] = {
+    "detected": ("detected, E > 63", "", None, None),
+    "in_class": ("class right, E > 63", "0.95 or more", 0.95, None),
+    "false_with_confidence": ("a false cause named with confidence, all cases", "0.03 or less", None, 0.03),
+    "silent": ("no effect: nothing detected", "0.99 or more", 0.99, None),
+    "95 % intervals of parameters cover": ("95 % intervals of parameters cover", "0.93 to 0.97", 0.93, 0.97),
+    "95 % interval of shrinkage covers": ("95 % interval of the explained fraction covers", "", None, None),
+    "shrinkage said less realised": ("explained fraction: predicted less realised", "", None, None),
+}
+"""Scores of a check of one instrument: how docs/instruments.md calls each, its goal in words, and the goal's bounds."""
 
 
 def _record(name: str) -> Any:
@@ -88,6 +98,40 @@ def _scores(record: str) -> str:
         cells = [value(rows[name]) + (f" of {rows[name]['of']}" if rows[name]["of"] else "") for name in MACHINE]
         lines.append(f"| `{machine}` | {len(score['failures'])} of {score['cases']} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def instrument_scores() -> str:
+    """The scores of instruments other than a tracker, as docs/instruments.md has them, each beside its goal."""
+    found = _record("blind_instruments.json")
+    heads = [f"{words} (goal: {goal})" if goal else words for words, goal, _, _ in INSTRUMENT.values()]
+    lines = ["| instrument | failed | " + " | ".join(heads) + " |", "|---" * (len(heads) + 2) + "|"]
+    for kinds, score in found.items():
+        (by_instrument,) = score["by_instrument"].values()
+        rows = by_instrument | {row["figure"]: row for row in score["figures"]}
+        cells = [_beside_its_goal(rows[name], least, most) for name, (_, _, least, most) in INSTRUMENT.items()]
+        lines.append(f"| `{kinds}` | {len(score['failures'])} of {score['cases']} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _beside_its_goal(row: dict[str, Any], least: float | None, most: float | None) -> str:
+    """A figure with its bounds and number of cases, and whether its goal is missed."""
+    if row["value"] is None:
+        return "no case"
+    missed = (least is not None and row["value"] < least) or (most is not None and row["value"] > most)
+    return f"{value(row)} of {row['of']}{', missed' if missed else ''}"
+
+
+def instrument_checks() -> str:
+    """Which checks these scores are of."""
+    lines = []
+    for kinds, score in _record("blind_instruments.json").items():
+        check = score["check"]
+        options = " ".join(f"--instrument {kind}" for kind in kinds.split(" + "))
+        robot = "" if check["robot"] == "gantry_tau" else f" --robot {check['robot']}"
+        lines.append(
+            f"gtpin blind {options}{robot} --cases {check['cases']} --seed {check['seed']} -o {kinds.split()[0]}"
+        )
+    return "\n".join(["```sh", *lines, "```"])
 
 
 def jugglebot() -> str:

@@ -40,8 +40,8 @@ class LeftOut:
     pose, q, columns
         (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is touched, as in a table.
     values, sigma
-        (M, c) distance of the target from what it touches, without the noise of the touch, and this noise, m. ``values``
-        contain the scatter of the machine's repeatability.
+        (M, c) distance of the target from what it touches, without the noise of the touch, and this noise, m. ``values`` are
+        those of a machine that returns exactly to its commands: no model predicts the scatter of its repeatability.
     """
 
     name: str
@@ -93,7 +93,7 @@ def _left_out(case: InstrumentCase, gauge: Gauge, read: Read, rows: Rows) -> Lef
     own, data = gauge.kept(rows), case.dataset
     columns = {name: values[rows] for name, values in read.columns.items()}
     columns |= {name: values[own.stop] for name, values in data.covariates.items()}
-    values = own.readings(case.true[own.stop], own.truth)
+    values = own.readings(case.steady[own.stop], own.truth)
     return LeftOut(gauge.name, data.pose[own.stop], data.q[own.stop], columns, values, own.sigma)
 
 

@@ -36,6 +36,10 @@ Mask = npt.NDArray[np.bool_]
 SETTLED = 1e-3
 """Relative change of a sigma below which it has converged."""
 
+ABSURD = 15.0
+"""Residual of a row over the robust scale of the others, beyond which it is a gross error however heavy the tails are: a few
+gross errors of a single number look like tails that explain them. Assumed; as ``absurd`` of a diagnosis."""
+
 WIDE = 1.5
 """Size of residuals, in units of the noise, from which a fit that does not converge is repeated with noise of that size.
 Assumed."""
@@ -254,7 +258,9 @@ class RobustFit:
         found: Mask = np.asarray(~np.isfinite(whitened).all(axis=1))
         for rows in self._alike(np.ones(len(used), dtype=bool)):
             if used[rows].any():
-                found[rows] |= weights.gross(whitened[rows], used[rows])
+                own = whitened[rows]
+                absurd = weights.square_norms(own) > (ABSURD * weights.robust_scale(own[used[rows]])) ** 2
+                found[rows] |= weights.gross(own, used[rows]) | absurd
         return np.isin(self.rows, self.rows[found])
 
     def _roughly(self, noise: ReadingNoise, left: Floats, known: Mask) -> ReadingNoise:

@@ -38,6 +38,8 @@ class InstrumentPlaces:
         Names of two sockets, and their known distance, m.
     tilts
         (3, 3) axes of tilt sensors as columns, TCP frame.
+    encoders
+        Names in the URDF of the passive joints that encoders read.
     """
 
     stations: Mapping[str, Floats]
@@ -47,9 +49,10 @@ class InstrumentPlaces:
     sockets: Mapping[str, Floats]
     distances: tuple[tuple[str, str, float], ...]
     tilts: Mapping[str, Floats]
+    encoders: Mapping[str, str]
 
     def __bool__(self) -> bool:
-        return any((self.stations, self.targets, self.planes, self.sockets, self.tilts))
+        return any((self.stations, self.targets, self.planes, self.sockets, self.tilts, self.encoders))
 
     @property
     def fixed(self) -> Floats:
@@ -60,7 +63,7 @@ class InstrumentPlaces:
     @staticmethod
     def of(instruments: Sequence[FittedInstrument]) -> InstrumentPlaces:
         """Places of instruments with the values of their unknowns."""
-        found = InstrumentPlaces({}, {}, (), {}, {}, (), {})
+        found = InstrumentPlaces({}, {}, (), {}, {}, (), {}, {})
         parts = [found, *(_places(one) for one in instruments)]
         return InstrumentPlaces(
             {name: at for part in parts for name, at in part.stations.items()},
@@ -70,6 +73,7 @@ class InstrumentPlaces:
             {name: at for part in parts for name, at in part.sockets.items()},
             tuple(one for part in parts for one in part.distances),
             {name: axes for part in parts for name, axes in part.tilts.items()},
+            {name: joint for part in parts for name, joint in part.encoders.items()},
         )
 
 
@@ -110,7 +114,8 @@ def _places(one: FittedInstrument) -> InstrumentPlaces:
         case _:
             targets = {}
     wires = tuple((station, target) for station in stations for target in targets)
-    return InstrumentPlaces(stations, targets, wires, planes, sockets, distances, tilts)
+    encoders = {_label(name, joint, dict.fromkeys(table.measured_joints)): joint for joint in table.measured_joints}
+    return InstrumentPlaces(stations, targets, wires, planes, sockets, distances, tilts, encoders)
 
 
 def _targets(one: FittedInstrument) -> dict[str, Floats]:

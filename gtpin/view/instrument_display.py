@@ -1,7 +1,8 @@
-"""Instruments in the 3-D page: stations, wires to the targets, planes with normals, sockets, known distances, tilt sensors."""
+"""Instruments in the 3-D page: stations, wires, planes with normals, sockets, known distances, tilt sensors, encoders."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from gtpin.report.patches import patch
 Floats = npt.NDArray[np.float64]
 
 STATION, SOCKET, TARGET, WIRE = (31, 95, 168), (154, 103, 0), (194, 65, 12), (120, 140, 165)
+ENCODER = (126, 58, 160)
 PLANE = (26, 127, 75)
 """Colours, 0 to 255."""
 BALL, PATCH, AXIS = 0.008, 0.12, 0.08
@@ -43,6 +45,7 @@ class InstrumentDisplay:
     def __init__(self, server: Any, places: InstrumentPlaces, size: float) -> None:
         self.places, self.drawn, self.labels = places, dict[str, Any](), list[Any]()
         self._scene, self._size = server.scene, size
+        self._moving = dict[str, Any]()
         for name, at in places.stations.items():
             self._ball(f"/instruments/stations/{name}", at, 1.5 * BALL, STATION, name)
         for name, at in places.sockets.items():
@@ -52,8 +55,16 @@ class InstrumentDisplay:
         for one, two, length in places.distances:
             self._distance(one, two, length)
 
-    def show(self, T: Floats, R: Floats) -> None:
-        """Draw the targets, wires and tilt sensors for a pose of the TCP: position (3,), m, and rotation (3, 3), base frame."""
+    def show(self, T: Floats, R: Floats, joints: Mapping[str, Floats]) -> None:
+        """Draw the targets, wires, tilt sensors and encoders for a pose.
+
+        Parameters
+        ----------
+        T, R
+            Pose of the TCP: position (3,), m, and orientation (3, 3), base frame.
+        joints
+            (3,) positions of the encoders' joints by their names in the URDF, base frame, m.
+        """
         scene, size = self._scene, self._size
         targets = {name: T + R @ at for name, at in self.places.targets.items()}
         for name, at in targets.items():
@@ -72,6 +83,13 @@ class InstrumentDisplay:
                 self.drawn[key] = scene.add_frame(key, axes_length=AXIS * size, axes_radius=0.04 * AXIS * size)
             self.drawn[key].position = T
             self.drawn[key].wxyz = to_quaternions((R @ axes)[None])[0]
+        for name, joint in self.places.encoders.items():
+            key = f"/instruments/encoders/{name}"
+            if key not in self.drawn:
+                self._ball(key, joints[joint], 1.2 * BALL, ENCODER)
+                self._moving[key] = scene.add_label(f"/names{key}", name)
+                self.labels.append(self._moving[key])
+            self.drawn[key].position = self._moving[key].position = joints[joint]
 
     def _ball(self, key: str, at: Floats, radius: float, color: tuple[int, int, int], label: str = "") -> None:
         self.drawn[key] = self._scene.add_icosphere(key, radius * self._size, color, position=at)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,6 +49,11 @@ def rod_tip(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
     constraint = robot.constraints[loop]
     joint = (constraint.joint1_id, constraint.joint2_id)[end]
     return int(joint), np.array((constraint.joint1_placement, constraint.joint2_placement)[end].translation)
+
+
+def joint_places(robot: Robot, data: Any, names: Iterable[str]) -> dict[str, Floats]:
+    """(3,) where joints are in the base frame, m, by their names, from the placements in a ``pinocchio.Data``."""
+    return {name: np.array(data.oMi[robot.model.getJointId(name)].translation) for name in names}
 
 
 def _middle(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:

@@ -24,7 +24,7 @@ from gtpin.view.chain_display import ChainDisplay
 from gtpin.view.gap import Gap
 from gtpin.view.gap_panel import GapPanel
 from gtpin.view.instrument_display import InstrumentDisplay
-from gtpin.view.parts import Part, parts
+from gtpin.view.parts import Part, joint_places, parts
 from gtpin.view.shapes import robot_as_modelled, shapes
 
 Floats = npt.NDArray[np.float64]
@@ -103,9 +103,11 @@ class Scene:
             self.server.stop()
 
     def _show_instruments(self) -> None:
-        """Draw the instruments' parts on the platform at its present pose."""
+        """Draw the instruments' parts on the platform and at joints, at the present pose."""
         if self.instruments is not None:
-            self.instruments.show(self.posture.T, self.posture.R)
+            encoders = self.instruments.places.encoders.values()
+            joints = joint_places(self.robot, self._visualizer.data, encoders)
+            self.instruments.show(self.posture.T, self.posture.R, joints)
 
     def _go(self, q: Floats) -> str:
         """Show the machine at a command, m or rad. If it can't reach it, change nothing and return an error message."""

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from gtpin.errors import GtpinError, ModelError
+from gtpin.kinematics.posture import home
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Model
 from gtpin.output.figure import new_figure
@@ -22,7 +24,8 @@ from gtpin.report.skeleton import Skeleton, skeleton, standing
 from gtpin.robot.robot import Robot
 from gtpin.view.colors import GREY, of_errors, of_share
 from gtpin.view.gap import Gap
-from gtpin.view.parts import platform_name
+from gtpin.view.parts import joint_places, platform_name
+from gtpin.view.shapes import robot_as_modelled
 from gtpin.view.still_instruments import draw_instruments
 
 if TYPE_CHECKING:
@@ -69,8 +72,9 @@ def still(model: Model, gap: Gap | None = None, instruments: Sequence[FittedInst
     seen = machine.points if gap is None else np.vstack([machine.points, gap.T])
     places = InstrumentPlaces.of(model.instruments if instruments is None else instruments)
     if places:
-        pose = model.kinematics.forward((standing(model) if worst is None else worst)[None])
-        seen = np.vstack([seen, draw_instruments(axes, places, pose, float(np.ptp(seen, axis=0).max()))])
+        q = standing(model) if worst is None else worst
+        pose, size = model.kinematics.forward(q[None]), float(np.ptp(seen, axis=0).max())
+        seen = np.vstack([seen, draw_instruments(axes, places, pose, size, _joints(model, q, places))])
     _frame(axes, machine, seen)
     return figure
 
@@ -97,6 +101,16 @@ def write_still(
         raise GtpinError("not an image that can be written", file=file, hint=f"end its name in {', '.join(FORMATS)}")
     with result_file(file, force=force) as new:
         still(model, gap, instruments).savefig(new, metadata={"Date": None} if file.suffix.lower() == ".svg" else None)
+
+
+def _joints(model: Model, q: Floats, places: InstrumentPlaces) -> dict[str, Floats]:
+    """(3,) where the joints that encoders read are at a command (n,), base frame, m."""
+    if not places.encoders:
+        return {}
+    robot = robot_as_modelled(model)
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, home(robot).moved_to(q).configuration)
+    return joint_places(robot, data, places.encoders.values())
 
 
 def _machine(axes: Any, machine: Skeleton, robot: Robot, share: dict[str, float]) -> None:

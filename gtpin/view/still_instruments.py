@@ -1,7 +1,8 @@
-"""Instruments in a still image: stations with wires to the targets, planes, sockets with known distances, tilt sensors."""
+"""Instruments in a still image: stations, wires, planes, sockets with known distances, tilt sensors, encoders."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ PATCH, AXIS = 0.12, 0.08
 """Half the side of a plane's patch, and length of a sensor's axes, over the picture's size."""
 
 
-def draw_instruments(axes: Any, places: InstrumentPlaces, pose: Poses, size: float) -> Floats:
+def draw_instruments(
+    axes: Any, places: InstrumentPlaces, pose: Poses, size: float, joints: Mapping[str, Floats]
+) -> Floats:
     """Draw instruments, with the platform at ``pose`` (one pose).
 
     Parameters
@@ -27,6 +30,8 @@ def draw_instruments(axes: Any, places: InstrumentPlaces, pose: Poses, size: flo
         Matplotlib's 3-D axes.
     size
         Size of everything else in the picture, m.
+    joints
+        (3,) positions of the encoders' joints by their names in the URDF, base frame, m.
 
     Returns
     -------
@@ -61,4 +66,8 @@ def draw_instruments(axes: Any, places: InstrumentPlaces, pose: Poses, size: flo
     for turned in places.tilts.values():
         for color, axis in zip((FIT, GOOD, ACCENT), (R @ turned).T, strict=True):
             axes.plot(*np.stack([T, T + AXIS * size * axis]).T, color=color, linewidth=2.0)
+    for name, joint in places.encoders.items():
+        axes.plot(*joints[joint], "D", color=FIT, markersize=7)
+        axes.text(*joints[joint], f"  {name}", fontsize=8, color=FIT)
+        seen.append(joints[joint][None])
     return np.vstack(seen)

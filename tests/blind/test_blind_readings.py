@@ -4,12 +4,14 @@ import json
 import shutil
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from handmade import Quiet, cause, diagnosis
+from scipy.stats import chi2
 
 import gtpin.blind.left_out_touches
 import gtpin.blind.run
@@ -18,6 +20,7 @@ from gtpin.blind.draw import Draft, made, measured, recipe, truth_of
 from gtpin.blind.judge import judge
 from gtpin.blind.judged import Judged
 from gtpin.blind.left_out_touches import without_some_touches
+from gtpin.blind.repeatability import jitter
 from gtpin.blind.run import check, check_given
 from gtpin.blind.seal import digest_of, seal
 from gtpin.blind.truth import Truth
@@ -27,6 +30,7 @@ from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.data import Commands, Dataset
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.instruments.readings import Readings, single
+from gtpin.plant.instruments.build import build_measured
 from gtpin.plant.instruments.case import InstrumentCase
 
 pytestmark = pytest.mark.filterwarnings(
@@ -225,6 +229,23 @@ def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
     before = {effect.effect: effect.energy for effect in whole.effects}
     assert all(0.7 * before[e.effect] < e.energy < 1.02 * before[e.effect] for e in case.effects)
     assert [e.energy for e in case.effects] == sorted((e.energy for e in case.effects), reverse=True)
+
+
+def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None:
+    """No model predicts the scatter: the truth has it, so that a model's error does not."""
+    draft = Draft("x", "none", 11, (), 90, instruments=("plane",))
+    usual = recipe(draft)
+    noise = usual.noise.model_copy(update={"repeatability": (5e-5, 5e-5)})
+    loose = replace(usual, noise=noise)
+    whole = build_measured(loose, draft.instruments)
+    _, (touches,) = without_some_touches(whole, loose)
+    (gauge,) = whole.gauges
+    own = gauge.kept(np.isin(whole.dataset.pose[gauge.stop], touches.pose))
+    moved = own.by_motion(whole.true[own.stop]) @ jitter(whole, loose)[own.stop]
+    sigma = np.sqrt(own.sigma**2 + (moved**2).sum(axis=2))
+    assert np.median(sigma / own.sigma) > 2.0
+    squares, count = float(((touches.values / sigma) ** 2).sum()), touches.values.size
+    assert chi2.ppf(1e-4, count) < squares < chi2.isf(1e-4, count)
 
 
 def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

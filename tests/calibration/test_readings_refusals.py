@@ -13,6 +13,7 @@ from virtual_gantry import Gantry, draw
 from virtual_instruments import Seen, bed, cup, laser, level, read, wire
 
 import gtpin
+from gtpin.calibration.checks.readable_sockets import check_sockets
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
 MACHINE = draw(np.random.default_rng(7))
@@ -208,6 +209,16 @@ def test_a_socket_that_is_visited_once_is_warned_of_and_does_no_harm(tmp_path):
     with pytest.warns(GtpinWarning, match="visited once, so that they say nothing: sockets Z"):
         found = gtpin.calibrate(read(tmp_path / "set", once))
     assert_calibrated(found)
+
+
+def test_a_socket_that_is_visited_once_at_a_known_distance_from_another_says_something(tmp_path):
+    other = next(at for at in CUP.columns["socket"] if at != CUP.columns["socket"][7])
+    once = CUP.reading(socket=["Z" if i == 7 else at for i, at in enumerate(CUP.columns["socket"])])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", GtpinWarning)
+        check_sockets(
+            read(tmp_path / "set", once.saying(distances=[["Z", other, 0.5, 1e-4]])), gtpin.load_robot("gantry_tau")
+        )
 
 
 SIGMAS = {

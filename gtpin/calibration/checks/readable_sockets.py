@@ -21,10 +21,12 @@ Floats = npt.NDArray[np.float64]
 def check_sockets(dataset: Dataset, robot: Robot) -> None:
     """Refuse sockets that are visited once each, and warn of some that are.
 
+    A visit of a socket whose point is declared, or whose distance from another one is known, says something by itself.
+
     Raises
     ------
     DatasetError
-        If no socket is visited twice.
+        If no socket is visited twice, and nothing is known of any.
     """
     rows = dataset.readings
     assert rows is not None
@@ -32,8 +34,9 @@ def check_sockets(dataset: Dataset, robot: Robot) -> None:
         if not isinstance(one, Socket):
             continue
         counts = np.bincount(one.socket, minlength=len(one.names))
-        once = [name for k, name in enumerate(one.names) if counts[k] == 1 and name not in one.table.sockets]
-        if once and (counts <= 1).all():
+        known = {*one.table.sockets, *(name for distance in one.table.distances for name in distance[:2])}
+        once = [name for k, name in enumerate(one.names) if counts[k] == 1 and name not in known]
+        if once and (counts <= 1).all() and not known:
             hint = "visit each socket from several poses: a point that is unknown takes the first visit"
             raise DatasetError("every socket is visited once", file=rows.files[i], column="socket", hint=hint)
         if once:

@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.problem import Measured
+from gtpin.data import Dataset
+from gtpin.data.instrument_tables import SocketTable
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.search import guess_of_outliers
 from gtpin.diagnosis.linear.cross_validation import leave_out
+from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 
@@ -47,6 +51,7 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
     priors, sure = scope.priors, baseline.used(dataset)
     suspects = np.flatnonzero(~sure)
     suspects = suspects[baseline.model.kinematics.forward(dataset.q[suspects]).reached]
+    suspects = suspects[~_in_sockets(dataset)[suspects]]
     if len(suspects) < priors.readmitted:
         return Rows(sure, sure)
     explained = np.zeros(len(dataset), dtype=bool)
@@ -67,6 +72,18 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
     return Rows(sure | explained, sure)
 
 
+def _in_sockets(dataset: Dataset) -> Mask:
+    """(N,) rows of a ball in a socket.
+
+    Visits of a socket have the same command, but for the error of the visit: any cause that changes fast with the command
+    explains this error.
+    """
+    if dataset.readings is None:
+        return np.zeros(len(dataset), dtype=bool)
+    sockets = [i for i, table in enumerate(dataset.readings.tables) if isinstance(table, SocketTable)]
+    return np.isin(dataset.readings.of, sockets)
+
+
 def _evenly(rows: npt.NDArray[np.intp], most: int) -> npt.NDArray[np.intp]:
     """At most ``most`` of the rows, evenly spread."""
     if len(rows) <= most:
@@ -80,8 +97,19 @@ def _predicted(hypotheses: HypothesisSet, model: Model) -> Mask:
     A search can also explain gross errors, each by a separate term, but such a term does not predict other poses.
     """
     design = hypotheses.design
-    poses = len(design.whitening)
-    each = list(np.eye(poses, dtype=bool))
+    row = _row(design)
+    each = [row == number for number in range(int(row.max()) + 1)]
     columns = np.hstack([hypotheses.groups.columns(term) * s for term, s in scales(model).items()])
-    alone, whole = (leave_out(design, some, each).errors for some in (columns[:, :0], columns))
-    return np.asarray((whole**2).sum(axis=1) < hypotheses.priors.readmitted_left * (alone**2).sum(axis=1))
+    alone, whole = (
+        np.bincount(row, (leave_out(design, some, each).errors ** 2).sum(axis=1)) for some in (columns[:, :0], columns)
+    )
+    return np.asarray((whole < hypotheses.priors.readmitted_left * alone)[row])
+
+
+def _row(design: Design) -> npt.NDArray[np.intp]:
+    """(N,) number of the table's row that each row of the design is of: the numbers of one touch err together."""
+    measured = design.measured
+    if isinstance(measured, Measured):
+        return np.arange(len(design.whitening))
+    places = np.column_stack([measured.rows.of, measured.rows.line])
+    return np.unique(places, axis=0, return_inverse=True)[1].ravel()

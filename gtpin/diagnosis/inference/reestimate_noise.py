@@ -123,18 +123,40 @@ def reestimate_noise(
 
 
 def _of_readings(observed: Observed, noise: ReadingNoise, design: Design, left: Floats, taken: float) -> Reestimated:
-    """Repeatability, and sigmas that were not declared, from a model's residuals of readings.
+    """Repeatability, sigmas that were not declared, and weights of the rows, from a model's residuals of readings.
 
-    The model's parameters reduce the degrees of freedom of all readings in the same proportion.
+    The model's parameters reduce the degrees of freedom of all readings in the same proportion. Tails are those of rows that
+    are alike: an instrument can have heavy tails, and another none.
     """
+    seen, measured = design.by_command_seen, design.measured
     left = left * np.sqrt(design.count / max(design.count - taken, 1.0))
     errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left)
-    found = likeliest_readings(noise, errors, design.by_command_seen, observed.weight)
-    before, after = (
-        np.diagonal(n.covariance(design.by_command_seen, design.components), axis1=1, axis2=2) for n in (noise, found)
-    )
+    alike = [] if isinstance(measured, Measured) else measured.alike
+    weight, shrunk = np.ones(len(errors)), np.ones(len(errors))
+    found = likeliest_readings(noise, errors, seen, weight)
+    # Scatter of the drives looks like tails, and the reverse: the likelier of the two it is.
+    whitened, of_noise = _whitened_readings(noise, errors, design)
+    scattered, of_scatter = _whitened_readings(found, errors, design)
+    for rows in alike:
+        own, tails = whitened[rows], Tails.of(whitened[rows])
+        gaussian = -0.5 * (scattered[rows] ** 2 + np.log(2.0 * np.pi)).sum() + of_scatter[rows].sum()
+        if not tails.heavy:
+            continue
+        if t_likelihood(square_norms(own), tails.freedom, own.shape[1])[0] + of_noise[rows].sum() > gaussian:
+            weight[rows] = tails.weigh(own)
+            shrunk[rows] = weight[rows] * tails.scale**2
+    if (weight != 1.0).any():
+        found = likeliest_readings(noise, errors, seen, shrunk)
+    before, after = (np.diagonal(n.covariance(seen, design.components), axis1=1, axis2=2) for n in (noise, found))
     changed = abs(float((after / before).mean()) - 1.0) > MATTERS
-    return Reestimated(replace(observed, noise=found), changed, None)
+    changed = changed or float(np.abs(weight - observed.weight).mean()) > MATTERS
+    return Reestimated(replace(observed, noise=found, weight=weight), changed, None)
+
+
+def _whitened_readings(noise: ReadingNoise, errors: Floats, design: Design) -> tuple[Floats, Floats]:
+    """(N, c) whitened errors of readings, and (N,) logs of the whitening's determinants."""
+    whitening = noise.whitening(design.by_command_seen, design.components)
+    return np.einsum("nij,nj->ni", whitening, errors), np.log(np.diagonal(whitening, axis1=1, axis2=2)).sum(axis=1)
 
 
 def _whitened(noise: Noise, errors: Floats, design: Design) -> Floats:

@@ -119,6 +119,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     visits, held = way.plant.visits, np.flatnonzero(way.plant.visits.held)
     dataset = _dataset(recipe, way, gauges, missed)
     covariates = visits.take(held).columns(recipe.conditions)
+    steady = way.plant.seen(way.active)
     return InstrumentCase(
         name=f"case{seed:05d}",
         dataset=dataset,
@@ -127,9 +128,10 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
         effects=_truths(recipe, way.plant, gauges, causes, repeatability),
         gauges=tuple(gauges),
         true=way.poses,
+        steady=steady,
         geometry=_geometry(machine),
         machine=machine,
-        held=held_readings(gauges, way.plant.seen(way.active)[held]),
+        held=held_readings(gauges, steady[held]),
     )
 
 

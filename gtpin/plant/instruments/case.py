@@ -37,6 +37,8 @@ class InstrumentCase:
         The instruments, with the true values of their unknowns.
     true
         Poses at the stops without noise, base frame, with effects of the frame.
+    steady
+        The same poses without errors by repeatability.
     geometry
         Deviations of the geometry's parameters from nominal, by name, m and rad.
     machine
@@ -53,6 +55,7 @@ class InstrumentCase:
     effects: tuple[Truth, ...]
     gauges: tuple[Gauge, ...]
     true: Poses
+    steady: Poses
     geometry: dict[str, float]
     machine: Any
     held: dict[str, tuple[Floats, Floats]]

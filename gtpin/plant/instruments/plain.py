@@ -125,6 +125,7 @@ def simulate_measured(
         effects=(),
         gauges=tuple(gauges),
         true=way.poses,
+        steady=way.poses,  # a machine without effects returns exactly
         geometry=dict(zip(geometry.names, geometry.deviation.tolist(), strict=True)),
         machine=machine,
         held=held_readings(gauges, machine.predict(held)),
