@@ -82,7 +82,7 @@ def _run() -> int:
         return int(code)
     except typer.TyperException as error:  # wrong options, missing arguments
         if text := _message(error):  # without a command the help has been shown, and there is no message
-            _say("error", f"{text} (see gtpin --help)")
+            _say("error", f"{text} (see {_command(error)} --help)")
         return 2
     except ConvergenceError as error:
         _say("error", error)
@@ -119,6 +119,11 @@ def _flush() -> None:
             sys.stdout.flush()
     except OSError:  # what waits is dropped, lest the interpreter try again at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _command(error: Exception) -> str:
+    """The command that was called, as far as it was understood."""
+    return str(getattr(getattr(error, "ctx", None), "command_path", "gtpin"))
 
 
 def _message(error: Exception) -> str:
