@@ -185,7 +185,9 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
         for folder in (path, path / "model"):
             if (folder / "model.json").is_file():
                 return _read_folder(folder, own)
-        raise ModelError("no model.json here", file=path, hint="give a folder that calibrate, diagnose or certify wrote")
+        raise ModelError(
+            "no model.json here", file=path, hint="give a folder that calibrate, diagnose or certify wrote"
+        )
     if os.path.isfile(path) and path.suffix == ".json":
         return _read_folder(path.parent, own)
     if len(path.parts) > 1 and not path.suffix and not os.path.exists(path):  # a name without folders is a robot's
