@@ -1,4 +1,4 @@
-"""Closed-chain kinematics, calibration and diagnosis of the Gantry-Tau parallel robot and its kin, on Pinocchio.
+"""Calibration of parallel robots and arms, and diagnosis of the causes of their errors, on Pinocchio.
 
 Names are imported when they are first used, so that the command line answers to Ctrl-C from its first moment on.
 """

@@ -81,8 +81,8 @@ def _run() -> int:
             raise KeyboardInterrupt
         return int(code)
     except typer.TyperException as error:  # wrong options, missing arguments
-        if text := _message(error):  # empty without a command: the help has been shown
-            _say("error", f"{text} (see gtpin --help)")
+        if text := _message(error):  # without a command the help has been shown, and there is no message
+            _say("error", f"{text} (see {_command(error)} --help)")
         return 2
     except ConvergenceError as error:
         _say("error", error)
@@ -119,6 +119,11 @@ def _flush() -> None:
             sys.stdout.flush()
     except OSError:  # the rest is dropped, so that the interpreter does not try again when it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _command(error: Exception) -> str:
+    """The command that was called, as far as it was understood."""
+    return str(getattr(getattr(error, "ctx", None), "command_path", "gtpin"))
 
 
 def _message(error: Exception) -> str:

@@ -117,7 +117,7 @@ def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> N
             hint="measure poses with a tracker (gtpin-dataset/1), and give the model of these readings with --model",
         )
     if instrument is not None and not 0.0 < instrument < np.inf:
-        raise ModelError("an instrument's uncertainty that is none", hint="give a positive number of metres")
+        raise ModelError(f"an instrument's uncertainty of {instrument:g} m", hint="give a positive number of metres")
     if model is None:
         return
     if model.covariance is None:

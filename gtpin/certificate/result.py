@@ -92,7 +92,7 @@ class Certificate(Shown):
         return certificate_json(self)
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
-        """Write what ``gtpin certify`` writes: ``certificate.html`` and ``certificate.json``.
+        """Write what ``gtpin certify`` writes: ``certificate.html``, ``certificate.json`` and ``model/``.
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """

@@ -25,7 +25,7 @@ from gtpin.commands.view import view
 
 app = typer.Typer(
     name="gtpin",
-    help="Closed-chain kinematics, calibration and diagnosis of the Gantry-Tau parallel robot and its kin.",
+    help="Calibration of parallel robots and arms, and diagnosis of the causes of their errors.",
     no_args_is_help=True,
     epilog="Example: gtpin demo -o first-try",
     pretty_exceptions_enable=False,

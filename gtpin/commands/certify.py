@@ -47,5 +47,5 @@ def certify(
         with progress_of("certifying") as progress:
             found = run_certificate(read, corrects, instrument=instrument, seed=seed, progress=progress)
         result = write_certificate(found, folder)
-    written = f"Written: {output / 'certificate.json'}"
+    written = f"Written: {output / 'certificate.json'}, {output / 'model'}"
     tell(result, rendered(certificate_summary(found), written, f"Open {output / 'certificate.html'}"), as_json)

@@ -91,9 +91,18 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
     _effects(content, model.geometry, file, {active.effect.id: active.effect for active in model.effects})
     urdf = calibrated_urdf(model)
     with results_folder(folder, FILES, force=force, kind=ModelError) as new:
-        (new / "model.json").write_text(content.model_dump_json(by_alias=True, indent=1) + "\n", encoding="utf-8")
+        (new / "model.json").write_text(_text(content), encoding="utf-8")
         (new / "robot.urdf").write_text(urdf, encoding="utf-8")
         (new / "nominal.urdf").write_text(model.robot.description.xml, encoding="utf-8")
+
+
+def model_json(model: Model) -> str:
+    """The content of the ``model.json`` of a model that can be written."""
+    return _text(_content(model))
+
+
+def _text(content: ModelFile) -> str:
+    return content.model_dump_json(by_alias=True, indent=1) + "\n"
 
 
 def _content(model: Model) -> ModelFile:
@@ -176,9 +185,13 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
         for folder in (path, path / "model"):
             if (folder / "model.json").is_file():
                 return _read_folder(folder, own)
-        raise ModelError("no model.json here", file=path, hint="give a folder that calibrate or diagnose wrote")
+        raise ModelError(
+            "no model.json here", file=path, hint="give a folder that calibrate, diagnose or certify wrote"
+        )
     if os.path.isfile(path) and path.suffix == ".json":
         return _read_folder(path.parent, own)
+    if len(path.parts) > 1 and not path.suffix and not os.path.exists(path):  # a name without folders is a robot's
+        raise ModelError("no such folder", file=path, hint="give a folder that calibrate, diagnose or certify wrote")
     return Model(Geometry.nominal(load_robot(reference, tcp)))
 
 

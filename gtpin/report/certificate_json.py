@@ -7,10 +7,14 @@ from typing import Any
 from gtpin.certificate.quantity import Quantity
 from gtpin.certificate.result import Certificate
 from gtpin.certificate.unexplained import COVERAGE
+from gtpin.model.model_folder import model_json
 from gtpin.report.certificate_definitions import DEFINITIONS, SOURCES
 from gtpin.report.certificate_words import BASES, HOW, limits, statement, why
+from gtpin.report.provenance import digest
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
+MODEL = "model/model.json"
+"""The certified model, beside the certificate."""
 
 
 def row_of(q: Quantity) -> dict[str, Any]:
@@ -40,6 +44,7 @@ def certificate_json(c: Certificate) -> dict[str, Any]:
         "basis_words": BASES[c.basis],
         "verdict": c.verdict,
         "effects": [active.name for active in c.model.effects],
+        "model": {"file": MODEL, "sha256": digest(model_json(c.model).encode())},
         "noise": {
             "position_sigma": c.noise.position_sigma,
             "orientation_sigma": c.noise.orientation_sigma if count == 6 else None,

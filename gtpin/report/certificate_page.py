@@ -5,10 +5,12 @@ from __future__ import annotations
 from gtpin.certificate.quantity import Quantity
 from gtpin.certificate.result import Certificate
 from gtpin.certificate.unexplained import COVERAGE
+from gtpin.model.model_folder import model_json
 from gtpin.report.certificate_definitions import DEFINITIONS, SOURCES
+from gtpin.report.certificate_json import MODEL
 from gtpin.report.certificate_words import HOW, ROWS, headline, limits, share_words, statement, visits_words, why
 from gtpin.report.page import Table, render
-from gtpin.report.provenance import provenance
+from gtpin.report.provenance import digest, provenance
 from gtpin.report.words import quantity
 
 AXES = ("x", "y", "z", "about x", "about y", "about z")
@@ -21,7 +23,8 @@ def certificate_page(c: Certificate) -> str:
     return render(
         "certificate.html",
         title=f"Certificate of {c.model.robot.name}",
-        provenance=provenance(c.dataset, c.model.robot, c.seed),
+        provenance=_provenance(c),
+        model=MODEL,
         robot=c.model.robot.name,
         headline=headline(c),
         advice=[first],
@@ -41,6 +44,12 @@ def certificate_page(c: Certificate) -> str:
         radius=quantity(c.budget.radius, "m"),
         sources=SOURCES,
     )
+
+
+def _provenance(c: Certificate) -> Table:
+    """Where the numbers come from, and which model is certified."""
+    table = provenance(c.dataset, c.model.robot, c.seed)
+    return Table(table.head, [*table.rows, [MODEL, f"sha256 {digest(model_json(c.model).encode())}"]])
 
 
 def _numbers(c: Certificate) -> list[tuple[str, str]]:

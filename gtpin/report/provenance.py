@@ -38,7 +38,7 @@ def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -
     if seed is not None:
         rows.append(["seed", str(seed)])
     rows.append(["robot", robot.name])
-    rows.append([Path(robot.description.source).name, f"sha256 {_digest(robot.description.xml.encode())}"])
+    rows.append([Path(robot.description.source).name, f"sha256 {digest(robot.description.xml.encode())}"])
     if dataset is not None and dataset.path is None:
         rows.append(
             [
@@ -63,8 +63,9 @@ def _files(dataset: Dataset) -> list[Path]:
 
 
 def _digests(files: list[Path]) -> list[list[str]]:
-    return [[file.name, f"sha256 {_digest(file.read_bytes())}"] for file in files]
+    return [[file.name, f"sha256 {digest(file.read_bytes())}"] for file in files]
 
 
-def _digest(content: bytes) -> str:
+def digest(content: bytes) -> str:
+    """A content's sha256."""
     return hashlib.sha256(content).hexdigest()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 
+import numpy as np
 import pytest
 
 import gtpin
@@ -33,7 +35,7 @@ def test_the_page_and_the_json_have_each_number_with_its_definition_or_why_it_is
     done = run("certify", folder / "data", "--model", folder / "model", "-o", tmp_path / "o")
     assert done.code == 0, done.err
     assert str(tmp_path / "o" / "certificate.html") in done.out
-    assert sorted(f.name for f in (tmp_path / "o").glob("[!.]*")) == ["certificate.html", "certificate.json"]
+    assert sorted(f.name for f in (tmp_path / "o").glob("[!.]*")) == ["certificate.html", "certificate.json", "model"]
     told = json.loads((tmp_path / "o" / "certificate.json").read_text())
     assert told["schema"] == "gtpin-certificate/1"
     for number in told["quantities"]:
@@ -48,6 +50,17 @@ def test_the_page_and_the_json_have_each_number_with_its_definition_or_why_it_is
     assert "What the data do not suffice for" in page
     assert not re.search(r"\bnan\b|\bNone\b|\{have\}", page)
     assert {number["symbol"] for number in told["quantities"]} == set(DEFINITIONS)
+
+
+def test_the_model_that_corrects_the_machine_is_beside_the_page_which_has_its_digest(run, folder, tmp_path):
+    done = run("certify", folder / "data", "--model", folder / "model", "-o", tmp_path / "o")
+    assert done.code == 0, done.err
+    digest = hashlib.sha256((tmp_path / "o" / "model" / "model.json").read_bytes()).hexdigest()
+    assert json.loads((tmp_path / "o" / "certificate.json").read_text())["model"]["sha256"] == digest
+    assert digest in (tmp_path / "o" / "certificate.html").read_text()
+    q = gtpin.Dataset.read(folder / "data").q
+    certified, given = gtpin.read_model(tmp_path / "o").predict(q), gtpin.read_model(folder / "model").predict(q)
+    assert np.array_equal(certified.T, given.T)
 
 
 def test_the_same_seed_gives_the_same_bytes(run, folder, tmp_path):
@@ -83,3 +96,9 @@ def test_a_nominal_model_or_one_of_another_robot_is_one_line(run, folder, tmp_pa
     for model, words in (("gantry_tau", "nominal"), (folder / "arm_model", "the model is of ur5")):
         said = run("certify", folder / "data", "--model", model, "-o", tmp_path / "o").failed()
         assert words in said
+
+
+def test_a_model_that_is_not_there_is_one_line_that_says_what_writes_one(run, folder, tmp_path):
+    said = run("certify", folder / "data", "--model", tmp_path / "not_there", "-o", tmp_path / "o").failed()
+    assert "not_there: no such folder" in said
+    assert "a folder that calibrate, diagnose or certify wrote" in said

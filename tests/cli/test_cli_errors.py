@@ -191,6 +191,11 @@ def test_a_wrong_command_line_is_refused_in_one_line(run, tmp_path, monkeypatch,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("command", ["diagnose", "export", "benchmark score"])
+def test_a_wrong_command_line_is_told_of_the_help_of_its_own_command(run, command):
+    assert f" {command} --help)" in run(*command.split()).failed()
+
+
 # ------------------------------------------------------------------------------------------------------- warnings
 
 
