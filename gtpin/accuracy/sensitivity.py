@@ -106,7 +106,8 @@ def sensitivity(
         (N, n) commands, m or rad.
     sigmas
         (k,) standard deviations of the rods' closure residuals \\|d\\|^2 - L^2, m^2: the changes of the cost are then
-        expectations over Gaussian residuals. With the paper's final cost f over M poses, sigma = sqrt(f / M).
+        expectations over Gaussian residuals. The paper's Table II gives each rod's
+        final cost f, m^4, the sum of the squared residuals over M poses: sigma = sqrt(f / M).
     measured
         (N) measured poses, instrument's frame: the changes of the cost are then those of the actual residuals.
     step
@@ -124,7 +125,8 @@ def sensitivity(
     Warns
     -----
     GtpinWarning
-        If the TCP's z axis is nearly parallel to the base's, so that ZYZ angles are singular: their changes are then left out.
+        If the TCP's z axis is nearly parallel to the base's, so that ZYZ angles are singular at
+        a pose: ``rotation`` is then NaN.
     """
     kinematics = rod_kinematics(model)
     poses = reached_poses(kinematics, q)

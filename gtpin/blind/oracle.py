@@ -1,4 +1,7 @@
-"""Oracle baseline: a fit to which the true causes, their basis functions and their scales are given."""
+"""Oracle baseline: a fit to which the true causes are given, each with its best scale and nonlinear parameter.
+
+Both fit the true displacement best.
+"""
 
 from __future__ import annotations
 

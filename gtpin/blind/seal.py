@@ -58,7 +58,10 @@ def opened(file: Path, digest: str) -> Truth:
 
 
 def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) -> str:
-    """Write the digests of all truths by case name; return the digest of the manifest itself."""
+    """Write the digests of all truths by case name, and return the digest of the manifest itself.
+
+    ``plant``: digest of the sources of the simulated machine; None where somebody else made the cases.
+    """
     manifest = {"schema": MANIFEST, "plant": plant, "truths": dict(sorted(digests.items()))}
     content = (json.dumps(manifest, indent=1) + "\n").encode()
     with placed_file(file) as unfinished:

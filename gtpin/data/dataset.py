@@ -198,7 +198,10 @@ class Dataset(Shown):
         )
 
     def in_order(self) -> Dataset:
-        """The dataset with rows sorted by pose, and visits to a pose by their values: the same for any order of the input."""
+        """The dataset with rows sorted by pose, and visits to a pose by covariates and measured values.
+
+        The result is the same for any order of the input. Readings with equal covariates keep the order of the input.
+        """
         keys = [codes(values)[0] for values in self.covariates.values()]
         measured = self.position if self.orientation is None else np.hstack([self.position, self.orientation])
         if self.readings is not None:

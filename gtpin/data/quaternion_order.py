@@ -49,12 +49,13 @@ def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, F
 
 
 def order_that_fits(off: Callable[[str], float]) -> str | None:
-    """The order of w, x, y and z that fits far better than ``wxyz``; None where ``wxyz`` fits, or no order does.
+    """The order of w, x, y and z that fits far better than ``wxyz``; None where ``wxyz`` fits, or where no order does so.
 
     Parameters
     ----------
     off
-        Function that gives, for an order of the columns, the median angle, rad, between measured and nominal orientations.
+        Function that gives, for an order of the columns, how far measured poses are from expected ones: the median angle
+        between orientations, rad, to which a median distance may be added, converted to an angle.
     """
     as_named = off(_AS_NAMED)
     if as_named <= _OFF:

@@ -51,12 +51,13 @@ class ChainKinematics:
         return self.displaced(q, {})
 
     def displaced(self, q: Floats, twists: Mapping[int, Floats]) -> Poses:
-        """Poses (N) at commands q (N, n) with placement frames displaced, base frame; exact.
+        """Poses (N) at commands q (N, n) with placement frames and the TCP displaced, base frame; exact.
 
         Parameters
         ----------
         twists
-            By index as in :class:`~gtpin.kinematics.bodies.Bodies`: (N, 6) twists in the frame's own axes, m and rad.
+            By index as in :class:`~gtpin.kinematics.bodies.Bodies`, without the anchors of loops: (N, 6) twists in the frame's
+            own axes, m and rad.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Causes that a controller can correct without this package."""
+"""Causes that a controller with the calibrated geometry can correct by itself, with tables that ``gtpin export`` writes."""
 
 from __future__ import annotations
 

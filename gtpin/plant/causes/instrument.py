@@ -14,7 +14,11 @@ SIZES = np.array([2.5e-5] * 3 + [5e-6] * 3)
 
 
 def tracker_drift(site: Site, rng: np.random.Generator) -> Cause:
-    """25 um and 5 urad over the day: settling at first, a random slow drift, and in some cases one step."""
+    """Shift and rotation about the instrument's station: a settling, a slow random drift, and in some cases one step.
+
+    Root mean square of the drift over the day: typically 25 um along and 5 urad about each axis; settling and step are of
+    that size too.
+    """
     wander = [curve(rng, 0.0, 1.0, rng.uniform(0.25, 0.8), "twice") for _ in range(6)]
     rough = [curve(rng, 0.0, 1.0, 0.05, "rough") for _ in range(6)]
     settling, soon = rng.standard_normal(6), rng.uniform(0.1, 0.6)
