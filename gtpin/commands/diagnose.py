@@ -27,7 +27,7 @@ from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
 from gtpin.health.check import check
-from gtpin.health.history import HistoryFiles
+from gtpin.health.history import HistoryFiles, refuse_readings
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.corrected import sure_corrections
@@ -124,6 +124,8 @@ def changed_since(
         folder = stack.enter_context(results_folder(output, CHECK, force=force))
         earlier = read_model(model)
         read = Dataset.read(dataset)
+        if log is not None:
+            refuse_readings(read)
         with progress_of("checking") as progress:
             found = check(read, earlier, progress=progress, **options)
         result = write_check(found, folder)

@@ -30,8 +30,9 @@ from gtpin.health.alarm import Bench, threshold
 from gtpin.health.changes import Changes, Since, Tested, changes
 from gtpin.health.earlier import Earlier
 from gtpin.health.expectation import expectation
-from gtpin.health.measured import Usable, usable
+from gtpin.health.measured import Usable, places, usable
 from gtpin.health.power import smallest_changes
+from gtpin.health.readings import reading_model
 from gtpin.health.result import HealthCheck
 from gtpin.health.update import pose_chi2, updated
 from gtpin.model.model import Model
@@ -70,6 +71,7 @@ def check(
     GtpinError
         If the dataset does not match the model's robot, or an excluded effect is not known.
     """
+    model = reading_model(model, dataset)
     earlier, rng = Earlier(model), np.random.default_rng(seed)
     scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, model.robot, priors)
     data = usable(dataset, model)
@@ -173,7 +175,8 @@ def _result(
     lasting = {(a.effect.id, a.site) for a, c in zip(active, named, strict=True) if tried.changes.is_assumed(c)}
     left = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
     regions = by_region(data.dataset, int(np.clip(len(data.dataset) // TOGETHER, 2, REGIONS)))
-    aside = ~np.isin(dataset.row, data.dataset.row)
+    used = {tuple(place) for place in data.places}
+    aside = np.array([tuple(place) not in used for place in places(dataset)])
     return HealthCheck(
         verdict=found.verdict,
         causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
@@ -184,7 +187,7 @@ def _result(
         doubts=found.doubts,
         baseline=replace(earlier.model, frame=design.model.frame),
         model=_without(model, lasting) if lasting else model,
-        poses=len(data.dataset),
+        poses=len(np.unique(data.dataset.visits)) if dataset.readings is not None else len(data.dataset),
         set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside])),
         set_aside_rows=tuple(int(line) for line in dataset.row[aside]),
         false_alarm=scope.false_alarm,
@@ -192,7 +195,7 @@ def _result(
         power=POWER,
         smallest=tuple(smallest_changes(tried.bench, hypotheses.threshold, POWER, POWER_DRAWS, rng)),
         assumed=tried.changes.assumed,
-        noise=float(np.sqrt(_floor(tried).mean())),
+        noise=float(np.sqrt(_floor(tried).mean())) if design.tracked else whole.floor,
         free_frame=data.how.free_frame,
         effects=scope.effects,
         dataset=dataset,
@@ -223,6 +226,8 @@ def _gaps(tried: _Tried, rng: np.random.Generator) -> tuple[Gap, dict[tuple[str,
     """The gap with all changes; and, by change, with all but this one. Every pose is left out in turn."""
     design, floor = tried.design, _floor(tried)
     blocks = list(np.eye(len(floor), dtype=bool))
+    if not design.tracked:
+        blocks = [tried.data.dataset.visits == visit for visit in np.unique(tried.data.dataset.visits)]
     places = [c.place for c in tried.conclusion.classes]
     whole = gap(design, tried.columns(), floor, blocks, rng)
     others = {p: gap(design, tried.columns([o for o in places if o != p]), floor, blocks, rng) for p in places}
@@ -230,7 +235,9 @@ def _gaps(tried: _Tried, rng: np.random.Generator) -> tuple[Gap, dict[tuple[str,
 
 
 def _floor(tried: _Tried) -> Floats:
-    """(N,) expected squared length of each pose's position noise, m^2."""
+    """(N,) expected squared length of each pose's position noise, m^2; 1 for readings: their errors are in units of noise."""
     design = tried.design
+    if not design.tracked:
+        return np.ones(len(tried.data.dataset))
     covariance = tried.data.how.noise.covariance(design.command_jacobian, design.components)
     return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))

@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import Measured, in_frame, rough_frame
+from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, Situation
 from gtpin.health.earlier import Earlier
+from gtpin.health.readings import with_unknowns
+from gtpin.instruments.readings import Readings
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,32 +27,37 @@ class Conditions:
     Parameters
     ----------
     noise
-        Noise of the check's poses.
+        Noise of the check's poses or readings.
     free_frame
         Whether the pose of the instrument is unknown.
     temperature
         Reference temperature, degC, at which the geometry holds.
     """
 
-    noise: Noise
+    noise: Noise | ReadingNoise
     free_frame: bool
     temperature: float = 20.0
 
 
 def expectation(
-    earlier: Earlier, measured: Measured, covariates: Mapping[str, Column], how: Conditions, since: Mapping[str, Column]
+    earlier: Earlier,
+    measured: Measured | Readings,
+    covariates: Mapping[str, Column],
+    how: Conditions,
+    since: Mapping[str, Column],
 ) -> Design:
     """The linear problem about an earlier model: y ~ N(0, I + B B') where nothing has changed.
 
     y is the whitened difference of the measured poses and those that the model predicts. B is the whitened derivative by the
-    model's unknowns, scaled by the root of their posterior covariance, and by the pose of the instrument where that is unknown.
+    model's unknowns, scaled by the root of their posterior covariance, and by the pose of the instrument where that is unknown,
+    or by the unknowns of the instruments, scaled by the sigmas of their priors.
 
     Parameters
     ----------
     earlier
         The earlier model.
     measured
-        The poses of the check.
+        The poses or readings of the check.
     covariates
         The covariates as they were recorded.
     how
@@ -65,14 +73,18 @@ def expectation(
     kinematics, q = earlier.model.kinematics, measured.q
     plain = kinematics.forward(q)
     poses = earlier.predicted(q, covariates, plain)
-    model = earlier.model
-    if how.free_frame:
-        model = replace(model, frame=rough_frame(poses, measured))
-    at = Situation(kinematics, q, plain, since, temperature=how.temperature)
+    model, at = earlier.model, Situation(kinematics, q, plain, since, temperature=how.temperature)
     c = measured.components
-    W = how.noise.whitening(in_frame(at.command_jacobian, model.frame), c)
+    if isinstance(measured, Readings):
+        assert isinstance(how.noise, ReadingNoise)
+        measured = with_unknowns(measured, how.noise, at.command_jacobian, poses)
+    elif how.free_frame:
+        model = replace(model, frame=rough_frame(poses, measured))
+    W = how.noise.whitening(measured.scatter(at.command_jacobian, model, poses), c)
     by_model = measured.seen(earlier.jacobian(q, covariates, plain) @ earlier.root, model, poses)
     unknowns, free = measured.unknown_columns(model, poses, how.free_frame, None)
-    B = (W @ np.concatenate([by_model, unknowns], axis=2)).reshape(len(q) * c, -1)
-    y = np.einsum("nij,nj->ni", W, measured.minus(model.seen(poses))).ravel()
-    return Design(at, W, model, y, np.asarray(B), B.shape[1] - free, measured.taken(how.free_frame), measured)
+    B = np.asarray((W @ np.concatenate([by_model, unknowns], axis=2)).reshape(len(q) * c, -1))
+    known = len(measured.deviation)
+    y = np.einsum("nij,nj->ni", W, measured.left(model, poses)).ravel()
+    y = y + B[:, B.shape[1] - free - known : B.shape[1] - free] @ measured.deviation
+    return Design(at, W, model, y, B, B.shape[1] - free, measured.taken(how.free_frame), measured)

@@ -11,12 +11,26 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Verdict
 from gtpin.errors import GtpinError
 from gtpin.health.result import HealthCheck
 
 SCHEMA: Final = "gtpin-history/1"
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+def refuse_readings(dataset: Dataset) -> None:
+    """Refuse a check that is not by the poses of one tracker: a history has position errors.
+
+    Raises
+    ------
+    GtpinError
+        If it is a dataset of schema 2.
+    """
+    if dataset.readings is not None:
+        what = "a history has position errors, and these are readings of other instruments"
+        raise GtpinError(what, file=dataset.file, hint="leave --history out")
 
 
 class Part(BaseModel):
@@ -51,7 +65,14 @@ class Entry(Part):
 
     @staticmethod
     def of(check: HealthCheck, now: datetime) -> Entry:
-        """The line of a check that was made at the time ``now``."""
+        """The line of a check that was made at the time ``now``.
+
+        Raises
+        ------
+        GtpinError
+            If it is a check by readings, which have no position errors.
+        """
+        refuse_readings(check.dataset)
         changes = []
         for cause in check.causes:
             name, e = next(iter(cause.parameters.items()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from gtpin.calibration.checks.actuators import check_actuators
 from gtpin.calibration.checks.known_noise import known_noise
@@ -17,8 +18,11 @@ from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.drives import RIM
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.health.expectation import Conditions
+from gtpin.health.readings import noise_of_readings, usable_readings
+from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 
 FEWEST = 3
 """Fewest poses of a check: two measured positions have six numbers, as many as an instrument's pose has unknowns."""
@@ -29,13 +33,28 @@ class Usable:
     """The usable poses of a check, and how they were measured."""
 
     dataset: Dataset
-    measured: Measured
+    measured: Measured | Readings
     how: Conditions
 
     def without(self, row: int) -> Usable:
-        """The same without the row with the index ``row``."""
-        kept = np.arange(len(self.dataset)) != row
-        return Usable(self.dataset.take(kept), self.measured.take(kept), self.how)
+        """The same without the row with the index ``row``; of a reading with several components, without all of them."""
+        kept = np.any(self.places != self.places[row], axis=1)
+        noise = self.how.noise
+        if isinstance(noise, ReadingNoise):
+            noise = noise.take(kept)
+        return Usable(self.dataset.take(kept), self.measured.take(kept), replace(self.how, noise=noise))
+
+    @property
+    def places(self) -> npt.NDArray[np.int64]:
+        """(N, 2) instrument and line in its table of each row."""
+        return places(self.dataset)
+
+
+def places(dataset: Dataset) -> npt.NDArray[np.int64]:
+    """(N, 2) index of the instrument and line in its table of each row of a dataset."""
+    rows = dataset.readings
+    of = np.zeros(len(dataset), dtype=np.int64) if rows is None else rows.of
+    return np.column_stack([of, dataset.row if rows is None else rows.line])
 
 
 def usable(dataset: Dataset, model: Model) -> Usable:
@@ -46,13 +65,9 @@ def usable(dataset: Dataset, model: Model) -> Usable:
     DatasetError
         If the dataset does not match the model, or has too few poses.
     """
-    if dataset.readings is not None:
-        raise DatasetError(
-            "a check against a model takes the poses of one tracker",
-            file=dataset.file,
-            hint='give a dataset of schema "gtpin-dataset/1", or diagnose these data by themselves',
-        )
     check_actuators(model.robot, dataset)
+    if dataset.readings is not None:
+        return _readings(dataset, model)
     free = _free_frame(dataset, model)
     geometry = Model(model.geometry)
     recorded = prepared(dataset, geometry)
@@ -64,6 +79,16 @@ def usable(dataset: Dataset, model: Model) -> Usable:
     measured = measured_poses(replace(kept, orientation=None) if model.geometry.reduced else kept)
     how = Conditions(noise_of(dataset, model), free, dataset.conditions.reference_temperature)
     return Usable(kept, measured, how)
+
+
+def _readings(dataset: Dataset, model: Model) -> Usable:
+    kept, readings = usable_readings(dataset, model)
+    if len(np.unique(kept.visits)) < FEWEST:
+        _check_count(kept.take(np.unique(kept.visits, return_index=True)[1]))
+    known = model.fit
+    scatter = least_scatter(model) if known is None else max(known.drives, least_scatter(model))
+    noise = noise_of_readings(readings, scatter).scaled(1.0 if known is None else known.misfit)
+    return Usable(kept, readings, Conditions(noise, False, dataset.conditions.reference_temperature))
 
 
 def noise_of(dataset: Dataset, model: Model) -> Noise:

@@ -12,7 +12,9 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.active import ActiveEffect
 from gtpin.health.earlier import Earlier
+from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.rotations import exp
+from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Frame, Model
 
 Floats = npt.NDArray[np.float64]
@@ -72,7 +74,7 @@ def updated(
     columns
         (N c, m) whitened displacements of all changes at these scales.
     """
-    found, k = Linear.of(design, columns), design.n_prior
+    found, k = Linear.of(design, columns), earlier.root.shape[1]
     after = design.B.shape[1]
     sizes = [cause.basis(design.situation).sigma * s for cause, s in zip(causes, scale, strict=True)]
     whole = np.zeros((len(earlier.root) + sum(map(len, sizes)), len(found.mean)))
@@ -85,9 +87,18 @@ def updated(
         place = own.stop
         active.append(ActiveEffect(cause.effect, cause.site, None, moved[own], covariance[own, own], known))
     n = len(earlier.root)
-    model = replace(earlier.moved(moved[:n], covariance[:n, :n]), frame=_frame(design, found.mean[k:after]))
+    model = replace(
+        earlier.moved(moved[:n], covariance[:n, :n]), frame=_frame(design, found.mean[design.n_prior : after])
+    )
+    if isinstance(design.measured, Readings):
+        model = replace(model, instruments=_instruments(design.measured, found.mean[k:after]))
     effects = (*model.effects, *active)
     return replace(model, effects=effects, joint_covariance=covariance if effects else None), tuple(active)
+
+
+def _instruments(readings: Readings, mean: Floats) -> tuple[FittedInstrument, ...]:
+    """The instruments with the unknowns (k,) in units of their prior sigmas, VAGUE where there is no prior."""
+    return readings.at(mean * np.where(np.isfinite(readings.sigma), readings.sigma, VAGUE)).fitted
 
 
 def _frame(design: Design, change: Floats) -> Frame:

@@ -46,17 +46,19 @@ def _either(check: HealthCheck, cause: Cause) -> str:
     return f"{joined(named[:3], 'or')}{more}: these poses can't tell"
 
 
+def error_of(check: HealthCheck) -> str:
+    """Which error of a model a check states: that of positions, or that of other instruments' readings."""
+    return "Error of readings" if check.gap.by_instrument else "Position error"
+
+
 def advice(check: HealthCheck) -> list[str]:
     """What to do, and what limits the check."""
     size = gap_words(check.gap)
+    after = f"with the changes: {size.after}; " if check.causes else ""
     found = [
-        f"Position error of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; noise alone: {size.floor}."
+        f"{error_of(check)} of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; "
+        f"{after}noise alone: {size.floor}."
     ]
-    if check.causes:
-        found[0] = (
-            f"Position error of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; with the changes: "
-            f"{size.after}; noise alone: {size.floor}."
-        )
     for cause in check.causes:
         found.append(
             f"{cause.effect} at {site_words(cause.site)}: {remedy(check.effect(cause.effect), check.model.robot)}"

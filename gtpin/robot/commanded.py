@@ -7,21 +7,24 @@ from xml.etree.ElementTree import Element, tostring
 
 from gtpin.errors import RobotError
 from gtpin.robot.description import Description, parse_xml
+from gtpin.robot.resting_loops import remove_resting_loops
 
 
 def with_actuators(description: Description, names: Sequence[str]) -> Description:
-    """The description with these joints as actuators, in this order; without names, the description itself.
+    """The description with these joints as actuators, in this order; without names, with its own.
 
     The ``<actuator>`` elements of its text are replaced, so that files that are written from it have them too. Actuators that
-    stay keep their sites and scales. Joints that are left out and in no loop stay at Pinocchio's neutral configuration.
+    stay keep their sites and scales. Joints that these actuators do not move stay at Pinocchio's neutral configuration, and
+    loops of such joints are removed.
 
     Raises
     ------
     RobotError
         If a name is not that of a joint that can be commanded, or comes twice.
     """
-    if not names or tuple(names) == tuple(actuator.joint for actuator in description.actuators):
-        return description
+    own_names = tuple(actuator.joint for actuator in description.actuators)
+    if not names or tuple(names) == own_names:
+        return _without_resting_loops(description, own_names)
     follows = {mimic.joint: mimic.master for mimic in description.tree.mimics}
     for number, name in enumerate(names):
         if name in follows:
@@ -45,6 +48,17 @@ def with_actuators(description: Description, names: Sequence[str]) -> Descriptio
         home.set("q", " ".join(repr(q.get(name, 0.0)) for name in names))
     for place, name in enumerate(names):
         own.insert(place, before.get(name, Element("actuator", joint=name)))
+    described = Description.parse(tostring(root, encoding="unicode"), description.source, description.kind)
+    return _without_resting_loops(described, names)
+
+
+def _without_resting_loops(description: Description, driven: Sequence[str]) -> Description:
+    """The description without the loops that no actuator moves; itself where there are none, or no actuators."""
+    if not description.loops or not driven:
+        return description
+    root = parse_xml(description.xml, description.source)
+    if not remove_resting_loops(root, driven, description.source):
+        return description
     return Description.parse(tostring(root, encoding="unicode"), description.source, description.kind)
 
 

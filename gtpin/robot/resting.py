@@ -15,6 +15,8 @@ from gtpin.robot.followers import put
 from gtpin.robot.urdf_parser import build_model
 
 Floats = npt.NDArray[np.float64]
+LINK = "link: "
+"""Prefix of links' names for the time of a reduction."""
 
 
 def moving_model(description: Description, driven: Sequence[str]) -> Any:
@@ -51,8 +53,23 @@ def moving_model(description: Description, driven: Sequence[str]) -> Any:
         )
     if not resting:
         return model
-    posture = neutral(model, description)
-    return pin.buildReducedModel(model, [int(model.getJointId(name)) for name in resting], posture)
+    return _reduced(model, resting, neutral(model, description))
+
+
+def _reduced(model: Any, resting: Sequence[str], posture: Floats) -> Any:
+    """The model without the joints named ``resting``.
+
+    Pinocchio looks these joints up among all frames by name. A link may have the name of its joint, so links get other names
+    for the time of the reduction.
+    """
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            frame.name = LINK + frame.name
+    reduced = pin.buildReducedModel(model, [int(model.getJointId(name)) for name in resting], posture)
+    for frame in reduced.frames:
+        if frame.type == pin.FrameType.BODY:
+            frame.name = frame.name.removeprefix(LINK)
+    return reduced
 
 
 def neutral(model: Any, description: Description) -> Floats:

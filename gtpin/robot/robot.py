@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.robot.chain import Chain
+from gtpin.robot.commanded import with_actuators
 from gtpin.robot.description import Description
 from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
 from gtpin.robot.rods import Rod, rods
@@ -61,7 +62,7 @@ class Robot(Chain):
 
         ``tcp``: name of the link that is the TCP; None: as for :class:`~gtpin.robot.chain.Chain`.
         """
-        return Robot(Description.read(Path(path)), tcp)
+        return Robot(with_actuators(Description.read(Path(path)), ()), tcp)
 
     @property
     def rod_sites(self) -> tuple[str, ...]:
