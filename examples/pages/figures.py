@@ -78,6 +78,6 @@ FIGURES = (
     Figure("imitators", "effects/confusable.py", 1),
     Figure("instruments", "instruments/smallest_shown.py", 3),
     Figure("closed_circle", "simulator/closed_circle.py", 2),
-    Figure("health", "health/power.py", 12),
+    Figure("health", "health/power.py", 40),
     Figure("pairs", "blind/pairs.py", 114),
 )
