@@ -83,8 +83,8 @@ class Play:
 class Guide:
     """Friction between an actuator's last joint and its guide: it keeps the sum of the coordinates of ``joints`` constant.
 
-    ``load``: the largest load, N or N m, at which it does so. ``ahead``: the last joint's coordinate is subtracted and not added,
-    so that it moves in the direction of the others: a drive that overshoots.
+    ``load``: the largest load, N or N m, at which it does so. ``ahead``: the last joint's coordinate is subtracted and not
+    added, so that it moves in the direction of the others: a drive that overshoots.
     """
 
     site: str
