@@ -42,7 +42,7 @@ WIDTHS = 4
 class Law:
     """Deviation of a drive's travel from its command, m or rad: along(q) - half_width(q) * direction of approach.
 
-    ``half_width``: half the play. ``load``: bound of the load on the drive in the model's fit, N or N m.
+    ``half_width``: half the play, negative where the drive overshoots. ``load``: bound of the load on the drive in the model's fit, N or N m.
     """
 
     along: Curve
@@ -59,7 +59,8 @@ def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tupl
 
     A travel in proportion to the command is written as a gear ratio. Otherwise the command moves a motor ``SITE_motor``, and
     the actuator's joint follows it by a curve. Play is a joint ``SITE_play`` in series with the actuator's. Friction holds what
-    is behind the play, so that the deviation depends on the direction of approach, as in the effect.
+    is behind the play, so that the deviation depends on the direction of approach, as in the effect. Where a drive overshoots,
+    friction moves the part behind the play twice as far as the actuator's joint moves, until the play is taken up.
 
     Returns
     -------
@@ -101,14 +102,12 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
 
 
 def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floats) -> Curve:
-    """Half the play as a curve; a constant, 0 or more, if the curve is below ``LEAST_PLAY`` somewhere.
-
-    A drive that overshoots on reversal has a negative play. It gets 0; the difference counts as error of the file.
-    """
+    """Half the play as a curve, negative for a drive that overshoots; a constant if it is too small somewhere."""
     curve = waves(q, half, ends, weight, WIDTHS)
-    if curve(np.linspace(*ends, 101)).min() > LEAST_PLAY:
+    mean = float(np.average(half, weights=weight**2))
+    if (np.sign(mean) * curve(np.linspace(*ends, 101))).min() > LEAST_PLAY:
         return curve
-    return Curve(max(float(np.average(half, weights=weight**2)), 0.0), 0.0)
+    return Curve(mean, 0.0)
 
 
 def _largest_load(at: Situation, site: str) -> float:
@@ -177,6 +176,9 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
         mechanism = _with_motor(mechanism, drive, joint, travel)
         limits = [float(travel(x)) if np.isfinite(x) else x for x in (joint.lower, joint.upper)]
         joints[joint.name] = replace(joint, lower=limits[0], upper=limits[1])
+    ahead = half.offset < 0.0  # the play is then taken up in the direction of the motion
+    if ahead:
+        half = half.times(-1.0)
     if half.offset > LEAST_PLAY:
         most = float(half(there).max())
         play = replace(joint, name=f"{drive.site}_play", home=0.0, lower=-most, upper=most, play=True)
@@ -185,10 +187,8 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
             mechanism = replace(
                 mechanism, plays=(*mechanism.plays, Play(play.name, motor.joint, half.about(motor.home)))
             )
-        mechanism = replace(
-            mechanism,
-            guides=(*mechanism.guides, Guide(drive.site, (joint.name, play.name), max(law.load for law in laws))),
-        )
+        guide = Guide(drive.site, (joint.name, play.name), max(law.load for law in laws), ahead)
+        mechanism = replace(mechanism, guides=(*mechanism.guides, guide))
         order = list(joints.values())
         order.insert(order.index(joints[joint.name]) + 1, play)
         return mechanism.with_joints(body.name, order)

@@ -90,12 +90,14 @@ class Play:
 class Guide:
     """Friction of the part that an actuator moves in its guide: it keeps the sum of the coordinates of ``joints`` constant.
 
-    ``load``: the largest load, N or N m, at which it does so.
+    ``load``: the largest load, N or N m, at which it does so. ``ahead``: the last joint's coordinate is subtracted and not
+    added, so that it moves in the direction of the others: a drive that overshoots.
     """
 
     site: str
     joints: tuple[str, ...]
     load: float
+    ahead: bool = False
 
 
 @dataclass(frozen=True, eq=False)

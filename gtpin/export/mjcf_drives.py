@@ -29,7 +29,7 @@ def add_guides(tendons: Element, mechanism: Mechanism) -> None:
         stiff = {"solreffriction": STIFF["solref"], "solimpfriction": STIFF["solimp"]}
         tendon = SubElement(tendons, "fixed", {"name": f"{guide.joints[-1]}_guide"} | friction | stiff)
         for name in guide.joints:
-            SubElement(tendon, "joint", joint=name, coef="1")
+            SubElement(tendon, "joint", joint=name, coef="-1" if guide.ahead and name == guide.joints[-1] else "1")
 
 
 def _friction(mechanism: Mechanism, guide: Guide, joint: Joint) -> float:
