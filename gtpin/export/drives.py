@@ -42,7 +42,8 @@ WIDTHS = 4
 class Law:
     """Deviation of a drive's travel from its command, m or rad: along(q) - half_width(q) * direction of approach.
 
-    ``half_width``: half the play, negative where the drive overshoots. ``load``: bound of the load on the drive in the model's fit, N or N m.
+    ``half_width``: half the play, negative where the drive overshoots. ``load``: bound of the load on the drive in the model's
+    fit, N or N m.
     """
 
     along: Curve
