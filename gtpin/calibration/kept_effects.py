@@ -110,6 +110,7 @@ def _error(found: Calibration, dataset: Dataset) -> float:
 def _with_kept(
     dataset: Dataset, kept: Sequence[ActiveEffect], calibrated: Callable[[Dataset], Calibration]
 ) -> Calibration:
+    """The calibration of the poses less the motions by these effects, repeated until the motions no longer change."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)  # of a fit that does not take the effects into account yet
         found, before = calibrated(dataset), np.zeros((len(dataset), 6))

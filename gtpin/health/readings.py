@@ -13,7 +13,7 @@ from gtpin.data import Dataset, check_commands
 from gtpin.data.duplicates import counted_once
 from gtpin.data.extremes import check_extremes
 from gtpin.data.sane import sane_rows
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import VAGUE, Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.measured_robot import measuring
@@ -85,11 +85,18 @@ def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Pos
         (N, 6 + k, n) derivative of the poses, base frame, by the commands.
     poses
         (N) poses that the earlier model predicts, base frame.
+
+    Raises
+    ------
+    ConvergenceError
+        If they have not converged.
     """
     found = readings.at(readings.start(poses))
+    if not len(found.sigma):
+        return found
     sigma = np.where(np.isfinite(found.sigma), found.sigma, VAGUE)
     prior = np.isfinite(found.sigma).astype(float)
-    for _ in range(STEPS if len(sigma) else 0):
+    for _ in range(STEPS):
         W = noise.whitening(np.asarray(found.by_motion(poses) @ J), found.components)
         columns = (W @ found.by_unknown(poses)).reshape(-1, len(sigma)) * sigma
         left = np.einsum("nij,nj->ni", W, found.minus(poses)).ravel()
@@ -97,8 +104,11 @@ def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Pos
         step = np.linalg.lstsq(columns.T @ columns + np.diag(prior), right, rcond=None)[0]
         found = found.at(found.u + sigma * step)
         if np.abs(step).max() < SETTLED:
-            break
-    return found
+            return found
+    raise ConvergenceError(
+        "the unknowns of the instruments have not converged",
+        hint="check their stations, planes, sockets and targets in dataset.toml",
+    )
 
 
 def _check_declared(readings: Readings, dataset: Dataset) -> None:

@@ -20,8 +20,8 @@ LARGER = 1.5
 """Largest error in MuJoCo over the printed one: the poses and loads of a dataset are not those of a loss."""
 SLACK = 1.0
 """um: MuJoCo's own error, and what first order leaves."""
-CLEAR = 5.0
-"""um: a third of the instrument's noise. Where a file is off by more, a diagnosis may find the difference."""
+ONLY_IN_LAYER = ("ur5", "joint_compliance@shoulder_lift_joint")
+"""Where the circle is known not to close by a file: springs of MJCF do not stiffen with the load (docs/simulator.md)."""
 SAID = 0.05
 """Largest difference of the explained fraction in MuJoCo from the stated one: the goal of the blind check for its mean."""
 
@@ -55,10 +55,10 @@ def test_what_the_page_says_holds_for_all_recorded_machines() -> None:
     assert (numbers["layer_um"] < SLACK).all()
     assert (numbers["file_um"] < LARGER * numbers["printed_um"] + SLACK).all()
     assert (went["against_layer"] == "none").all()
-    near = went[went["file_um"].astype(float) < CLEAR]
-    assert (near["against_file"] == "none").all()
-    assert (near["found"] == near["again"]).all()
-    assert len(near) >= 0.9 * len(records)
+    held = went[[case != ONLY_IN_LAYER for case in zip(went["robot"], went["cause"], strict=True)]]
+    assert len(held) == 18
+    assert (held["against_file"] == "none").all()
+    assert (held["found"] == held["again"]).all()
     said, shrank = went["said"].astype(float), went["shrank"].astype(float)
     assert (said - shrank).abs().mean() < SAID
     assert closed_circle.inside(records) >= binom.ppf(0.001, len(records), 0.95)
