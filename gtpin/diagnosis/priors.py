@@ -110,6 +110,9 @@ class Priors:
     core_leaves: float = 0.15
     """Largest share of the explained energy that may remain because real causes differ from the equations of their cores.
     Assumed."""
+    chance_line: float = 0.01
+    """Probability above which the lines of a periodic error are attributed to scatter: that the best period of scatter alone
+    takes a share of its power as large as the most significant line. Assumed: the usual probability of a false alarm."""
     absurd: float = 15.0
     """Residual, in standard deviations of most poses (robust scale), beyond which a pose is an outlier even with heavy-tailed
     noise. Assumed."""

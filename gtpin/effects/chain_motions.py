@@ -113,6 +113,28 @@ def reach(at: Situation, link: MovingLink) -> Floats:
     return np.asarray(placement.rotation.T @ placement.translation)
 
 
+POINT = 1e-3
+"""Distance of a link's tip from its own joint, m, below which both are one point, as in a wrist whose axes meet."""
+BODY = 2.0
+"""Length of such a link over the distance of its centre of mass from its joint. Derived for a uniform beam from the joint."""
+
+
+def beam(at: Situation, link: MovingLink) -> Floats:
+    """(3,) l u of the beam that bends and twists, in the axes of the link's tip, m: :func:`reach`.
+
+    A link whose joints meet in one point has a body that bends and twists all the same, beside or along its own axis. It is a
+    beam along this axis, ``BODY`` times as long as the distance of the centre of mass from the joint.
+    """
+    length = reach(at, link)
+    if float(np.linalg.norm(length)) >= POINT:
+        return length
+    model = at.robot.model
+    axis = joint_axis(model, link.joint_id)
+    size = BODY * float(np.linalg.norm(model.inertias[link.joint_id].lever))
+    tip = model.jointPlacements[link.tip + 1].rotation if link.tip + 1 < model.njoints else np.eye(3)
+    return np.asarray(tip.T @ (axis[:3] + axis[3:]) * size)
+
+
 OWN_WEIGHT = 3.0 / 8.0
 """Share of a uniform beam's weight w l that, as a point load at the tip, gives the same deflection of the tip as the whole
 weight distributed along the length l: (w l^4 / 8) / (w l l^3 / 3)."""

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.chain_motions import bending, of_tips, reach, tip_loads, torsion
+from gtpin.effects.chain_motions import beam, bending, of_tips, tip_loads, torsion
 from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
 from gtpin.effects.hysteresis import approach
 from gtpin.effects.joint_compliance import no_load
@@ -45,8 +45,10 @@ class LinkCompliance(Effect):
     next joint. The beam is fixed at its root. F, N, and M, N m, are the force and moment on its tip. The motion of the tip,
     m and rad, is shift = f F l^3 / 3 + f (M x u) l^2 / 2 and turn = f (u x F) l^2 / 2 + f M l for the components of F and M
     across u, and turn = g M l for the component of M along u (Euler-Bernoulli bending and Saint-Venant torsion: see
-    :mod:`gtpin.effects.chain_motions`). Parameters: ``bending`` f = 1 / (E I), positive where the link bends in the direction
-    of the load; ``torsion`` g = 1 / (G J); ``stiffening``: by how much f increases when the force becomes twice the usual one.
+    :mod:`gtpin.effects.chain_motions`). A link whose two joints meet in one point, as in a wrist, is a beam along its own axis,
+    twice as long as the distance of its centre of mass from the joint. Parameters: ``bending`` f = 1 / (E I), positive where
+    the link bends in the direction of the load; ``torsion`` g = 1 / (G J); ``stiffening``: by how much f increases when the
+    force becomes twice the usual one.
     All are in 1/(N m^2); at ``arm`` they are the same for all links.
 
     Typical size of ``bending`` 1e-5 1/(N m^2): an aluminium tube of 0.1 m diameter and 4 mm wall has
@@ -140,7 +142,7 @@ def _of_beams(at: Situation, site: str) -> Basis:
     """Basis with three columns: bending, torsion, and the dependence of bending on the load."""
     twists = []
     for link in links_at(at.robot, site):
-        length, loads = reach(at, link), tip_loads(at, link)
+        length, loads = beam(at, link), tip_loads(at, link)
         mean, spread = (values[link.tip] for values in at.references.joints)
         usual = max(float(np.linalg.norm(mean[:3]) + np.linalg.norm(spread[:3])), 1e-9)
         bent = bending(length, loads)

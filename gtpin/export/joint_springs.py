@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.chain_motions import OWN_WEIGHT, bending, joint_frame, reach, tip_loads, torsion
+from gtpin.effects.chain_motions import OWN_WEIGHT, beam, bending, joint_frame, tip_loads, torsion
 from gtpin.effects.drives import own_load
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
@@ -120,7 +120,7 @@ def _flexibilities(
     twists = dict(active.basis(at).placements)
     total = np.zeros((len(at), 6))
     for link in links_at(model.robot, active.site):
-        length, loads = reach(at, link), tip_loads(at, link)
+        length, loads = beam(at, link), tip_loads(at, link)
         to_target = _target(model, link).inverse().action
         bent, twisted = (shape(length, loads) @ to_target.T for shape in (bending, torsion))
         g = max(float(active.coefficients[1]), 0.0)
@@ -137,7 +137,7 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     """The mechanism with a link's tip, and the share ``OWN_WEIGHT`` of its mass, on springs at the link's middle."""
     here = _home(model)
     robot = model.kinematics.robot  # type: ignore[attr-defined]
-    along = reach(here, link)
+    along = beam(here, link)
     length = float(np.linalg.norm(along))
     if length == 0.0:
         return mechanism

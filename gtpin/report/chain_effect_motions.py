@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.chain_motions import joint_frame, reach, tip_to_joint
+from gtpin.effects.chain_motions import beam, joint_frame, tip_to_joint
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.report.motion import Carried, Motion
@@ -72,7 +72,7 @@ def _ways(at: Situation, site: str, link: MovingLink | None) -> tuple[str, list[
         frame = joint_frame(at, site)
         owner, along, (a, b), it = f"the axis of {site}", frame.axis, frame.across, "itself"
     else:
-        length = reach(at, link)
+        length = beam(at, link)
         size = float(np.linalg.norm(length))
         along = length / size if size > 0.0 else np.eye(3)[0]
         owner, (a, b), it = f"the tip of {link.name}", rotation_axes(along)[:2], "the link"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from typing import NamedTuple, TypeVar
 
@@ -123,6 +124,13 @@ class HypothesisSet:
         for proxy in found:
             self.groups.add(proxy, proxy.columns)
         return found
+
+    def barring(self, places: Collection[tuple[str, str]]) -> HypothesisSet:
+        """The same explanations without the hypotheses at some places (effect, site)."""
+        fewer = copy(self)
+        fewer.linear = tuple(hypothesis for hypothesis in self.linear if hypothesis.place not in places)
+        fewer.scanned = tuple(hypothesis for hypothesis in self.scanned if hypothesis.place not in places)
+        return fewer
 
     def _add(self, hypothesis: Hypothesis) -> None:
         if not hypothesis.further:

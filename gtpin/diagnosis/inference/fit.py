@@ -13,6 +13,7 @@ from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.digits import with_full_digits
 from gtpin.diagnosis.inference.findings import Cause, Question, Unexplained
 from gtpin.diagnosis.inference.held_out import held_out
+from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_idle
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
@@ -89,7 +90,8 @@ def fit(
         again = questions(other, causes, hypotheses.priors)
         found, asked = (found, asked) if again.impossible else (other, again)
     if asked.impossible:
-        found = without_impossible(hypotheses, found, asked.impossible)
+        other = infer(settled, {(q.effect, q.site) for q in asked.impossible})
+        found = without_impossible(hypotheses, found, asked.impossible, {c.place for c in other.sure()})
         model, causes = _fitted(prepared, settled, found)
     whole, shares = _gaps(settled, found, "region", rng)
     checked = whole

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 from scipy.special import expit
@@ -42,7 +43,10 @@ def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
         named = hypotheses.only(better, _apart(hypotheses, better))
     if not needed:
         named = exchanged_for_two(hypotheses, named)
-    named = without_redundant(hypotheses, _led(hypotheses, named), partial(contenders, hypotheses))
+    named = _led(hypotheses, named)
+    if needed:  # the leader of a class may look like a smooth term where the cause that it replaces does not
+        named = hypotheses.only(named, [c for c in causes(named) if not _alike(hypotheses, c, needed)])
+    named = without_redundant(hypotheses, named, partial(contenders, hypotheses))
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = {c: with_two_instead(hypotheses, named, c, members) for c, members in classes.items()}
@@ -100,14 +104,21 @@ def _led(hypotheses: HypothesisSet, named: Model) -> Model:
 
 def _apart(hypotheses: HypothesisSet, model: Model) -> tuple[Hypothesis, ...]:
     """Causes that cannot look like the model's smooth terms, and gain more than twice the prior odds against them."""
-    robot = hypotheses.design.situation.robot
     costs = hypotheses.costs(model.terms)
     sure = []
     for cause in causes(model):
         loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
-        near = any(same_place(robot, cause, s) or related(robot, cause, s) for s in smooth_terms(model))
-        # Smooth terms vary too slowly to follow lines, so several lines can't be confused with them.
-        near = near and not (cause.further and not robot.rods)
-        if not near and loss > 2.0 * costs[cause]:
+        if not _alike(hypotheses, cause, smooth_terms(model)) and loss > 2.0 * costs[cause]:
             sure.append(cause)
     return tuple(sure)
+
+
+def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[SmoothTerm]) -> bool:
+    """Whether a cause can look like one of some smooth terms.
+
+    Smooth terms vary too slowly to follow lines, so several lines of a joint can't be confused with them.
+    """
+    robot = hypotheses.design.situation.robot
+    if cause.further and not robot.rods:
+        return False
+    return any(same_place(robot, cause, term) or related(robot, cause, term) for term in smooth)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
@@ -54,12 +54,21 @@ def with_possible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[
     return replace(found, model=model, classes=classes)
 
 
-def without_impossible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion:
-    """The conclusion without impossible causes, with a doubt: an unknown cause looks like them."""
+def without_impossible(
+    hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question], sure: Collection[tuple[str, str]]
+) -> Conclusion:
+    """The conclusion without impossible causes, with a doubt: an unknown cause looks like them.
+
+    Parameters
+    ----------
+    sure
+        Effects and sites that a search without the impossible causes names. Other causes are not named: they explain the data
+        only together with an impossible one.
+    """
     places = {(q.effect, q.site) for q in asked}
     wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
     over = tuple(sorted(wrong.drivers(hypotheses.design.situation.robot)))
-    kept = found.only(hypotheses, [cause for cause in found.classes if cause.place not in places])
+    kept = found.only(hypotheses, [cause for cause in found.classes if cause.place in {*sure} - places])
     return kept.doubted(Doubt("impossible", wrong.site, over))
 
 

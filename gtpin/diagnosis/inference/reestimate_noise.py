@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -206,14 +207,27 @@ def _most_restless(noise: Noise, errors: Floats, design: Design, explained: floa
     covariance = noise.covariance(J, c)
     seen = np.linalg.solve(covariance, J[:, :c])
     score = (np.einsum("nci,nc->ni", seen, errors)) ** 2
-    size = np.einsum("nci,nci->ni", seen, J[:, :c])
+    return _beyond_noise(
+        score, np.einsum("nci,nci->ni", seen, J[:, :c]), design.situation.robot.sites, explained, priors
+    )
+
+
+def restless_drive(hypotheses: HypothesisSet, model: Model, sites: Sequence[str]) -> str | None:
+    """The one of some actuators along whose motion the residuals of a model exceed the noise most; None where none does."""
+    design = hypotheses.design
+    own = design.by_command[:, :, [design.situation.robot.sites.index(site) for site in sites]]
+    score = np.einsum("nci,nc->ni", own, left_over(hypotheses, model)[0]) ** 2
+    size = np.einsum("nci,nci->ni", own, own)
+    return _beyond_noise(score, size, sites, model.log_evidence, hypotheses.priors)
+
+
+def _beyond_noise(score: Floats, size: Floats, sites: Sequence[str], explained: float, priors: Priors) -> str | None:
+    """The site whose squared scores (N, n) exceed their expected values ``size`` most; None where none exceeds them."""
     excess = (score - size).sum(axis=0)
     z = excess / np.sqrt(2.0 * (size**2).sum(axis=0))
     best = int(np.argmax(z))
-    shown = z[best] > priors.restless and excess[best] / size[:, best].mean() > priors.core_leaves * 2.0 * max(
-        explained, 0.0
-    )
-    return design.situation.robot.sites[best] if shown else None
+    tolerated = priors.core_leaves * 2.0 * max(explained, 0.0)
+    return sites[best] if z[best] > priors.restless and excess[best] / size[:, best].mean() > tolerated else None
 
 
 def _estimated(noise: Noise, errors: Floats, weight: Floats, design: Design, declared: tuple[bool, bool]) -> Noise:
