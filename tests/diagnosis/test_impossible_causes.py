@@ -13,7 +13,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.findings import Question
-from gtpin.diagnosis.inference.questions import with_possible
+from gtpin.diagnosis.inference.questions import with_possible, without_impossible
 from gtpin.diagnosis.inference.verdict import Conclusion, Contender
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
@@ -64,3 +64,13 @@ def test_what_only_a_proxy_shows_takes_no_place(hypotheses: HypothesisSet) -> No
     unrecorded = Contender(hypotheses.linear[2], 0.4, recorded=False)
     found = Conclusion(found.model, {cause: (*found.classes[cause], unrecorded)}, (), {})
     assert with_possible(hypotheses, found, [impossible(found)]) is None
+
+
+def test_causes_that_are_named_only_beside_an_impossible_one_are_dropped(hypotheses: HypothesisSet) -> None:
+    first, second, third = hypotheses.linear[:3]
+    model = hypotheses.of([first, second, third], [1.0, 1.0, 1.0])
+    found = Conclusion(model, {c: (Contender(c, 1.0),) for c in (first, second, third)}, (), {})
+    asked = Question(*first.place, "scale", -1.0, 0.1, "m/m", 0.0, np.inf, "nobody has it", False)
+    left = without_impossible(hypotheses, found, [asked], {first.place, third.place})
+    assert tuple(left.classes) == (third,)
+    assert [(doubt.reason, doubt.site) for doubt in left.doubts] == [("impossible", first.site)]

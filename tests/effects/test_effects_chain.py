@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from chain_places import (
     ARM,
@@ -199,3 +200,31 @@ def test_effects_of_a_chain_are_read_back_as_they_were_written(tmp_path: Path) -
     again = gtpin.read_model(tmp_path / "model")
     one, other = (m.predict(at.q, at.covariates) for m in (model, again))
     np.testing.assert_allclose(other.minus(one), 0.0, rtol=0, atol=1e-12)
+
+
+def test_a_link_whose_joints_meet_in_one_point_bends_about_its_root() -> None:
+    robot = gtpin.load_robot("panda")
+    kinematics = ChainKinematics(gtpin.Geometry.nominal(robot))
+    q = np.random.default_rng(3).uniform(robot.lower, robot.upper, (5, robot.n_actuators))
+    poses = kinematics.forward(q)
+    at = Situation(kinematics, q, poses, {})
+    flexibility = 1.2e-5
+    found = moved(at, active("link_compliance", "panda_link5", np.array([flexibility, 0.0, 0.0]), at.references))
+    model = robot.model
+    joint = model.getJointId("panda_joint5")
+    length = 2.0 * np.linalg.norm(model.inertias[joint].lever)
+    data = model.createData()
+    for i in range(len(q)):
+        # Weights of everything beyond the link, and 3/8 of its own at the end of the beam (OWN_WEIGHT).
+        pin.forwardKinematics(model, data, robot.with_commands(robot.neutral, q[i]))
+        here = data.oMi[joint]
+        moment, force = np.zeros(3), 3.0 / 8.0 * model.inertias[joint].mass * model.gravity.linear
+        for k in model.subtrees[joint]:
+            if k != joint:
+                weight = model.inertias[k].mass * model.gravity.linear
+                moment += np.cross(data.oMi[k].act(model.inertias[k].lever) - here.translation, weight)
+                force = force + weight
+        u = here.rotation[:, 2]
+        bent = moment - u * (u @ moment)
+        turn = flexibility * (bent * length + np.cross(u, force - u * (u @ force)) * length**2 / 2.0)
+        np.testing.assert_allclose(found[i, 3:], turn, rtol=1e-6, atol=1e-12)

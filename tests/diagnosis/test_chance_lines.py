@@ -1,0 +1,75 @@
+"""Errors of a joint without a period are not taken for periodic errors, however large they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import gtpin
+from gtpin.diagnosis.inference.chance_lines import DriveErrors
+from gtpin.plant import simulate
+
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+
+Floats = npt.NDArray[np.float64]
+
+POSES, RANGE = 150, 4.0
+"""Poses, and the range of the joint's commands, rad."""
+FREQUENCIES = np.arange(0.5, 12.0, 0.05)
+"""Cycles per rad that are tried: six in each of the resolution 1 / ``RANGE`` and a little more."""
+DRAWS = 200
+
+
+def waves(q: Floats) -> Floats:
+    """(f, N, 2) cosine and sine of each frequency."""
+    phase = 2.0 * np.pi * FREQUENCIES[:, None] * q
+    return np.stack([np.cos(phase), np.sin(phase)], axis=2)
+
+
+def searched(q: Floats, errors: Floats, lines: int) -> DriveErrors:
+    """Errors with the lines that a search finds in them, each the one that takes most of what the others leave."""
+    shapes, left, found = waves(q), errors, []
+    for _ in range(lines):
+        fits = [shape @ np.linalg.lstsq(shape, left, rcond=None)[0] for shape in shapes]
+        best = int(np.argmax([fit @ fit for fit in fits]))
+        found.append(shapes[best])
+        left = left - fits[best]
+    return DriveErrors(errors, tuple(found), POSES, len(FREQUENCIES))
+
+
+def test_scatter_is_significant_no_more_often_than_is_said() -> None:
+    rng = np.random.default_rng(11)
+    significant = 0
+    for _ in range(DRAWS):
+        q, size = rng.uniform(0.0, RANGE, POSES), 10.0 ** rng.uniform(0.0, 2.0)
+        significant += searched(q, size * rng.standard_normal(POSES), lines=4).chance() <= 0.05
+    assert significant <= 20  # 10 are expected at most; more than 20 has a probability of 1 in 600
+
+
+def test_a_line_with_a_third_of_the_power_is_significant() -> None:
+    rng = np.random.default_rng(12)
+    for _ in range(20):
+        q = rng.uniform(0.0, RANGE, POSES)
+        line = np.cos(2.0 * np.pi * rng.uniform(1.0, 11.0) * q - rng.uniform(0.0, 2.0 * np.pi))
+        assert searched(q, line + rng.standard_normal(POSES), lines=4).chance() < 1e-3
+
+
+def erring(seed: int, size: float) -> gtpin.Dataset:
+    """An arm without another fault, one joint of which is off by another random angle at every command, repeatably."""
+    rng = np.random.default_rng(seed)
+    robot = gtpin.load_robot("ur5")
+    data = simulate(robot, "ur5", poses=200, seed=seed).dataset
+    q, j = data.q.copy(), robot.sites.index("wrist_1_joint")
+    same = np.unique(q, axis=0, return_inverse=True)[1].ravel()
+    q[:, j] -= size * rng.standard_normal(same.max() + 1)[same]
+    return replace(data, q=q)
+
+
+def test_a_joint_with_random_errors_is_unknown_and_no_periodic_error() -> None:
+    found = gtpin.diagnose(erring(1, 1e-4))
+    assert found.verdict == "unknown"
+    assert not found.causes
+    assert {doubt.site for doubt in found.doubts} == {"wrist_1_joint"}
