@@ -258,7 +258,7 @@ class Effect(ABC):
         return found
 
 
-TURNING = {"m": "rad", "m/m": "rad/rad"}
+TURNING = {"m": "rad", "m/m": "rad/rad", "m/K": "rad/K"}
 """Units of travel of an actuator that slides, and the units that replace them where it turns."""
 
 

@@ -35,6 +35,7 @@ class ThermalTrack(Effect):
     of_chains = ChainWords(clause="the travel of {site} grows with the frame's temperature")
     remedy = "Let the machine warm up, or use the corrected model with the frame's temperature measured."
     coefficient = ("expansion", "1/K")
+    of_travel = True
     core = (0, 1)
     plausible: ClassVar[Mapping[str, Range]] = {
         "expansion": Range(-2e-6, 1e-4, "no guideway shrinks with heat, and even plastics expand by only 1e-4/K")

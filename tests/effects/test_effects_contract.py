@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from effect_places import EFFECTS, FIT, PLACES, ROBOT, SEEN, SETTINGS, active, basis, moved, situation, some
 
+import gtpin
 from gtpin.effects.cart_compliance import TIPS
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
@@ -152,3 +153,13 @@ def test_what_bends_a_carts_compliance_moves_less_than_what_it_bends() -> None:
         assert moved_by[column] < moved_by[column % 3]
     for column in range(TIPS + 3, len(at)):
         assert moved_by[column] < moved_by[TIPS + (column - TIPS) % 3]
+
+
+def test_a_track_that_turns_grows_by_angles() -> None:
+    robot = gtpin.load_robot("tau")
+    assert robot.actuators[0].revolute
+    effect = EFFECTS["thermal_track"]
+    units = {
+        n: unit for n, (_, unit) in effect.parameters_at(robot, robot.sites[0], np.array([1e-5, 2e-6]), None).items()
+    }
+    assert units == {"expansion": "1/K", "at_zero": "rad/K", "fixed_point": "rad"}
