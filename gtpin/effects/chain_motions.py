@@ -116,23 +116,23 @@ def reach(at: Situation, link: MovingLink) -> Floats:
 POINT = 1e-3
 """Distance of a link's tip from its own joint, m, below which both are one point, as in a wrist whose axes meet."""
 BODY = 2.0
-"""Length of such a link over the distance of its centre of mass from its joint. Derived for a uniform beam from the joint."""
+"""Length of such a link over the distance of its centre of mass from the joints. Derived for a uniform beam that ends there."""
 
 
 def beam(at: Situation, link: MovingLink) -> Floats:
     """(3,) l u of the beam that bends and twists, in the axes of the link's tip, m: :func:`reach`.
 
-    A link whose joints meet in one point has a body that bends and twists all the same, beside or along its own axis. It is a
-    beam along this axis, ``BODY`` times as long as the distance of the centre of mass from the joint.
+    A link that turns and whose joints meet in one point has a body all the same. It is a beam along the link's own axis that
+    ends in this point, on whose other side the centre of mass is, ``BODY`` times as long as the distance of the centre of mass.
     """
-    length = reach(at, link)
-    if float(np.linalg.norm(length)) >= POINT:
+    length, robot = reach(at, link), at.kinematics.geometry.robot
+    twist, lever = joint_axis(robot.model, link.joint_id), np.asarray(robot.model.inertias[link.joint_id].lever)
+    if float(np.linalg.norm(length)) >= POINT or not twist[3:].any():
         return length
-    model = at.robot.model
-    axis = joint_axis(model, link.joint_id)
-    size = BODY * float(np.linalg.norm(model.inertias[link.joint_id].lever))
-    tip = model.jointPlacements[link.tip + 1].rotation if link.tip + 1 < model.njoints else np.eye(3)
-    return np.asarray(tip.T @ (axis[:3] + axis[3:]) * size)
+    last = link.tip == robot.model.njoints - 1
+    placement = robot.load_placement if last else robot.model.jointPlacements[link.tip + 1]
+    towards = -1.0 if float(twist[3:] @ lever) > 0.0 else 1.0
+    return np.asarray(placement.rotation.T @ twist[3:]) * towards * BODY * float(np.linalg.norm(lever))
 
 
 OWN_WEIGHT = 3.0 / 8.0

@@ -45,10 +45,10 @@ class LinkCompliance(Effect):
     next joint. The beam is fixed at its root. F, N, and M, N m, are the force and moment on its tip. The motion of the tip,
     m and rad, is shift = f F l^3 / 3 + f (M x u) l^2 / 2 and turn = f (u x F) l^2 / 2 + f M l for the components of F and M
     across u, and turn = g M l for the component of M along u (Euler-Bernoulli bending and Saint-Venant torsion: see
-    :mod:`gtpin.effects.chain_motions`). A link whose two joints meet in one point, as in a wrist, is a beam along its own axis,
-    twice as long as the distance of its centre of mass from the joint. Parameters: ``bending`` f = 1 / (E I), positive where
-    the link bends in the direction of the load; ``torsion`` g = 1 / (G J); ``stiffening``: by how much f increases when the
-    force becomes twice the usual one.
+    :mod:`gtpin.effects.chain_motions`). A link whose two joints meet in one point, as in a wrist, is a beam along its own axis
+    that ends in this point, twice as long as the distance of its centre of mass from there. Parameters: ``bending``
+    f = 1 / (E I), positive where the link bends in the direction of the load; ``torsion`` g = 1 / (G J); ``stiffening``: by how
+    much f increases when the force becomes twice the usual one.
     All are in 1/(N m^2); at ``arm`` they are the same for all links.
 
     Typical size of ``bending`` 1e-5 1/(N m^2): an aluminium tube of 0.1 m diameter and 4 mm wall has

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.diagnosis.inference.chance_lines import DriveErrors
@@ -29,7 +30,7 @@ def waves(q: Floats) -> Floats:
     return np.stack([np.cos(phase), np.sin(phase)], axis=2)
 
 
-def searched(q: Floats, errors: Floats, lines: int) -> DriveErrors:
+def searched(q: Floats, errors: Floats, variance: Floats, lines: int) -> DriveErrors:
     """Errors with the lines that a search finds in them, each the one that takes most of what the others leave."""
     shapes, left, found = waves(q), errors, []
     for _ in range(lines):
@@ -37,15 +38,18 @@ def searched(q: Floats, errors: Floats, lines: int) -> DriveErrors:
         best = int(np.argmax([fit @ fit for fit in fits]))
         found.append(shapes[best])
         left = left - fits[best]
-    return DriveErrors(errors, tuple(found), POSES, len(FREQUENCIES))
+    return DriveErrors(errors, variance, tuple(found), len(FREQUENCIES))
 
 
-def test_scatter_is_significant_no_more_often_than_is_said() -> None:
+@pytest.mark.parametrize("spread", [0.0, 1.0])
+def test_scatter_is_significant_no_more_often_than_is_said(spread: float) -> None:
     rng = np.random.default_rng(11)
     significant = 0
     for _ in range(DRAWS):
-        q, size = rng.uniform(0.0, RANGE, POSES), 10.0 ** rng.uniform(0.0, 2.0)
-        significant += searched(q, size * rng.standard_normal(POSES), lines=4).chance() <= 0.05
+        q, size = rng.uniform(0.0, RANGE, POSES), 10.0 ** rng.uniform(-1.0, 2.0)
+        variance = np.exp(spread * rng.standard_normal(POSES))
+        errors = np.sqrt(variance + size**2) * rng.standard_normal(POSES)
+        significant += searched(q, errors, variance, lines=4).chance() <= 0.05
     assert significant <= 20  # 10 are expected at most; more than 20 has a probability of 1 in 600
 
 
@@ -54,7 +58,7 @@ def test_a_line_with_a_third_of_the_power_is_significant() -> None:
     for _ in range(20):
         q = rng.uniform(0.0, RANGE, POSES)
         line = np.cos(2.0 * np.pi * rng.uniform(1.0, 11.0) * q - rng.uniform(0.0, 2.0 * np.pi))
-        assert searched(q, line + rng.standard_normal(POSES), lines=4).chance() < 1e-3
+        assert searched(q, line + rng.standard_normal(POSES), np.full(POSES, 0.1), lines=4).chance() < 1e-3
 
 
 def erring(seed: int, size: float) -> gtpin.Dataset:
@@ -73,3 +77,25 @@ def test_a_joint_with_random_errors_is_unknown_and_no_periodic_error() -> None:
     assert found.verdict == "unknown"
     assert not found.causes
     assert {doubt.site for doubt in found.doubts} == {"wrist_1_joint"}
+
+
+def test_a_line_at_few_commands_that_are_visited_often_is_named() -> None:
+    rng = np.random.default_rng(2)
+    robot = gtpin.load_robot("ur5")
+    data = simulate(robot, "ur5", poses=200, seed=2).dataset
+    visited = data.take(np.repeat(np.unique(data.visits, return_index=True)[1][:50], 4))
+    noise = [1.5e-5 * rng.standard_normal((200, 3)), 5e-5 * rng.standard_normal((200, 3))]
+    q, j = visited.q.copy(), robot.sites.index("wrist_1_joint")
+    for _ in range(30):  # the command that brings the joint to where the machine was measured
+        q[:, j] = visited.q[:, j] - 1.5e-4 * np.cos(9.0 * q[:, j])
+    turned = Rotation.from_rotvec(noise[1]) * Rotation.from_quat(visited.orientation, scalar_first=True)
+    found = gtpin.diagnose(
+        replace(
+            visited,
+            q=q,
+            position=visited.position + noise[0],
+            orientation=turned.as_quat(scalar_first=True),
+            pose=np.arange(200).astype(str).astype(object),
+        )
+    )
+    assert [(c.effect, c.site) for c in found.causes] == [("rack_periodic", "wrist_1_joint")]

@@ -224,7 +224,14 @@ def test_a_link_whose_joints_meet_in_one_point_bends_about_its_root() -> None:
                 weight = model.inertias[k].mass * model.gravity.linear
                 moment += np.cross(data.oMi[k].act(model.inertias[k].lever) - here.translation, weight)
                 force = force + weight
-        u = here.rotation[:, 2]
+        centre = here.rotation @ model.inertias[joint].lever
+        # From the side of the centre of mass to the joint.
+        u = -np.sign(centre @ here.rotation[:, 2]) * here.rotation[:, 2]
         bent = moment - u * (u @ moment)
         turn = flexibility * (bent * length + np.cross(u, force - u * (u @ force)) * length**2 / 2.0)
+        across = force - u * (u @ force)
+        shift = flexibility * (across * length**3 / 3.0 + np.cross(bent, u) * length**2 / 2.0)
         np.testing.assert_allclose(found[i, 3:], turn, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(
+            found[i, :3], shift + np.cross(turn, poses.T[i] - here.translation), rtol=1e-5, atol=2e-11
+        )

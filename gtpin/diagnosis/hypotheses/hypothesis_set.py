@@ -127,7 +127,10 @@ class HypothesisSet:
 
     def barring(self, places: Collection[tuple[str, str]]) -> HypothesisSet:
         """The same explanations without the hypotheses at some places (effect, site)."""
-        fewer = copy(self)
+        fewer, allowed = copy(self), tuple(proxy for proxy in self.proxies if proxy.hypothesis.place not in places)
+        fewer.__dict__["proxies"] = (
+            allowed  # a cached property: both sets share the groups to which proxies are added once
+        )
         fewer.linear = tuple(hypothesis for hypothesis in self.linear if hypothesis.place not in places)
         fewer.scanned = tuple(hypothesis for hypothesis in self.scanned if hypothesis.place not in places)
         return fewer

@@ -35,7 +35,7 @@ def _without_chance_lines(settled: Settled, barred: Collection[tuple[str, str]])
     """The conclusion of a search without periodic errors that scatter alone would show, and the sites of these."""
     hypotheses, scattered = settled.hypotheses, set[tuple[str, str]]()
     found = _decided(settled, {*barred})
-    while chance := chance_lines(hypotheses, found.model):
+    while chance := chance_lines(hypotheses, found):
         scattered |= {cause.place for cause in chance}
         found = _decided(settled, {*barred, *scattered})
     alone = hypotheses.gains(NOTHING, hypotheses.every)

@@ -52,7 +52,7 @@ def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
         classes = {c: with_two_instead(hypotheses, named, c, members) for c, members in classes.items()}
         classes = dict(with_two_exchanged(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
-    found = Conclusion(named, classes, doubts, alone)
+    found = Conclusion(named, classes, doubts, alone, tuple(needed))
     return found.only(hypotheses, found.sure()) if doubts else found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
 from gtpin.diagnosis.inference.findings import Doubt, Verdict
 from gtpin.diagnosis.priors import SURE
@@ -45,12 +45,15 @@ class Conclusion:
         Reasons for which something unknown is assumed in addition to the causes.
     alone
         Gain in log evidence of every hypothesis and smooth term as the only one.
+    beside
+        Smooth terms that are needed beside the causes.
     """
 
     model: Model
     classes: Mapping[Hypothesis, tuple[Contender, ...]]
     doubts: tuple[Doubt, ...]
     alone: Mapping[Term, Gain]
+    beside: tuple[SmoothTerm, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
