@@ -35,7 +35,9 @@ def main() -> None:
     """Run the command line: exit 2 with one line on standard error for bad input, 1 where a solver did not converge."""
     _on_signals(_end_at_once)
     try:
-        import gtpin.commands.app  # noqa: F401
+        from gtpin.commands.registry import app_for
+
+        app = app_for(sys.argv[1:])
     except (ImportError, OSError, MemoryError) as error:  # a library that is broken, or that does not fit into memory
         _say("error", NOT_LOADED.format(error))
         sys.exit(2)
@@ -48,7 +50,7 @@ def main() -> None:
     warnings.simplefilter("always", GtpinWarning)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not have all characters
-    code = _run()
+    code = _run(app)
     _flush()
     if code == 0:  # after an error only the error's line is shown, without warnings
         for text in dict.fromkeys(kept):  # the same warning from two effects is printed once
@@ -68,10 +70,9 @@ def _end_at_once(number: int, frame: FrameType | None) -> None:
     os._exit(INTERRUPTED)
 
 
-def _run() -> int:
+def _run(app: typer.Typer) -> int:
     import typer
 
-    from gtpin.commands.app import app
     from gtpin.threads import one_thread
 
     try:

@@ -98,9 +98,9 @@ class RackPeriodic(Effect):
         c, s = np.cos(phase), np.sin(phase)
         columns, sizes = [c, s, x * c, x * s], [1.0, 1.0, *[MODULATION.line] * 2]
         if at.robot.rods:
-            columns += [np.cos(2.0 * phase), np.sin(2.0 * phase)]
+            columns += [c * c - s * s, 2.0 * c * s]  # cosine and sine of twice the phase
             sizes = [1.0, 1.0, *[MODULATION.period] * 4]
-        return along_track(at, site, np.stack(columns, axis=1), drive_sizes(at, site, sizes, 2e-5))
+        return along_track(at, site, np.stack(columns).T, drive_sizes(at, site, sizes, 2e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Period, amplitude, phase, and for robots with rods the second harmonic."""

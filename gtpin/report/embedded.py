@@ -154,8 +154,8 @@ def _look(trace: Mapping[str, Any]) -> tuple[str, str, str] | None:
 
 
 def script(content: Mapping[str, Any]) -> Markup:
-    """JSON for a script element of HTML: no text in it can end the element."""
-    text = json.dumps(plain(content), allow_nan=False, separators=(",", ":"))
+    """JSON for a script element of HTML, of values that are :func:`plain`: no text in it can end the element."""
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
 

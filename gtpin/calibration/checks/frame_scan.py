@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks.shifted_rows import FEWEST
 from gtpin.calibration.checks.strain import motions
@@ -99,17 +100,20 @@ class Scan:
         """Scales, and the scaled normal equations, of the geometry and of motions in proportion to columns."""
         F = (self.F[:, :, None, :] * columns[:, None, :, None]).reshape(*self.F.shape[:2], -1)
         J = np.concatenate([self.J, F], axis=2).reshape(-1, self.J.shape[2] + F.shape[2])
-        s = np.concatenate([self._scale(0), np.full(F.shape[2], SIZE)])
+        s = np.concatenate([self._scale, np.full(F.shape[2], SIZE)])
         return s, s * (J.T @ self.y.ravel()), np.eye(len(s)) + s[:, None] * (J.T @ J) * s
 
     def size(self, steps: Sequence[int]) -> tuple[float, float]:
         """Size of the first step: in standard deviations of the remaining residuals, and in m at the median pose."""
-        s = self._scale(len(steps))
-        A, b, _ = self._normal(steps)
-        delta = (s * np.linalg.solve(np.eye(len(s)) + s[:, None] * A * s, s * b))[len(self.prior) :][:6]
+        b, inner = self._normal(steps)
+        delta = SIZE * np.linalg.solve(inner, b)[:6]
         moved = np.linalg.norm(self.F @ delta, axis=1)
         left = np.sqrt(2.0 * self.left(steps) / self.y.size)
         return float(np.median(moved)) / left, float(np.median(np.linalg.norm(self.lengths @ delta, axis=1)))
+
+    @property
+    def _scale(self) -> Floats:
+        return np.where(self.prior > 0.0, 1.0, SIZE)
 
     @cached_property
     def _sums(self) -> tuple[Floats, Floats, Floats]:
@@ -122,28 +126,31 @@ class Scan:
         return tuple(np.concatenate([np.cumsum(part[::-1], axis=0)[::-1], np.zeros_like(part[:1])]) for part in each)  # type: ignore[return-value]
 
     @cached_property
-    def _geometry(self) -> tuple[Floats, Floats]:
-        flat = self.J.reshape(-1, self.J.shape[2])
-        return flat.T @ flat, flat.T @ self.y.ravel()
+    def _absorbed(self) -> tuple[Floats, Floats]:
+        """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals: L^-1 S J' F and
+        L^-1 S J' y with L L' = I + S J' J S, S the scales. The sums of squares are the power that the geometry absorbs.
+        """
+        s, flat = self._scale, self.J.reshape(-1, self.J.shape[2])
+        factor = np.linalg.cholesky(np.eye(len(s)) + s[:, None] * (flat.T @ flat) * s)
+        by_step = np.concatenate([*self._sums[0], (self.y.ravel() @ flat)[None]]) * s
+        absorbed = solve_triangular(factor, by_step.T, lower=True)
+        return absorbed[:, :-1].reshape(len(s), -1, 6).swapaxes(0, 1), absorbed[:, -1]
 
-    def _scale(self, steps: int) -> Floats:
-        return np.concatenate([np.where(self.prior > 0.0, 1.0, SIZE), np.full(6 * steps, SIZE)])
-
-    def _normal(self, steps: Sequence[int]) -> tuple[Floats, Floats, float]:
-        with_J, with_F, with_y = self._sums
-        GG, Gy = self._geometry
-        FJ = [with_J[k] for k in steps]
-        FF = [[with_F[max(a, b)] for b in steps] for a in steps]
-        A = np.block([[GG, *(f.T for f in FJ)], *([f, *row] for f, row in zip(FJ, FF, strict=True))]) if steps else GG
-        b = np.concatenate([Gy, *(with_y[k] for k in steps)])
-        return A, b, float((self.y**2).sum())
+    def _normal(self, steps: Sequence[int]) -> tuple[Floats, Floats]:
+        """(6 k,) and (6 k, 6 k) scaled normal equations of k steps, after the geometry was fitted."""
+        absorbed, absorbed_y = self._absorbed
+        X = np.hstack([absorbed[k] for k in steps])
+        FF = np.block([[self._sums[1][max(a, b)] for b in steps] for a in steps])
+        b = np.concatenate([self._sums[2][k] for k in steps]) - X.T @ absorbed_y
+        return SIZE * b, np.eye(len(b)) + SIZE**2 * (FF - X.T @ X)
 
     def left(self, steps: Sequence[int]) -> float:
         """Half the sum of squares of the residuals after geometry and steps were fitted, each with its prior."""
-        A, b, power = self._normal(steps)
-        s = self._scale(len(steps))
-        inner = np.eye(len(s)) + s[:, None] * A * s
-        return 0.5 * (power - float((s * b) @ np.linalg.solve(inner, s * b)))
+        power = float((self.y**2).sum() - (self._absorbed[1] ** 2).sum())
+        if steps:
+            b, inner = self._normal(steps)
+            power -= float(b @ np.linalg.solve(inner, b))
+        return 0.5 * power
 
 
 def nominal_problem(start: Model, measured: Measured, near: Poses, instrument: Instrument) -> tuple[Problem, Noise]:

@@ -94,8 +94,9 @@ class _Products:
 class Scan:
     """An effect at a site with all values that are tried, prepared once for all scans with different models.
 
-    Whitened displacements are (R, S, c): S values, c columns each. R is the number of measured numbers; where the effect moves
-    one actuator only, it is the number of poses, since the numbers of a pose are then in fixed proportions.
+    Whitened displacements are (S, c, R): S values, c columns each. R is the number of measured numbers; where the effect moves
+    one actuator only, it is the number of poses, since the numbers of a pose are then in fixed proportions. The numbers of one
+    column are next to each other in memory, as products need them.
     """
 
     def __init__(self, design: Design, groups: Groups[Any], effect: Effect, site: str, priors: Priors = PRIORS) -> None:
@@ -111,10 +112,10 @@ class Scan:
         self._together: tuple[tuple[Hashable, ...], Floats, Floats] | None = None
 
     def _displacements(self, values: Sequence[float] | Floats) -> Floats:
-        bases = [self.effect.basis(self.design.situation, self.site, float(value)) for value in values]
+        bases = (self.effect.basis(self.design.situation, self.site, float(value)) for value in values)
         if self._factor is None:
-            return np.stack([self.design.columns(basis) for basis in bases], axis=1)
-        return np.stack([basis.command[1] * basis.sigma for basis in bases if basis.command], axis=1)
+            return np.stack([self.design.columns(basis).T for basis in bases])
+        return np.stack([basis.command[1].T * basis.sigma[:, None] for basis in bases if basis.command])
 
     def _seen(self, Z: Floats) -> Floats:
         """(R, m) form of columns Z (N c, m) in which inner products with displacements are computed."""
@@ -123,15 +124,15 @@ class Scan:
         return np.asarray(np.einsum("nc,ncm->nm", self._factor, Z.reshape(*self._factor.shape, -1), optimize=True))
 
     def _products(self, displacements: Floats) -> _Products:
-        count, width = displacements.shape[1:]
-        flat = displacements.reshape(len(displacements), -1)
-        halves = self.marginal.lower_solve((flat.T @ self._seen_geometry).T)
+        count, width, size = displacements.shape
+        flat = displacements.reshape(-1, size)
+        halves = self.marginal.lower_solve((flat @ self._seen_geometry).T)
         sized = displacements
         if self._factor is not None:
-            sized = displacements * np.sqrt((self._factor**2).sum(axis=1))[:, None, None]
-        by_value, absorbed = sized.transpose(1, 2, 0), halves.reshape(-1, count, width).transpose(1, 2, 0)
-        grams = by_value @ by_value.transpose(0, 2, 1) - absorbed @ absorbed.transpose(0, 2, 1)
-        moments = flat.T @ self._seen(self.design.y[:, None]) - halves.T @ self._half_y
+            sized = displacements * np.sqrt((self._factor**2).sum(axis=1))
+        absorbed = halves.T.reshape(count, width, -1)
+        grams = sized @ sized.transpose(0, 2, 1) - absorbed @ absorbed.transpose(0, 2, 1)
+        moments = flat @ self._seen(self.design.y[:, None]) - halves.T @ self._half_y
         return _Products(halves, grams, moments.reshape(count, width))
 
     @cached_property
@@ -163,7 +164,7 @@ class Scan:
             kept, products = self._prepared
             seen = np.hstack([self._seen_groups[part] for part in new])
             batches = kept or map(self._displacements, self._batches)
-            found = np.vstack([some.reshape(len(some), -1).T @ seen for some in batches])
+            found = np.vstack([some.reshape(-1, len(seen)) @ seen for some in batches])
             found -= products.halves.T @ np.hstack([self.groups.half(part) for part in new])
             ends = np.cumsum([self.groups.width(part) for part in new])
             self._with_groups |= {
@@ -238,8 +239,8 @@ class Scan:
             finer = np.linspace(near.min(), near.max(), REFINED)
             displacements = self._displacements(finer)
             products = self._products(displacements)
-            flat = displacements.reshape(len(displacements), -1)
-            across = None if seen is None or halves is None else flat.T @ seen - products.halves.T @ halves
+            flat = displacements.reshape(-1, displacements.shape[2])
+            across = None if seen is None or halves is None else flat @ seen - products.halves.T @ halves
             fine, fine_scales = self._gains(products, model, across)
             fine = np.where(self._resolved(finer, others), fine, LEAST)
             best = int(np.argmax(fine))
