@@ -30,7 +30,7 @@ from gtpin.report.page import Table
 FULL = 1000
 """Cases from which a run is a full one."""
 LOG = "blind_runs.md"
-PROSE = ("introduction.md", "pairs.md")
+PROSE = ("introduction.md", "pairs.md", "forms.md")
 """What the page begins with; ``examples/pages/refresh.py`` fills in the figures."""
 KEPT = ("cases", "check", "failures", "figures")
 """Of ``score.json``, what other pages need; with it goes which single effects were named right, and nothing else."""

@@ -80,4 +80,5 @@ FIGURES = (
     Figure("closed_circle", "simulator/closed_circle.py", 2),
     Figure("health", "health/power.py", 40),
     Figure("pairs", "blind/pairs.py", 114),
+    Figure("forms", "blind/forms.py", 2),
 )

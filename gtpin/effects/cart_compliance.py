@@ -25,7 +25,7 @@ LEVER = 0.1
 """Usual distance of the line of action of the force from the mean of the cart's joints, m."""
 PLACES = 4
 """Number of cosines that describe how the compliance varies along the track."""
-TIPS = 3 * (3 + PLACES)
+TIPS = 3 * (4 + PLACES)
 """Number of coefficients of the compliances along and across. The rotational compliances follow them."""
 
 
@@ -36,9 +36,11 @@ class CartCompliance(Effect):
     vectors are in the base frame. F, N, is the sum of the rods' forces on the cart (a rod in tension pulls its cart towards
     the platform). M, N m, is their moment about m, the mean of the cart's joints. The forces are computed with the closures'
     Jacobian from gravity of plate, links and payload, and from the force on the tool. The modulation: the compliances c_e and
-    k_e depend on the load and on the place along the track. Friction causes a small hysteresis.
+    k_e depend on the load and on the place along the track; c_e may differ where F . e is below half of its usual value, as in
+    a spring with a dead zone or in a contact. Friction causes a small hysteresis.
 
-    Parameters: ``along``, ``across_a``, ``across_b``: c_e, m/N, positive where the cart moves in the direction of the force;
+    Parameters: ``along``, ``across_a``, ``across_b``: c_e, m/N, at forces that are not small, positive where the cart moves in
+    the direction of the force;
     ``stiffening``: by how much ``along`` increases, m/N, when the force becomes twice the usual one, negative where the cart
     becomes stiffer; for a cart with more than one joint also ``roll``, ``tip_a``, ``tip_b``: k_e, rad/(N m), positive where
     the cart turns in the direction of the moment.
@@ -65,7 +67,7 @@ class CartCompliance(Effect):
         return ("load", "payload")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Compliances along and across, with their modulation by load, friction and place; then rotational compliances."""
+        """Compliances along and across, modulated by load, friction, place and small forces; then rotational compliances."""
         j = at.robot.sites.index(site)
         rods = rods_of(at, site)
         axes = np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)
@@ -81,6 +83,7 @@ class CartCompliance(Effect):
         # Smaller, and with long waves only: otherwise the effect could be confused with a twist of the track.
         tips_softer = [(place, MODULATION.tipping * share) for place, share in softer[:2]]
         came = approach(at, j)
+        small = _smallest(at, rods, axes)
         columns, sizes = [], []
         always, stiffening = (np.ones(len(at)), 1.0), MODULATION.stiffening
         for factor, share in [always, (harder, stiffening), (came, MODULATION.friction), *softer]:
@@ -90,6 +93,11 @@ class CartCompliance(Effect):
                 given = (factor * along)[:, None] * axis
                 columns.append(np.broadcast_to(given[:, None, :], lever.shape))
                 sizes.append(share * size)
+        for axis, size, least in zip(axes, GIVE, small, strict=True):
+            along = force @ axis
+            given = (along / np.sqrt(1.0 + (along / least) ** 2))[:, None] * axis
+            columns.append(np.broadcast_to(given[:, None, :], lever.shape))
+            sizes.append(MODULATION.dead_zone * size)
         if len(rods) > 1:
             strength = np.linalg.norm(moment, axis=1)
             for factor, share in [always, (strength / (LEVER * usual) - 1.0, stiffening), *tips_softer]:
@@ -106,3 +114,14 @@ class CartCompliance(Effect):
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
         tips = coefficients[TIPS : TIPS + 3]
         return found | {n: (float(c), "rad/(N m)") for n, c in zip(("roll", "tip_a", "tip_b"), tips, strict=False)}
+
+
+def _smallest(at: Situation, rods: list[int], axes: Floats) -> Floats:
+    """(3,) half of the usual pull along each of three axes in the fit, N.
+
+    The usual pull is that of the rods' usual forces in their mean directions.
+    """
+    (mean, spread), (direction, _) = at.references.force, at.references.direction
+    parts = direction[rods] @ axes.T
+    usual = np.abs(mean[rods] @ parts) + np.sqrt((spread[rods] ** 2) @ parts**2)
+    return np.asarray(np.maximum(usual / 2.0, 1e-9))

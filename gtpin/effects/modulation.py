@@ -21,18 +21,24 @@ class Modulation:
     scale: float = 0.1
     """Scale of a drive along the track: the mean over the whole length varies less than parts of it. Assumed."""
     period: float = 0.25
-    """Change of the amplitude from the middle of the track to its ends, and amplitude of the second harmonic. Assumed."""
+    """Change of the amplitude from the middle of the track to its ends, where both ends change alike and where they change in
+    opposite ways, and amplitude of the second harmonic. Assumed."""
     line: float = 0.1
     """The same change of amplitude for one period of a turning joint. It is small because gears are round, and because a larger
     one could be confused with another period. Assumed."""
     slope: float = 0.3
     """Slope beyond a step, over the whole range: the second rack segment has its own scale. Assumed."""
+    flank: float = 0.5
+    """Share of each of two ramps in a step's flank: 1 for a flank that is this ramp, 0 for a sharp step. Assumed."""
     own_track: float = 0.3
     """Cross coupling along the actuator's own track. Assumed."""
 
     # Compliances and clearances.
     stiffening: float = 0.2
     """Change of a compliance at twice the usual load. Derived: in contacts of balls (Hertz) it falls to 2^(-1/3), 21 % less."""
+    dead_zone: float = 0.5
+    """Compliance of a cart that acts at small forces only, over that at all forces: -1 for a dead zone, positive for contacts.
+    Assumed."""
     compression: float = 0.2
     """Difference of a link's compliance between tension and compression. Assumed."""
     friction: float = 0.05

@@ -35,7 +35,8 @@ whose amplitude changes, or no line."""
 class RackPeriodic(Effect):
     """dq = A cos(2 pi q / p - phi); dq is the deviation of the travel from the command q, m (rad where the actuator turns).
 
-    The modulation: the amplitude changes along the track, and the deviation has a second harmonic, with the period p / 2.
+    The modulation: amplitude and phase change along the track (linearly and quadratically for robots with rods), and the
+    deviation has a second harmonic, with the period p / 2.
 
     Parameters: ``period`` p, m, the nonlinear parameter; ``amplitude`` A > 0 at the middle of the range, m; ``phase`` phi,
     rad: the deviation has a maximum at q = p phi / (2 pi); ``harmonic``, amplitude of the second harmonic, m. Where the
@@ -91,15 +92,19 @@ class RackPeriodic(Effect):
         return np.asarray(apart >= APART)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Cosine and sine of the period, their change along the track, and for robots with rods the second harmonic."""
+        """Cosine and sine of the period, their change along the track, and for robots with rods the second harmonic.
+
+        For robots with rods the change is linear and quadratic in the travel x, so that the coefficients of the cosine and sine
+        remain those of the middle.
+        """
         assert nonlinear is not None
         j = at.robot.sites.index(site)
         phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns, sizes = [c, s, x * c, x * s], [1.0, 1.0, *[MODULATION.line] * 2]
         if at.robot.rods:
-            columns += [c * c - s * s, 2.0 * c * s]  # cosine and sine of twice the phase
-            sizes = [1.0, 1.0, *[MODULATION.period] * 4]
+            columns += [x**2 * c, x**2 * s, c * c - s * s, 2.0 * c * s]  # the last two: of twice the phase
+            sizes = [1.0, 1.0, *[MODULATION.period] * 6]
         return along_track(at, site, np.stack(columns).T, drive_sizes(at, site, sizes, 2e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
@@ -110,7 +115,7 @@ class RackPeriodic(Effect):
             "amplitude": (float(np.hypot(c, s)), "m"),
             "phase": (float(np.arctan2(s, c)), "rad"),
         }
-        harmonic = coefficients[4:6]
+        harmonic = coefficients[6:8]
         return found | ({"harmonic": (float(np.hypot(*harmonic)), "m")} if harmonic.size else {})
 
 

@@ -15,16 +15,24 @@ from gtpin.robot.robot import Robot
 
 FEWEST = 3
 """Smallest number of commands beyond a step: with fewer it can't be distinguished from a gross error."""
+FLANKS = (0.01, 0.03)
+"""Widths of the ramps that describe a flank, m. Assumed: two teeth of a pinion are in mesh, so that the cart passes from one
+segment to the other over two pitches, which are 5 to 16 mm long for a module of 1.5 to 5 mm. Where the actuator turns, the same
+numbers in rad are assumed."""
 
 
 class RackStep(Effect):
     """dq = h + m (q - p) where q > p, otherwise 0; dq is the deviation of the travel from the command q, m.
 
     p is the command at which the second rack segment begins. Beyond it, the cart is farther along its track by h. The
-    modulation: the second segment has a pitch error m, so the deviation changes linearly with q.
+    modulation: the second segment has a pitch error m, so the deviation changes linearly with q; and the step has a flank,
+    because the pinion passes from one segment to the other over some millimetres. The flank is a sum of ramps r_w with their
+    middle at p, of widths w = 10 and 30 mm: dq has the further terms f_w (r_w - 1) where q > p, f_w r_w where q < p. They are
+    zero at a distance of w / 2 and more.
 
-    Parameters: ``place`` p, m, the nonlinear parameter; ``step`` h, m, positive where the cart is farther than commanded beyond
-    the place; ``slope`` m, m/m, the pitch error of the second segment. Where the actuator turns, rad replaces m.
+    Parameters: ``place`` p, m, the nonlinear parameter: the middle of the flank; ``step`` h, m, the whole height, positive
+    where the cart is farther than commanded beyond the place; ``slope`` m, m/m, the pitch error of the second segment. Where
+    the actuator turns, rad replaces m.
 
     Typical size 50 um. Segments of precision racks that are checked and matched have position errors of at most 40 um over
     any length (Machine Design, see ``encoder_scale``).
@@ -59,13 +67,15 @@ class RackStep(Effect):
         return () if nonlinear is None else (nonlinear,)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """The step, and a slope beyond it."""
+        """The step, a slope beyond it, and ramps less the step, which make its flank wider."""
         assert nonlinear is not None
         j = at.robot.sites.index(site)
-        beyond = (at.q[:, j] > nonlinear).astype(float)
-        columns = np.stack([beyond, beyond * (at.q[:, j] - nonlinear)], axis=1)
+        past = at.q[:, j] - nonlinear
+        beyond = (past > 0.0).astype(float)
+        flanks = [np.clip(0.5 + past / width, 0.0, 1.0) - beyond for width in FLANKS]
         span = at.robot.upper[j] - at.robot.lower[j]
-        return along_track(at, site, columns, unit([1.0, MODULATION.slope / span], 5e-5))
+        sizes = [1.0, MODULATION.slope / span, *[MODULATION.flank] * len(FLANKS)]
+        return along_track(at, site, np.stack([beyond, beyond * past, *flanks], axis=1), unit(sizes, 5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Place and height of the step, and the slope beyond."""

@@ -38,6 +38,7 @@ AGAIN = {
     "closed_circle": 1,
     "health": 2,
     "pairs": 2,
+    "forms": 4,
 }
 """Jobs that are measured again, spread over all; a whole measurement takes minutes."""
 NEEDS = {"closed_circle": "mujoco"}

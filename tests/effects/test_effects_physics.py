@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, situation, some
 
+from gtpin.effects.cart_compliance import TIPS
+from gtpin.effects.rack_step import FLANKS
 from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
 
@@ -231,6 +233,44 @@ def test_a_step_is_beyond_its_place_and_its_slope_starts_there() -> None:
         atol=1e-15,
     )
     assert parameters("rack_step", c) == {"place": place, "step": 4e-5, "slope": 1e-4}
+
+
+@pytest.mark.parametrize("width", [0.01, 0.03])
+def test_a_step_whose_flank_is_a_ramp_rises_from_zero_to_its_height_over_the_ramp(width: float) -> None:
+    place = SETTINGS["rack_step"]
+    c = np.zeros(len(basis("rack_step", "cart2", FIT)))
+    c[0] = c[2 + FLANKS.index(width)] = 4e-5
+    at = width * np.array([-3.0, -0.5, -0.25, 0.0, 0.25, 0.5, 3.0])
+    expected = 4e-5 * np.array([0.0, 0.0, 0.25, 0.5, 0.75, 1.0, 1.0])
+    np.testing.assert_allclose(travel("rack_step", place + at, c), expected, rtol=0, atol=1e-15)
+    assert parameters("rack_step", c)["step"] == 4e-5
+
+
+def test_a_harmonic_has_its_amplitude_in_the_middle_of_the_range_however_it_changes_towards_the_ends() -> None:
+    middle = (ROBOT.lower[1] + ROBOT.upper[1]) / 2.0
+    near = middle + SETTINGS["rack_periodic"] * np.linspace(-0.5, 0.5, 201)
+    c = np.zeros(len(basis("rack_periodic", "cart2", FIT)))
+    c[:6] = 2e-5, 0.0, 1e-5, 0.0, -1.5e-5, 0.0
+    assert np.ptp(travel("rack_periodic", near, c)) == pytest.approx(4e-5, rel=0.05)
+    assert parameters("rack_periodic", c)["amplitude"] == 2e-5
+    assert parameters("rack_periodic", c)["harmonic"] == 0.0
+
+
+@pytest.mark.parametrize("direction", [0, 1, 2])
+def test_a_cart_with_a_dead_zone_hardly_moves_under_small_forces_and_as_a_linear_one_beyond(direction: int) -> None:
+    at, give = situation(200, seed=4), 5e-8
+    mine = [i for i, rod in enumerate(ROBOT.rods) if rod.carrier == 2]
+    v = ROBOT.actuators[2].axis
+    axis = np.vstack([v, rotation_axes(v)[:2]])[direction]
+    force = np.einsum("nk,nki->ni", at.force[:, mine], at.along[:, mine]) @ axis
+    c = np.zeros(len(basis("cart_compliance", "cart3", at)))
+    c[direction], c[TIPS - 3 + direction] = give, -give
+    moved = basis("cart_compliance", "cart3", at).carrier_joints[:, mine[0]] @ c @ axis
+    assert np.all(np.abs(moved) < give * np.abs(force))  # never farther than without a dead zone
+    assert np.all(np.sign(moved) == np.sign(force))
+    order = np.argsort(np.abs(force))
+    share = (moved / (give * force))[order]
+    assert np.all(np.diff(share) > 0.0)  # the larger the force, the nearer to the linear spring
 
 
 def test_places_of_steps_lie_inside_the_commands() -> None:
