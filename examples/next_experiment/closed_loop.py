@@ -1,8 +1,8 @@
 """A proposed experiment is carried out, and the machine is diagnosed again: a table of docs/next_experiment.md.
 
-Machines of the plant with one effect each are measured and diagnosed. Where the diagnosis leaves open which effect the cause is,
-the machine is measured again at the commands and conditions of the file that ``gtpin diagnose`` writes, and, separately, at as
-many random ones. All measurements together are diagnosed again.
+Machines of the plant with one effect each are measured and diagnosed. Where the diagnosis leaves open which effect the cause
+is, the machine is measured again at the commands and conditions of the file that ``gtpin diagnose`` writes, and, separately, at
+as many random ones. All measurements together are diagnosed again.
 ``python examples/pages/refresh.py --measure closed_loop`` measures the table of the page again.
 """
 
@@ -19,12 +19,14 @@ from again import again
 from compare import known_from
 
 import gtpin
+from gtpin.blind.rates import rate
 from gtpin.data import Commands
 from gtpin.data.table import Column
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.findings import Cause
 from gtpin.diagnosis.planning.discrimination import chosen, concerns
 from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.diagnosis.planning.settling import PROMISED
 from gtpin.diagnosis.planning.trials import possible
 from gtpin.diagnosis.priors import SURE
 from gtpin.effects.catalogue import effects_by_id
@@ -53,6 +55,7 @@ EVERY = {"gantry_tau": 1, "ur5": 10}
 ENERGY, POSES = (63.0, 600.0), 140
 SEEDS = 1795516897
 """The first machine's seed: the clock's seconds before the table was measured last, so that nothing was ever tuned on them."""
+OUTCOMES = ("right", "wrong", "open", "lost")
 LEAST = 1e-3
 """Weight of an alternative that is in no class."""
 
@@ -137,9 +140,7 @@ def written(found: gtpin.Diagnosis, number: int) -> Commands:
         return Commands.read(Path(folder) / "diagnosis" / "next_experiment" / f"{number + 1}.csv")
 
 
-def random_rows(
-    case: Case, found: gtpin.Diagnosis, question: Open, seed: int
-) -> tuple[np.ndarray, dict[str, Column]]:
+def random_rows(case: Case, found: gtpin.Diagnosis, question: Open, seed: int) -> tuple[np.ndarray, dict[str, Column]]:
     """As many random commands, with the same covariates varied at random."""
     known = known_from(case.dataset, found.baseline)
     effects = effects_by_id()
@@ -172,11 +173,11 @@ def outcome(second: gtpin.Diagnosis, truth: tuple[str, str], before: Cause) -> s
 
 
 def realised(first: gtpin.Diagnosis, second: gtpin.Diagnosis, truth: tuple[str, str], question: Open) -> float | str:
-    """What was added to the log Bayes factor of the true effect over its alternatives, nats, weighted as in the expected gain."""
+    """What was added to the log Bayes factor of the true effect over its alternatives, nats; weights as in the expected gain."""
     asked = question.experiment.effects
     if truth not in asked:
         return ""
-    weights = {place: LEAST for place in asked} | {(m.effect, m.site): m.probability for m in question.cause.members}
+    weights = dict.fromkeys(asked, LEAST) | {(m.effect, m.site): m.probability for m in question.cause.members}
     if len(asked) == 1:
         return evidence(second, truth) - evidence(first, truth)
     rivals = asked[1:] if truth == asked[0] else asked[:1]
@@ -190,3 +191,48 @@ def realised(first: gtpin.Diagnosis, second: gtpin.Diagnosis, truth: tuple[str, 
 def evidence(found: gtpin.Diagnosis, place: tuple[str, str]) -> float:
     """Gain in log evidence of a candidate."""
     return next(c.log_evidence for c in found.candidates if (c.effect, c.site) == place)
+
+
+def table(records: pd.DataFrame) -> str:
+    """How often the true cause was settled, by what the proposal promised."""
+    asked = records[records["planned"].astype(str).isin(OUTCOMES)].copy()
+    numbers = ["settles", "expected", "expected_random", "planned_nats", "random_nats"]
+    asked[numbers] = asked[numbers].apply(pd.to_numeric)
+    enough = asked["settles"] >= PROMISED
+    lines = [
+        "| the proposal says | cases | mean `settles` | settled by planned poses | by random poses "
+        "| wrong cause: planned, random |",
+        "|---|---|---|---|---|---|",
+        _line("these poses are enough", asked[enough]),
+        _line("more are needed", asked[~enough]),
+        _line("all", asked),
+        "",
+        f"Of {len(records)} machines, {len(asked)} had an open cause; in {int((~asked['in_class'].eq('True')).sum())} of these the "
+        f"true effect was not in the class. {_gains(asked)}",
+    ]
+    return "\n".join(lines)
+
+
+def _line(name: str, rows: pd.DataFrame) -> str:
+    said = f"{rows['settles'].mean():.0%}" if len(rows) else "-"
+    wrong = ", ".join(str(int((rows[way] == "wrong").sum())) for way in ("planned", "random"))
+    cells = [name, str(len(rows)), said, *(_settled(rows[way]) for way in ("planned", "random")), wrong]
+    return f"| {' | '.join(cells)} |"
+
+
+def _settled(outcomes: pd.Series[str]) -> str:
+    """The fraction that is right, with its 95 % bounds."""
+    found = rate(outcomes == "right")
+    if found.value is None or found.low is None or found.high is None:
+        return "-"
+    return f"{int((outcomes == 'right').sum())}: {found.value:.0%} ({found.low:.0%} to {found.high:.0%})"
+
+
+def _gains(rows: pd.DataFrame) -> str:
+    """Expected and realised log Bayes factors, where the true effect is one of those to be distinguished."""
+    told = rows.dropna(subset=["planned_nats"])
+    words = []
+    for way, expected in (("planned", "expected"), ("random", "expected_random")):
+        less = told[f"{way}_nats"] - told[expected]
+        words.append(f"{less.mean():.1f} nats (median {less.median():.1f}) for {way} poses")
+    return f"Realised less expected gain, means over {len(told)} cases: {' and '.join(words)}."

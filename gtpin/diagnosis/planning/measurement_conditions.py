@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -198,7 +199,8 @@ def next_sessions(known: Column, count: int) -> list[str]:
     names = [str(name) for name in known]
     if all(name.isdecimal() for name in names):
         return [str(max(map(int, names)) + 1 + i) for i in range(count)]
-    return ["next", *(f"next {i + 1}" for i in range(1, count))]
+    free = (name for i in itertools.count(1) if (name := f"next {i}" if i > 1 else "next") not in names)
+    return list(itertools.islice(free, count))
 
 
 def payloads(known: Floats, effort: float = 1.0) -> Floats:

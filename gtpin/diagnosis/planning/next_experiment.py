@@ -46,9 +46,7 @@ def _class(found: Conclusion, cause: Hypothesis, hypotheses: HypothesisSet) -> C
     if len(members) == 1:
         others = (m for m in every.named if m.hypothesis.place != cause.place)
         members += [(m.hypothesis, m.probability) for m in others][:1]
-    return CauseClass(
-        cause, found.scale[cause], tuple(members), every.heat, every.smooth[:RIVALS], hypotheses.priors
-    )
+    return CauseClass(cause, found.scale[cause], tuple(members), every.heat, every.smooth[:RIVALS], hypotheses.priors)
 
 
 def plan(

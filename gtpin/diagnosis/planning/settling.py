@@ -74,8 +74,11 @@ def rounds_needed(rivals: Rivals, rows: Rows, rng: np.random.Generator) -> tuple
 
     None: more than ten rounds.
     """
-    seed, found = int(rng.integers(2**31)), list[float]()
-    for rounds in range(1, MOST_ROUNDS + 1):  # the same random numbers each time, so that more rounds are not worse by chance
+    # A stream of its own: other plans do not depend on whether this is computed.
+    seed, found = int(rng.spawn(1)[0].integers(2**31)), list[float]()
+    for rounds in range(
+        1, MOST_ROUNDS + 1
+    ):  # the same random numbers each time, so that more rounds are not worse by chance
         found.append(settling_probability(rivals, rows, np.random.default_rng(seed), rounds))
         if found[-1] >= PROMISED:
             return found[0], rounds
