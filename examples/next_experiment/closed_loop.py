@@ -173,7 +173,7 @@ def outcome(second: gtpin.Diagnosis, truth: tuple[str, str], before: Cause) -> s
 
 
 def realised(first: gtpin.Diagnosis, second: gtpin.Diagnosis, truth: tuple[str, str], question: Open) -> float | str:
-    """What was added to the log Bayes factor of the true effect over its alternatives, nats; weights as in the expected gain."""
+    """What was added to the log Bayes factor of the true effect over its alternatives, nats; weighted as the expected gain."""
     asked = question.experiment.effects
     if truth not in asked:
         return ""
@@ -199,6 +199,7 @@ def table(records: pd.DataFrame) -> str:
     numbers = ["settles", "expected", "expected_random", "planned_nats", "random_nats"]
     asked[numbers] = asked[numbers].apply(pd.to_numeric)
     enough = asked["settles"] >= PROMISED
+    outside = int((~asked["in_class"].astype(str).eq("True")).sum())
     lines = [
         "| the proposal says | cases | mean `settles` | settled by planned poses | by random poses "
         "| wrong cause: planned, random |",
@@ -207,8 +208,8 @@ def table(records: pd.DataFrame) -> str:
         _line("more are needed", asked[~enough]),
         _line("all", asked),
         "",
-        f"Of {len(records)} machines, {len(asked)} had an open cause; in {int((~asked['in_class'].eq('True')).sum())} of these the "
-        f"true effect was not in the class. {_gains(asked)}",
+        f"Of {len(records)} machines, {len(asked)} had an open cause and a proposal of poses; in {outside} of these the true "
+        f"effect was not in the class. {_gains(asked)}",
     ]
     return "\n".join(lines)
 

@@ -15,8 +15,8 @@ from gtpin.plant import make_case
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "next_experiment"))
 
-import closed_loop  # noqa: E402  (the scripts of examples are no package)
-from again import again  # noqa: E402
+import closed_loop
+from again import again
 
 TRUE, OTHER = ("linearity", "cart2"), ("straightness", "cart2")
 

@@ -74,11 +74,10 @@ def rounds_needed(rivals: Rivals, rows: Rows, rng: np.random.Generator) -> tuple
 
     None: more than ten rounds.
     """
-    # A stream of its own: other plans do not depend on whether this is computed.
+    # A stream of its own, so that other plans do not depend on whether this is computed. The random numbers are the same for
+    # each number of rounds, so that more rounds are not worse by chance.
     seed, found = int(rng.spawn(1)[0].integers(2**31)), list[float]()
-    for rounds in range(
-        1, MOST_ROUNDS + 1
-    ):  # the same random numbers each time, so that more rounds are not worse by chance
+    for rounds in range(1, MOST_ROUNDS + 1):
         found.append(settling_probability(rivals, rows, np.random.default_rng(seed), rounds))
         if found[-1] >= PROMISED:
             return found[0], rounds
