@@ -23,7 +23,7 @@ def again(case: Case, q: Floats, covariates: Mapping[str, Column], seed: int) ->
     """
     cold = np.zeros(len(q), dtype=bool)
     for name in [n for n in covariates if n.startswith("temp_")]:
-        cold = np.asarray(covariates[name], dtype=float) == case.dataset.conditions.reference_temperature
+        cold |= np.asarray(covariates[name], dtype=float) == case.dataset.conditions.reference_temperature
     session = covariates.get("session", np.zeros(len(q)))
     order = np.lexsort([cold, np.unique(np.asarray(session).astype(str), return_inverse=True)[1]])
     first = float(np.asarray(case.dataset.covariates["time"], dtype=float).max()) + LATER

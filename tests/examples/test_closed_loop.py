@@ -51,7 +51,8 @@ def test_further_rows_are_added_with_their_conditions_and_cold_ones_after_a_nigh
     given = {
         "session": np.array(["2", "1", "2", "1", "2", "1"], dtype=object),
         "fx": np.linspace(0.0, 50.0, count),
-        "temp_link": np.array([cold, cold + 5.0, cold + 5.0, cold + 5.0, cold + 5.0, cold + 5.0]),
+        "temp_frame": np.array([cold, cold + 5.0, cold + 5.0, cold + 5.0, cold + 5.0, cold + 5.0]),
+        "temp_link": np.full(count, cold + 5.0),
     }
     both = again(case, old.q[:count], given, 0)
     assert len(both) == len(old) + count
