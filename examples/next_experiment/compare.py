@@ -6,28 +6,23 @@ Machines of the plant with one effect each are measured, calibrated, and measure
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
+from again import again
 
 import gtpin
 from gtpin.calibration.problem import measured_poses
-from gtpin.data import Commands, Dataset
-from gtpin.data.table import Column
+from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING, gain
 from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns, discriminate
-from gtpin.diagnosis.planning.measurement_conditions import INTERVAL, LATER, NIGHT
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.plant import Case, make_case, measure_at
-
-Floats = npt.NDArray[np.float64]
+from gtpin.plant import make_case
 
 PAIRS = (
     ("linearity@cart2", "straightness@cart2"),
@@ -92,33 +87,6 @@ def known_from(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
         dataset.instrument.frame == "free",
     )
     return Known(observed, baseline.model, observed.situation(baseline.model).references)
-
-
-def again(case: Case, q: Floats, covariates: Mapping[str, Column], seed: int) -> Dataset:
-    """The case's dataset with further rows, those on a cold machine after a night."""
-    cold = np.zeros(len(q), dtype=bool)
-    for name in [n for n in covariates if n.startswith("temp_")]:
-        cold = np.asarray(covariates[name], dtype=float) == case.dataset.conditions.reference_temperature
-    order = np.argsort(cold, kind="stable")
-    first = float(np.asarray(case.dataset.covariates["time"], dtype=float).max()) + LATER
-    told = {name: values[order] for name, values in covariates.items()}
-    told["time"] = first + INTERVAL * np.arange(len(q)) + NIGHT * cold[order]
-    pose = np.array([f"later{i}" for i in range(len(q))], dtype=object)
-    later = measure_at(case, Commands(pose, q[order], told), seed)
-    both, old = {}, case.dataset
-    for name, values in old.covariates.items():
-        both[name] = np.concatenate([values, later.covariates[name]])
-    assert old.orientation is not None
-    assert later.orientation is not None
-    return replace(
-        old,
-        pose=np.concatenate([old.pose, later.pose]),
-        q=np.vstack([old.q, later.q]),
-        position=np.vstack([old.position, later.position]),
-        orientation=np.vstack([old.orientation, later.orientation]),
-        covariates=both,
-        row=np.arange(2, 2 + len(old) + len(later)),
-    )
 
 
 def factor(known: Known, dataset: Dataset, truth: Hypothesis, rival: Hypothesis) -> float:

@@ -73,6 +73,7 @@ FIGURES = (
     Figure("missing_covariates", "diagnosis/missing_covariates.py", 20),
     Figure("mistakes", "mistakes/bench.py", 5),
     Figure("next_experiment", "next_experiment/compare.py", 6),
+    Figure("closed_loop", "next_experiment/closed_loop.py", 5),
     Figure("noise_floor", "diagnosis/noise_floor.py", 15),
     Figure("priors", "diagnosis/priors.py", 16),
     Figure("imitators", "effects/confusable.py", 1),

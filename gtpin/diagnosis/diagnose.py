@@ -134,7 +134,7 @@ def diagnose(
         settled.observed,
         prepared.baseline.model,
         settled.hypotheses.design.situation.references,
-        classes=classes(fitted.conclusion, fitted.causes),
+        classes=classes(fitted.conclusion, fitted.causes, settled.hypotheses),
         untestable=settled.proposal.untested,
         unknown=next(((d.site, ",".join(d.over)) for d in fitted.conclusion.doubts if d.over), None),
         rng=rng,

@@ -70,18 +70,21 @@ def _step(e: Experiment, file: str) -> Step:
         [*(whole(f"{value:.4f}") for value in q), *(_cell(values[i]) for values in e.covariates.values())]
         for i, q in enumerate(e.poses)
     ]
-    return Step(e.measure, _worth(e.expected_gain, e.random_gain), Table(head, rows), file)
+    return Step(e.measure, _worth(e), Table(head, rows), file)
 
 
-def _worth(expected: float | None, random: float | None) -> str:
+def _worth(e: Experiment) -> str:
+    expected, random = e.expected_gain, e.random_gain
     if expected is None:
         return ""
-    gain = f"Expected gain in log evidence: {expected:.1f}"
+    words = f"Expected gain in log evidence: {expected:.1f}"
     if random is None:
-        return f"{gain}."
-    if random >= NEARLY * expected:
-        return f"{gain}. Other poses are as good ({random:.1f}): the conditions that are set matter, not the poses."
-    return f"{gain}, compared with {random:.1f} for as many random poses."
+        words += "."
+    elif random >= NEARLY * expected:
+        words += f". Other poses are as good ({random:.1f}): the conditions that are set matter, not the poses."
+    else:
+        words += f", compared with {random:.1f} for as many random poses."
+    return words if e.settles is None else f"{words} Probability that they settle the question: {e.settles:.0%}."
 
 
 def _cell(value: float | str) -> str:

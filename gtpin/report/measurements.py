@@ -8,6 +8,7 @@ import numpy as np
 
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking, Visits
 from gtpin.diagnosis.planning.measurement_conditions import kind
+from gtpin.diagnosis.planning.settling import MOST_ROUNDS
 from gtpin.effects.situation import Column
 from gtpin.report.reasons import reason_words
 from gtpin.report.words import joined
@@ -32,9 +33,10 @@ def _apart(e: Experiment, robot: Robot) -> str:
     if not len(e.poses):
         return f"No reachable poses distinguish {pair}: {_watch(e.watch, robot)}."
     words = f"Measure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}."
-    if e.rounds is not None:
+    if e.settles is not None and e.rounds != 1:
         instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
-        words += f" About {e.rounds} such measurements are needed{instead}."
+        count = f"More than {MOST_ROUNDS}" if e.rounds is None else f"About {e.rounds}"
+        words += f" {count} such measurements are needed{instead}."
     return words
 
 
@@ -56,8 +58,8 @@ def _remedy(lacking: Lacking) -> str:
         return "These "
     if lacking.covariates == ("session",):
         if lacking.missing:
-            return "Add a column session, with one name for all measurements so far and another for these: these "
-        return "Begin another session: these "
+            return "Add a column session, with one name for all measurements so far and others for these: these "
+        return "Begin further sessions: these "
     what = "Record and vary" if lacking.missing else "Vary"
     return f"{what} {joined(list(lacking.covariates))}: these "
 
@@ -123,7 +125,8 @@ def _settings(e: Experiment, robot: Robot) -> str:
 def _setting(what: str, covariates: Mapping[str, Column], robot: Robot, reference: float) -> str:
     """Covariates of one kind."""
     if what == "session":
-        return "in a separate session"
+        count = len(set(map(str, covariates["session"])))
+        return "in a separate session" if count == 1 else f"in {count} separate sessions, as listed"
     values = np.stack([np.asarray(v, dtype=float) for v in covariates.values()], axis=1)
     if what == "time":
         return f"spread over {np.ptp(values) / 3600.0:.1g} hours"

@@ -17,6 +17,8 @@ from gtpin.diagnosis import priors
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
 from gtpin.diagnosis.planning import discrimination as splitting
+from gtpin.diagnosis.planning.measurement_conditions import SESSIONS
+from gtpin.diagnosis.planning.settling import DRAWN, PROMISED
 from gtpin.effects.drives import SLOWEST_LINE
 from gtpin.effects.rack_periodic import LEAST_TURNS
 
@@ -31,6 +33,7 @@ AGAIN = {
     "missing_covariates": 3,
     "mistakes": 8,
     "next_experiment": 4,
+    "closed_loop": 4,
     "noise_floor": 4,
     "imitators": 1,
     "priors": 1,
@@ -117,7 +120,9 @@ CONSTANTS = (
     ("docs/diagnosis.md", "or both depend on load), {} % for all others", 100 * priors.PRIORS.other),
     ("docs/diagnosis.md", "With more than {} poses, the search uses", f"{MOST_POSES:,}"),
     ("docs/next_experiment.md", "gain: below {} nats, only", splitting.HOPELESS),
-    ("docs/next_experiment.md", "below {} nats, the round and how many", splitting.SETTLED),
+    ("docs/next_experiment.md", "below {} %, how many rounds", 100 * PROMISED),
+    ("docs/next_experiment.md", "with {} simulated", DRAWN),
+    ("docs/next_experiment.md", "in {} further sessions", SESSIONS),
     ("docs/next_experiment.md", "below {} nat, the round and what", splitting.LEAST),
     ("docs/diagnosis.md", "`--false-alarm` (default {})", FALSE_ALARM),
     ("docs/diagnosis.md", "a smooth function has parts with up to {} periods a turn", SLOWEST_LINE),

@@ -116,13 +116,16 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
         {"payload": np.array([20.0]), "session": np.array(["next"], dtype=object)},
         expected_gain=4.25,
         random_gain=0.5,
+        settles=0.62,
+        rounds=2,
     )
     seen = text(of(Found(replace(found.diagnosis, next_experiment=(step,)), found.dataset)))
     assert (
         seen.count("Measure these 1 poses to distinguish rack_periodic@cart2") == 2
     )  # on the first screen, and with its commands
     assert "q1 q2 q3 payload (kg) session 0.1000 0.2000 0.3000 20 next" in seen
-    assert "4.2, compared with 0.5 for as many random poses" in seen
+    assert "4.2, compared with 0.5 for as many random poses. Probability that they settle the question: 62%" in seen
+    assert "About 2 such measurements are needed" in seen
 
 
 def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):

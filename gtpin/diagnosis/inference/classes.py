@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +16,33 @@ from gtpin.diagnosis.priors import CLASS_SHARE, Priors
 
 
 def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tuple[Contender, ...]:
-    """The class of a cause, the most probable member first. Smooth terms share the probability but are not members.
+    """The class of a cause, the most probable member first. Smooth terms share the probability but are not members."""
+    found = ranked(hypotheses, model, cause).named
+    least = CLASS_SHARE * found[0].probability
+    return tuple(m for m in found if m.probability >= least or m.hypothesis.place == cause.place)
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Everything that could be in the place of a cause, the most probable first.
+
+    Parameters
+    ----------
+    named
+        Every hypothesis with its probability.
+    smooth
+        Smooth terms with the probability of each if it were the only one.
+    heat
+        The temperature by which gains in log evidence were divided.
+    """
+
+    named: tuple[Contender, ...]
+    smooth: tuple[tuple[SmoothTerm, float], ...]
+    heat: float
+
+
+def ranked(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Ranking:
+    """Everything that could be in the place of a cause, with its probability.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
     """
@@ -43,14 +70,13 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
     against = hypotheses.gains(rest, unnamed(hypotheses, cause))
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
     dear = {s: priors.unnamed + (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own) for s in against}
-    smooth = [(gain.value - dear[s]) / heat for s, gain in against.items()]
-    whole = np.logaddexp.reduce([*log.values(), max(smooth, default=-np.inf)])
+    smooth = {s: (gain.value - dear[s]) / heat for s, gain in against.items()}
+    whole = np.logaddexp.reduce([*log.values(), max(smooth.values(), default=-np.inf)])
     probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
-    least = CLASS_SHARE * max(probability.values())
-    members = [
-        Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items() if p >= least or h == mine
-    ]
-    return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+    every = [Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items()]
+    named = tuple(sorted(every, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+    shares = ((term, float(np.exp(value - whole))) for term, value in smooth.items())
+    return Ranking(named, tuple(sorted(shares, key=lambda share: -share[1])), heat)
 
 
 def _odds(

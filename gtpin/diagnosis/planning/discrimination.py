@@ -8,14 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
+from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.linear.posterior import gain as best_gain
 from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.measurement_conditions import kind
+from gtpin.diagnosis.planning.settling import Rivals, rounds_needed
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
+from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Column
 from gtpin.robot.robot import Robot
 
@@ -28,8 +32,6 @@ RIVALS = 3
 """Most members of a class from which its leader is distinguished."""
 DRAWS = 5
 """Number of random choices with which a plan is compared."""
-SETTLED = 2.9
-"""Log Bayes factor, nats, from which one of two hypotheses has a probability of 95 %."""
 LEAST = 1.0
 """Log Bayes factor expected of the whole experiment, nats, below which another measurement than poses is also proposed."""
 HOPELESS = 0.1
@@ -45,12 +47,22 @@ class CauseClass:
     cause, scale
         The fitted cause, and its scale.
     members
-        The class, with probabilities; the cause is one of the members.
+        The class, with probabilities; the cause is one of the members. Where the cause is alone in its class and not sure, the
+        next hypothesis in probability is added.
+    heat
+        The temperature by which the diagnosis divides log Bayes factors to compute these probabilities.
+    smooth
+        The most probable smooth terms in the place of the cause, each with its probability if it were the only one.
+    priors
+        The priors of the diagnosis.
     """
 
     cause: Hypothesis
     scale: float
     members: tuple[tuple[Hypothesis, float], ...]
+    heat: float = PRIORS.temperature
+    smooth: tuple[tuple[SmoothTerm, float], ...] = ()
+    priors: Priors = PRIORS
 
 
 def discriminate(
@@ -65,11 +77,15 @@ def discriminate(
     words = {word for hypothesis, _ in members for word in concerns(hypothesis, robot)}
     trials = possible(known, words, POOL, rng)
     others = other_causes(trials, [s for i, s in enumerate(classes) if i != which], words)
-    predictions = [_prediction(trials, others, hypothesis) for hypothesis, _ in members]
-    weights = [p for _, p in members[1:]]
-    if not weights:
+    at = trials.design.situation
+    predictions = [_prediction(trials, others, hypothesis.basis(at)) for hypothesis, _ in members]
+    probabilities = [p for _, p in members]
+    if len(members) == 1:
         predictions.append(Prediction.of(trials, others))
-        weights = [1.0]
+        probabilities.append(1.0 - probabilities[0])
+    weights = (
+        probabilities[1:] if len(probabilities) > 2 else [1.0]
+    )  # the probability of a single alternative can be zero
     pairs = [HypothesisPair(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
     rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
     effects = tuple(hypothesis.place for hypothesis, _ in members)
@@ -78,9 +94,12 @@ def discriminate(
         none = np.zeros((0, robot.n_actuators))
         return Experiment("discriminate", robot, effects, none, {}, gain, random, cold, watch=sites)
     set_too = chosen(trials, rows, words)
-    rounds = int(np.ceil(SETTLED / gain)) if gain < SETTLED else None
-    watch = sites if gain < LEAST else ()
-    return Experiment("discriminate", robot, effects, trials.q[rows], set_too, gain, random, cold, rounds, watch)
+    rivals = Rivals(predictions, probabilities, *_smooth(trials, others, classes[which]), classes[which].heat)
+    settles, rounds = rounds_needed(rivals, rows, rng)
+    watch = sites if gain < LEAST or rounds is None else ()
+    return Experiment(
+        "discriminate", robot, effects, trials.q[rows], set_too, gain, random, cold, settles, rounds, watch
+    )
 
 
 def concerns(hypothesis: Hypothesis, robot: Robot) -> tuple[str, ...]:
@@ -98,13 +117,22 @@ def other_causes(trials: Trials, classes: Sequence[CauseClass], words: set[str])
     return np.hstack([np.zeros((len(trials.design.y), 0)) if "session" in words else trials.since, *columns])
 
 
-def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis) -> Prediction:
-    """The prediction of a hypothesis given other causes, at the scale that the measured rows give it."""
+def _smooth(trials: Trials, others: Floats, of: CauseClass) -> tuple[list[Prediction], list[float]]:
+    """The predictions of the smooth terms in the place of a cause, and their probabilities."""
+    share = dict(of.smooth)
+    if not share:
+        return [], []
+    found = [(t, basis) for t, basis in smooth_terms(trials.design.situation, of.priors) if t in share]
+    return [_prediction(trials, others, basis) for _, basis in found], [share[term] for term, _ in found]
+
+
+def _prediction(trials: Trials, others: Floats, basis: Basis) -> Prediction:
+    """The prediction of an explanation given other causes, at the scale that the measured rows give it."""
     design, old = trials.design, trials.old
-    X = design.columns(hypothesis.basis(design.situation))
-    groups: Groups[Hypothesis] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
-    groups.add(hypothesis, X[old])
-    scale = best_gain(groups, NOTHING, hypothesis)[1]
+    X = design.columns(basis)
+    groups: Groups[str] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
+    groups.add("it", X[old])
+    scale = best_gain(groups, NOTHING, "it")[1]
     return Prediction.of(trials, np.hstack([others, X * scale]))
 
 
@@ -123,7 +151,7 @@ def best_rows(
 
 
 def _order(trials: Trials, rows: Rows) -> Rows:
-    """Order of measurement: warm before cold, by payload, then along the first actuator; or by time."""
+    """Order of measurement: by session, warm before cold, by payload, then along the first actuator; or by time."""
     new = trials.conditions.new
     if trials.conditions.timed:
         return np.argsort(np.asarray(new["time"], dtype=float)[rows])
@@ -131,6 +159,8 @@ def _order(trials: Trials, rows: Rows) -> Rows:
     if "payload" in new:
         keys.append(np.asarray(new["payload"], dtype=float)[rows])
     keys += [-np.asarray(new[name], dtype=float)[rows] for name in new if kind(name) == "temperature"][:1]
+    if "session" in new:
+        keys.append(np.unique(new["session"][rows].astype(str), return_inverse=True)[1])
     return np.lexsort(keys)
 
 

@@ -44,6 +44,16 @@ class Prediction:
         spread = solve_triangular(factor[0], new.T, lower=True).T
         return Prediction(mean.reshape(-1, c), spread.reshape(len(trials), c, -1))
 
+    def factor(self, rows: Rows, times: int = 1) -> Floats:
+        """The lower triangular factor of the covariance of some rows, with noise, each measured ``times`` times and averaged.
+
+        In units of the averages' noise.
+        """
+        L = np.sqrt(times) * self.spread[rows].reshape(-1, self.spread.shape[2])
+        # By QR: where L is very large, I would be lost by rounding in I + L L'.
+        upper = np.linalg.qr(np.vstack([L.T, np.eye(len(L))]), mode="r")
+        return np.asarray((upper * np.sign(np.diag(upper))[:, None]).T)
+
 
 @dataclass(frozen=True)
 class HypothesisPair:
@@ -60,12 +70,7 @@ def expected_gain(predictions: Sequence[Prediction], pairs: Sequence[HypothesisP
     For a pair (a, b) it is the Kullback-Leibler divergence of N(mu_a, I + L_a L_a') from N(mu_b, I + L_b L_b'), with mu the
     means and L the spreads of the two predictions.
     """
-    factors = []
-    for p in predictions:
-        L = p.spread[rows].reshape(-1, p.spread.shape[2])
-        # By QR: where L is very large, I would be lost by rounding in I + L L'.
-        upper = np.linalg.qr(np.vstack([L.T, np.eye(len(L))]), mode="r")
-        factors.append((upper * np.sign(np.diag(upper))[:, None]).T)
+    factors = [p.factor(rows) for p in predictions]
     total = 0.0
     for r in pairs:
         lower = factors[r.true]

@@ -89,8 +89,11 @@ class Experiment:
         The same for as many poses and measurement conditions drawn at random.
     reference_temperature
         Temperature at which the geometry holds, degC: that of a cold machine.
+    settles
+        For ``discriminate``: probability that one of its effects is sure after this experiment; None where not known.
     rounds
-        Number of such experiments that decide the question, where one is not enough; else None.
+        For ``discriminate``: number of such experiments after which the question is settled with a probability of 80 %; None
+        where more than ten are needed.
     watch
         Sites whose motion should be measured directly, because poses show too little of it.
     lacking
@@ -107,6 +110,7 @@ class Experiment:
     expected_gain: float | None = None
     random_gain: float | None = None
     reference_temperature: float = 20.0
+    settles: float | None = None
     rounds: int | None = None
     watch: tuple[str, ...] = ()
     lacking: Lacking | None = None
@@ -133,4 +137,5 @@ class Experiment:
             "covariates": {name: values.tolist() for name, values in self.covariates.items()},
             "expected_gain": self.expected_gain,
             "random_gain": self.random_gain,
+            "settles": self.settles,
         }

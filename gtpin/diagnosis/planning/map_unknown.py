@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.planning.experiment import Experiment, Visits
-from gtpin.diagnosis.planning.measurement_conditions import FAST, HOURS, LATER, kind, next_session, payloads, warm
+from gtpin.diagnosis.planning.measurement_conditions import FAST, HOURS, LATER, kind, next_sessions, payloads, warm
 from gtpin.diagnosis.planning.trials import RESOLUTION, Known
 from gtpin.effects.situation import Column
 
@@ -117,8 +117,7 @@ def _levels(known: Known, names: list[str], rounds: int) -> Column:
     """The value of covariates of one kind in each round of visits."""
     what, recorded = kind(names[0]), known.observed.covariates
     if what == "session":
-        first = next_session(recorded.get("session", np.full(1, "0", dtype=object)))
-        sessions = [str(int(first) + i) if first.isdecimal() else f"{first} {i + 1}" for i in range(rounds)]
+        sessions = next_sessions(recorded.get("session", np.full(1, "0", dtype=object)), rounds)
         return np.array(sessions, dtype=object)
     if what == "approach":
         return np.resize([1.0, -1.0], rounds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -28,6 +29,8 @@ PUSH = 50.0
 """Assumed largest force on the tool, N, where the data have none."""
 FAST = 0.2
 """Assumed largest speed of an actuator, m/s or rad/s, where the data have none."""
+SESSIONS = 4
+"""Number of further sessions where the question is what changes between sessions: one change alone can be small by chance."""
 LEAST_WARMER = 1.0
 """Largest recorded difference from the reference temperature, K, below which the temperature of a warm machine is assumed."""
 FORCES = ("fx", "fy", "fz")
@@ -110,7 +113,8 @@ def draw(
             new[approach] = np.where(speed != 0.0, np.sign(speed), _numbers(new[approach]))
     fixed = replace(references, covariates=tuple(sorted(known)))
     if "session" in known:
-        fixed = replace(fixed, sessions=(*sorted({str(s) for s in known["session"]}), str(new["session"][0])))
+        later = set(map(str, new["session"])) - set(map(str, known["session"]))
+        fixed = replace(fixed, sessions=(*sorted({str(s) for s in known["session"]}), *sorted(later)))
     timed = False
     if "time" in known:
         idle = not np.ptp(_numbers(known["time"]))
@@ -169,7 +173,7 @@ def _varied(
     """(M,) random values of a covariate, over all that can be set."""
     count = len(cold)
     if name == "session":
-        return np.full(count, next_session(known), dtype=object)
+        return rng.choice(np.array(next_sessions(known, SESSIONS), dtype=object), count)
     values = _numbers(known)
     if kind(name) == "approach":
         return rng.choice([-1.0, 1.0], count)
@@ -187,8 +191,16 @@ def _varied(
 
 def next_session(known: Column) -> str:
     """A name for a new session, after the known ones."""
+    return next_sessions(known, 1)[0]
+
+
+def next_sessions(known: Column, count: int) -> list[str]:
+    """Names for new sessions, after the known ones."""
     names = [str(name) for name in known]
-    return str(max(map(int, names)) + 1) if all(name.isdecimal() for name in names) else "next"
+    if all(name.isdecimal() for name in names):
+        return [str(max(map(int, names)) + 1 + i) for i in range(count)]
+    free = (name for i in itertools.count(1) if (name := f"next {i}" if i > 1 else "next") not in names)
+    return list(itertools.islice(free, count))
 
 
 def payloads(known: Floats, effort: float = 1.0) -> Floats:

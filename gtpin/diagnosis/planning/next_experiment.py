@@ -6,11 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.inference.classes import ranked
 from gtpin.diagnosis.inference.findings import Cause
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.planning.discrimination import CauseClass, discriminate
+from gtpin.diagnosis.planning.discrimination import RIVALS, CauseClass, discriminate
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.make_testable import make_testable
 from gtpin.diagnosis.planning.map_unknown import map_unknown
@@ -27,13 +30,23 @@ CLASSES = 3
 """Most classes for which an experiment is proposed, those of the largest causes."""
 
 
-def classes(found: Conclusion, causes: Sequence[Cause]) -> list[CauseClass]:
+def classes(found: Conclusion, causes: Sequence[Cause], hypotheses: HypothesisSet) -> list[CauseClass]:
     """Causes with their classes, the largest first."""
     by_place = {hypothesis.place: hypothesis for hypothesis in found.classes}
     named = [by_place[c.effect, c.site] for c in causes]
-    return [
-        CauseClass(h, found.scale[h], tuple((m.hypothesis, m.probability) for m in found.classes[h])) for h in named
-    ]
+    return [_class(found, hypothesis, hypotheses) for hypothesis in named]
+
+
+def _class(found: Conclusion, cause: Hypothesis, hypotheses: HypothesisSet) -> CauseClass:
+    """A cause with its class and, where it is not sure, with what else has a part of the probability."""
+    members = [(m.hypothesis, m.probability) for m in found.classes[cause]]
+    if len(members) == 1 and members[0][1] >= SURE:
+        return CauseClass(cause, found.scale[cause], tuple(members))
+    every = ranked(hypotheses, found.model, cause)
+    if len(members) == 1:
+        others = (m for m in every.named if m.hypothesis.place != cause.place)
+        members += [(m.hypothesis, m.probability) for m in others][:1]
+    return CauseClass(cause, found.scale[cause], tuple(members), every.heat, every.smooth[:RIVALS], hypotheses.priors)
 
 
 def plan(
