@@ -25,7 +25,7 @@ from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
 from gtpin.threads import in_one_thread
 
@@ -107,18 +107,7 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     if outcome.baseline is not None and outcome.model is not None and truth.poses is not None:
         changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
     elif truth.readings and outcome.model_readings:
-        shrunk = shrunk_readings(dataset, truth, outcome)
-        if (
-            isinstance(baseline, ReadingsCalibration)
-            and truth.kind in CAUSES_GIVEN
-            and (causes := _causes(truth, lefts))
-        ):
-            noise = {one.name: np.array(one.sigma) for one in truth.noise}
-            model = fit_known_causes_to_readings(dataset, noise, baseline, causes)
-            commands = Commands.read(folder / "commands.csv", dataset.n_actuators)
-            knowing = rms_of_readings(dataset, truth, readings_at(model, folder, commands))
-            shrunk = shrunk.model_copy(update={"knowing": knowing})
-        changes["shrunk"] = shrunk
+        changes["shrunk"] = _shrunk_readings(folder, dataset, truth, outcome, lefts, baseline)
     return found.model_copy(update=changes)
 
 
@@ -179,6 +168,22 @@ def _shrunk(
     if truth.kind in SMOOTHED:
         changes["smoothed"] = _rms(gaussian_process_positions(dataset, baseline.model, commands) - T)
     return found.model_copy(update=changes)
+
+
+def _shrunk_readings(
+    folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
+) -> Shrunk:
+    found, causes = shrunk_readings(dataset, truth, outcome), _causes(truth, lefts)
+    if not isinstance(baseline, ReadingsCalibration) or truth.kind not in CAUSES_GIVEN or not causes:
+        return found
+    noise = {one.name: np.array(one.sigma) for one in truth.noise}
+    try:
+        model = fit_known_causes_to_readings(dataset, noise, baseline, causes)
+    except ConvergenceError:
+        return found
+    commands = Commands.read(folder / "commands.csv", dataset.n_actuators)
+    knowing = rms_of_readings(dataset, truth, readings_at(model, folder, commands))
+    return found.model_copy(update={"knowing": knowing})
 
 
 def _causes(truth: Truth, lefts: Sequence[Left]) -> list[Best]:

@@ -15,10 +15,12 @@ from gtpin.calibration.problem import measured_poses
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
-from gtpin.instruments.readings import VAGUE, Readings, single
+from gtpin.instruments.readings import single
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
 
@@ -48,69 +50,49 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
     left = whitened(measured.minus(poses)[:, :, None])[:, 0]
     now = np.zeros(J.shape[1])
     now[: B.shape[1]] = geometry.deviation / geometry.tolerance
-    covariance = np.asarray(np.linalg.inv(J.T @ J + np.eye(J.shape[1])), dtype=float)
+    covariance = np.linalg.inv(J.T @ J + np.eye(J.shape[1]))
     step = covariance @ (J.T @ left - now)
     moved = geometry.with_values(geometry.values + geometry.tolerance * step[: B.shape[1]])
-    return Model(moved, model.frame, _active(causes, sizes, step, covariance, at))
+    active, place = [], B.shape[1]
+    for cause, size in zip(causes, sizes, strict=True):
+        own = slice(place, place := place + len(size))
+        uncertain = covariance[own, own] * np.outer(size, size)
+        active.append(
+            ActiveEffect(
+                cause.effect, cause.site, cause.nonlinear, step[own] * size, uncertain, at.references, cause.further
+            )
+        )
+    return Model(moved, model.frame, tuple(active))
 
 
 def fit_known_causes_to_readings(
     dataset: Dataset, noise: Mapping[str, Floats], baseline: ReadingsCalibration, causes: Sequence[Best]
 ) -> Model:
-    """Fit geometry, the instruments' unknowns and the given causes together, in one Gauss-Newton step from a calibration.
+    """Fit geometry, the instruments' unknowns and the given causes together, from a calibration, until the fit converges.
 
-    The noise is the true one, so that no estimate of it makes this fit worse. Prior sigmas are those of
-    :func:`fit_known_causes`, and the instruments' own.
+    One step is not enough here: from readings of few places the geometry moves far along directions that they hardly show.
+    Prior sigmas are those of :func:`fit_known_causes`, and the instruments' own.
 
     Parameters
     ----------
     noise
-        By the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad. A known distance of
-        sockets has the noise of the calibration.
+        By the instruments' names, (M, c) true sigma of the numbers in the rows of their tables, m or rad, so that no estimate
+        of the noise makes this fit worse. A known distance of sockets has the noise of the calibration.
+
+    Raises
+    ------
+    ConvergenceError
+        If the fit does not converge.
     """
     split = single(dataset, baseline.model.robot)
     observed = Observed.of(split, baseline)
-    readings, taken = observed.measured, observed.noise
-    assert isinstance(readings, Readings)
+    taken = observed.noise
     assert isinstance(taken, ReadingNoise)
     sigma = taken.each.copy()
     for row, true in zip(sigma, noise_of_rows(dataset, split, noise)[1], strict=True):
         if len(true):
             row[:] = true
     observed = replace(observed, noise=replace(taken, row_sigma=sigma)).take(baseline.used(split))
-    design = observed.design(baseline.model)
-    bases = [cause.effect.basis_of(design.situation, cause.site, cause.values) for cause in causes]
-    sizes = [basis.sigma * cause.scale for basis, cause in zip(bases, causes, strict=True)]
-    J = np.hstack(
-        [design.B, *(design.columns(basis) * cause.scale for basis, cause in zip(bases, causes, strict=True))]
-    )
-    covariance = np.asarray(np.linalg.inv(J.T @ J + np.eye(J.shape[1])), dtype=float)
-    found = covariance @ (J.T @ design.y)
-    geometry, p = baseline.model.geometry, len(baseline.model.geometry.parameters)
-    nominal = geometry.values - geometry.deviation
-    prior = readings.sigma
-    own = found[p : p + len(prior)]
-    known = np.isfinite(prior)
-    u = np.where(known, 0.0, readings.u) + np.where(known, prior, VAGUE) * own
-    return replace(
-        baseline.model,
-        geometry=geometry.with_values(nominal + geometry.tolerance * found[:p]),
-        effects=_active(causes, sizes, found, covariance, design.situation),
-        instruments=readings.at(u).fitted,
-    )
-
-
-def _active(
-    causes: Sequence[Best], sizes: Sequence[Floats], found: Floats, covariance: Floats, at: Situation
-) -> tuple[ActiveEffect, ...]:
-    """The causes with their coefficients, the last of the fitted unknowns ``found``, in units of their priors' sigmas."""
-    active, place = [], len(found) - sum(map(len, sizes))
-    for cause, size in zip(causes, sizes, strict=True):
-        own = slice(place, place := place + len(size))
-        uncertain = covariance[own, own] * np.outer(size, size)
-        active.append(
-            ActiveEffect(
-                cause.effect, cause.site, cause.nonlinear, found[own] * size, uncertain, at.references, cause.further
-            )
-        )
-    return tuple(active)
+    given = [Hypothesis(cause.effect, cause.site, cause.nonlinear, further=cause.further) for cause in causes]
+    references = observed.situation(baseline.model).references
+    return fit_together(observed, baseline.model, given, [cause.scale for cause in causes], references)
