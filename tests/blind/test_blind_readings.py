@@ -224,9 +224,12 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
         np.testing.assert_allclose(values.ravel(), missed[own], atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["range", "plane", "socket"])
-def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path: Path, kind: str) -> None:
-    _, truth = a_case(tmp_path / "x", [kind], "backlash", 5, 120)
+@pytest.mark.parametrize(
+    ("kind", "effect"),
+    [("range", "backlash"), ("plane", "backlash"), ("socket", "backlash"), ("socket", "linearity")],
+)
+def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path: Path, kind: str, effect: str) -> None:
+    _, truth = a_case(tmp_path / "x", [kind], effect, 5, 120)
     outcome = diagnosed_by_geometry(tmp_path / "x")
     found = opened_by(tmp_path / "x", truth, outcome)
     assert found.error is None
