@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +12,20 @@ import numpy.typing as npt
 from gtpin.blind.difficulty import Best, Difficulty
 from gtpin.blind.grading import difficulty_of, gradable
 from gtpin.blind.judged import Judged, Shrunk
-from gtpin.blind.oracle import fit_known_causes
-from gtpin.blind.realised_readings import shrunk_readings
+from gtpin.blind.oracle import fit_known_causes, fit_known_causes_to_readings
+from gtpin.blind.realised_readings import rms_of_readings, shrunk_readings
 from gtpin.blind.seal import SealError, opened
 from gtpin.blind.smooth import gaussian_process_positions
 from gtpin.blind.statement import Named, Statement
 from gtpin.blind.true_parameters import true_parameters
 from gtpin.blind.truth import TrueEffect, TruePoses, Truth
-from gtpin.blind.worker import Outcome
+from gtpin.blind.worker import Outcome, readings_at
 from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
 from gtpin.threads import in_one_thread
 
@@ -106,7 +107,7 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     if outcome.baseline is not None and outcome.model is not None and truth.poses is not None:
         changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
     elif truth.readings and outcome.model_readings:
-        changes["shrunk"] = shrunk_readings(dataset, truth, outcome)
+        changes["shrunk"] = _shrunk_readings(folder, dataset, truth, outcome, lefts, baseline)
     return found.model_copy(update=changes)
 
 
@@ -161,13 +162,34 @@ def _shrunk(
     if dataset.readings is not None:  # both baselines are fitted to poses
         return found
     changes = {}
-    causes = [left[effect.name] for effect, left in zip(truth.effects, lefts, strict=True) if effect.name in left]
-    if len(causes) == len(lefts):
+    if causes := _causes(truth, lefts):
         model = fit_known_causes(dataset, baseline, causes)
         changes["knowing"] = _rms(model.predict(commands.q, commands.covariates).T - T)
     if truth.kind in SMOOTHED:
         changes["smoothed"] = _rms(gaussian_process_positions(dataset, baseline.model, commands) - T)
     return found.model_copy(update=changes)
+
+
+def _shrunk_readings(
+    folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
+) -> Shrunk:
+    found, causes = shrunk_readings(dataset, truth, outcome), _causes(truth, lefts)
+    if not isinstance(baseline, ReadingsCalibration) or truth.kind not in CAUSES_GIVEN or not causes:
+        return found
+    noise = {one.name: np.array(one.sigma) for one in truth.noise}
+    try:
+        model = fit_known_causes_to_readings(dataset, noise, baseline, causes)
+    except ConvergenceError:
+        return found
+    commands = Commands.read(folder / "commands.csv", dataset.n_actuators)
+    knowing = rms_of_readings(dataset, truth, readings_at(model, folder, commands))
+    return found.model_copy(update={"knowing": knowing})
+
+
+def _causes(truth: Truth, lefts: Sequence[Left]) -> list[Best]:
+    """The true effects in the forms that fit them best; empty where one of them is not in the catalogue."""
+    found = [left[effect.name] for effect, left in zip(truth.effects, lefts, strict=True) if effect.name in left]
+    return found if len(found) == len(lefts) else []
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:

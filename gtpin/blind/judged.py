@@ -23,7 +23,7 @@ class Shrunk(BaseModel):
         RMS length of the position error, m, of the geometry alone and of the model with the named causes; where other
         instruments than a tracker alone measured, RMS error of their readings in units of the noise.
     knowing
-        The same error, of a fit to which the true causes are given; None if there is no such fit.
+        The same error, of a fit to which the true causes are given; None if there is no such fit, as where an encoder reads.
     smoothed
         The same error, of a Gaussian process that names no cause; None if it was not fitted.
     """

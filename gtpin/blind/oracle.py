@@ -1,22 +1,28 @@
-"""Oracle baseline: a fit to which the true causes are given, each with its best scale and nonlinear parameter.
-
-Both fit the true displacement best.
-"""
+"""Oracle baseline: a fit to which the true causes are given, each with the scale and nonlinear parameter that fit its true
+displacement best."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.blind.difficulty import Best
+from gtpin.blind.seen import noise_of_rows
 from gtpin.calibration.problem import measured_poses
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.inference.joint_fit import fit_together
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
+from gtpin.instruments.readings import single
 from gtpin.model.model import Model
+from gtpin.noise.reading_noise import ReadingNoise
 
 Floats = npt.NDArray[np.float64]
 
@@ -57,3 +63,36 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
             )
         )
     return Model(moved, model.frame, tuple(active))
+
+
+def fit_known_causes_to_readings(
+    dataset: Dataset, noise: Mapping[str, Floats], baseline: ReadingsCalibration, causes: Sequence[Best]
+) -> Model:
+    """Fit geometry, the instruments' unknowns and the given causes together, from a calibration, until the fit converges.
+
+    One step is not enough here: from readings of few places the geometry moves far along directions that they hardly show.
+    Prior sigmas are those of :func:`fit_known_causes`, and the instruments' own.
+
+    Parameters
+    ----------
+    noise
+        By the instruments' names, (M, c) true sigma of the numbers in the rows of their tables, m or rad, so that no estimate
+        of the noise makes this fit worse. A known distance of sockets has the noise of the calibration.
+
+    Raises
+    ------
+    ConvergenceError
+        If the fit does not converge.
+    """
+    split = single(dataset, baseline.model.robot)
+    observed = Observed.of(split, baseline)
+    taken = observed.noise
+    assert isinstance(taken, ReadingNoise)
+    sigma = taken.each.copy()
+    for row, true in zip(sigma, noise_of_rows(dataset, split, noise)[1], strict=True):
+        if len(true):
+            row[:] = true
+    observed = replace(observed, noise=replace(taken, row_sigma=sigma)).take(baseline.used(split))
+    given = [Hypothesis(cause.effect, cause.site, cause.nonlinear, further=cause.further) for cause in causes]
+    references = observed.situation(baseline.model).references
+    return fit_together(observed, baseline.model, given, [cause.scale for cause in causes], references)

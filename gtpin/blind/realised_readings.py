@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,15 +18,15 @@ from gtpin.robot.measured_joints import measured_joint
 def shrunk_readings(dataset: Dataset, truth: Truth, outcome: Outcome) -> Shrunk:
     """RMS errors of all instruments' readings in units of their noise, predicted by the baseline and by the model with the
     causes."""
-    turning = _turning(dataset)
     before, after = (
-        _whitened_rms(truth, predicted, turning) for predicted in (outcome.baseline_readings, outcome.model_readings)
+        rms_of_readings(dataset, truth, predicted) for predicted in (outcome.baseline_readings, outcome.model_readings)
     )
     return Shrunk(before=before, after=after)
 
 
-def _whitened_rms(truth: Truth, predicted: Mapping[str, list[list[float]]], turning: Collection[str]) -> float:
-    """RMS error of predicted readings, in units of the noise; for the instruments ``turning``, modulo full turns."""
+def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list[list[float]]]) -> float:
+    """RMS error of predicted readings (H, c), by instrument, in units of the noise; of joints that turn, modulo full turns."""
+    turning = _turning(dataset)
     errors = []
     for true in truth.readings:
         error = np.array(predicted[true.name]) - np.array(true.values)

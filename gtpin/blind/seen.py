@@ -96,17 +96,7 @@ class NumberedRows:
     def of(dataset: Dataset, baseline: ReadingsCalibration, noise: Mapping[str, Floats]) -> NumberedRows:
         """The rows of a dataset of schema 2. ``noise``: by instrument's name, the noise (M, c) of the numbers in its table."""
         split = single(dataset, baseline.model.robot)
-        whole, rows = dataset.readings, split.readings
-        assert whole is not None
-        assert rows is not None
-        row = np.empty(len(split), dtype=np.intp)
-        sigma = [np.zeros(0)] * len(split)
-        for index, table in enumerate(rows.tables):
-            own, mine = whole.rows_of(index), rows.rows_of(index)
-            place = np.searchsorted(whole.line[own], rows.line[mine])
-            row[mine] = own[place]
-            for i, at, which in zip(mine, place, rows.component[mine], strict=True):
-                sigma[i] = noise[table.name][at] if which < 0 else noise[table.name][at, which : which + 1]
+        row, sigma = noise_of_rows(dataset, split, noise)
         kept = np.flatnonzero([len(own) > 0 for own in sigma])
         return NumberedRows(split.take(kept), row[kept], np.stack([sigma[i] for i in kept]))
 
@@ -117,3 +107,35 @@ class NumberedRows:
         unknowns, _ = readings.unknown_columns(baseline.model, poses, False, None)
         sigma = self.sigma[..., None]
         return SeenReadings(readings.by_motion(poses) / sigma, unknowns / sigma)
+
+
+def noise_of_rows(dataset: Dataset, split: Dataset, noise: Mapping[str, Floats]) -> tuple[Indices, list[Floats]]:
+    """For each of the N rows of a dataset that was split by :func:`~gtpin.instruments.readings.single`, its row before and its
+    noise.
+
+    Parameters
+    ----------
+    dataset, split
+        The dataset as it was read, and split.
+    noise
+        By the instruments' names, (M, c) noise of the numbers in the rows of their tables, m or rad.
+
+    Returns
+    -------
+    row
+        (N,) index of the row of ``dataset`` of which each row is a part.
+    sigma
+        The noise of each row's numbers, m or rad; empty for a known distance of sockets, which is in no table.
+    """
+    whole, rows = dataset.readings, split.readings
+    assert whole is not None
+    assert rows is not None
+    row = np.empty(len(split), dtype=np.intp)
+    sigma = [np.zeros(0)] * len(split)
+    for index, table in enumerate(rows.tables):
+        own, mine = whole.rows_of(index), rows.rows_of(index)
+        place = np.searchsorted(whole.line[own], rows.line[mine])
+        row[mine] = own[place]
+        for i, at, which in zip(mine, place, rows.component[mine], strict=True):
+            sigma[i] = noise[table.name][at] if which < 0 else noise[table.name][at, which : which + 1]
+    return row, sigma

@@ -87,8 +87,8 @@ def _diagnosed(files: Mapping[str, bytes], exclude: tuple[str, ...]) -> Outcome:
             diagnosis=diagnosis.to_json(),
             baseline=_positions(diagnosis.baseline.model, commands),
             model=_positions(diagnosis.model, commands),
-            baseline_readings=_readings(diagnosis.baseline.model, folder, commands),
-            model_readings=_readings(diagnosis.model, folder, commands),
+            baseline_readings=readings_at(diagnosis.baseline.model, folder, commands),
+            model_readings=readings_at(diagnosis.model, folder, commands),
         )
 
 
@@ -97,7 +97,7 @@ def _positions(model: Model, commands: Commands) -> list[list[float]]:
     return found
 
 
-def _readings(model: Model, folder: Path, commands: Commands) -> dict[str, list[list[float]]]:
+def readings_at(model: Model, folder: Path, commands: Commands) -> dict[str, list[list[float]]]:
     """Readings of each instrument of a model, at ``commands`` or at the instrument's own file; for a tracker, positions."""
     if not model.instruments:
         return {}

@@ -20,11 +20,12 @@ from gtpin.blind.draw import Draft, made, measured, recipe, truth_of
 from gtpin.blind.judge import judge
 from gtpin.blind.judged import Judged
 from gtpin.blind.left_out_touches import without_some_touches
+from gtpin.blind.oracle import fit_known_causes_to_readings
 from gtpin.blind.repeatability import jitter
 from gtpin.blind.run import check, check_given
 from gtpin.blind.seal import digest_of, seal
 from gtpin.blind.truth import Truth
-from gtpin.blind.worker import Outcome, _readings
+from gtpin.blind.worker import Outcome, readings_at
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.data import Commands, Dataset
@@ -58,6 +59,13 @@ def graded(folder: Path, truth: Truth) -> tuple[Difficulty, ReadingsCalibration]
     baseline = calibrate(dataset)
     assert isinstance(baseline, ReadingsCalibration)
     return Difficulty.of_readings(dataset, {n.name: np.array(n.sigma) for n in truth.noise}, baseline), baseline
+
+
+def diagnosed_by_geometry(folder: Path) -> Outcome:
+    """The outcome of a diagnosis that names nothing."""
+    dataset = Dataset.read(folder)
+    read = readings_at(calibrate(dataset).model, folder, Commands.read(folder / "commands.csv", dataset.n_actuators))
+    return Outcome(diagnosis=diagnosis("none"), baseline_readings=read, model_readings=read)
 
 
 def opened_by(folder: Path, truth: Truth, outcome: Outcome) -> Judged:
@@ -202,7 +210,7 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
     baseline = calibrate(dataset)
     assert isinstance(baseline, ReadingsCalibration)
     commands = Commands.read(tmp_path / "commands.csv", dataset.n_actuators)
-    found = _readings(baseline.model, tmp_path, commands)
+    found = readings_at(baseline.model, tmp_path, commands)
     split = single(dataset, baseline.model.robot)
     readings = Readings.of(split, baseline.model.robot, baseline.u)
     missed = -readings.minus(baseline.model.kinematics.forward(split.q))[:, 0]
@@ -214,6 +222,57 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
             continue
         own = (split.readings.of == index) & (split.readings.component < values.shape[1])
         np.testing.assert_allclose(values.ravel(), missed[own], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "effect"),
+    [("range", "backlash"), ("plane", "backlash"), ("socket", "backlash"), ("socket", "linearity")],
+)
+def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path: Path, kind: str, effect: str) -> None:
+    _, truth = a_case(tmp_path / "x", [kind], effect, 5, 120)
+    outcome = diagnosed_by_geometry(tmp_path / "x")
+    found = opened_by(tmp_path / "x", truth, outcome)
+    assert found.error is None
+    assert found.energy > 63.0
+    assert found.shrunk is not None
+    assert found.shrunk.knowing is not None
+    assert found.shrunk.knowing < 0.7 * found.shrunk.before
+    assert found.shrunk.after == found.shrunk.before  # the model that it was given has no cause
+
+
+def test_no_fit_knows_the_cause_where_it_is_in_no_catalogue(tmp_path: Path) -> None:
+    _, truth = a_case(tmp_path / "x", ["range"], "backlash", 5)
+    nameless = truth.model_copy(
+        update={"effects": tuple(effect.model_copy(update={"effect": "unheard"}) for effect in truth.effects)}
+    )
+    found = opened_by(tmp_path / "x", nameless, diagnosed_by_geometry(tmp_path / "x"))
+    assert found.error is None
+    assert found.shrunk is not None
+    assert found.shrunk.knowing is None
+
+
+def test_a_fit_that_knows_no_cause_is_the_calibration(tmp_path: Path) -> None:
+    """With no cause to fit and the calibration's noise, the step starts where the calibration has converged, and ends there."""
+    draft = Draft("x", "none", 5, (), 60, instruments=("range", "socket"))
+    measured(draft).write_dataset(tmp_path)
+    dataset = Dataset.read(tmp_path)
+    baseline = calibrate(dataset)
+    assert isinstance(baseline, ReadingsCalibration)
+    assert baseline.freedom == np.inf  # the calibration has weighed all rows alike
+    assert dataset.readings is not None
+    names = [name for name, count in baseline.sigmas for _ in range(count)]
+    sigma = {name: baseline.noise.sigma[names.index(name)] for name in names}
+    noise = {
+        table.name: np.full((len(dataset.readings.rows_of(i)), 3 if table.kind == "socket" else 1), sigma[table.name])
+        for i, table in enumerate(dataset.readings.tables)
+    }
+    known = fit_known_causes_to_readings(dataset, noise, baseline, [])
+    off = (known.geometry.values - baseline.values) / baseline.sigma
+    assert np.abs(off).max() < 0.02
+    unknowns = np.array(
+        [one.unknowns[u.name] for one in known.instruments for u in baseline.unknowns if u.name in one.unknowns]
+    )
+    assert np.abs((unknowns - baseline.u) / np.sqrt(np.diag(baseline.u_covariance))).max() < 0.02
 
 
 def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
@@ -304,7 +363,9 @@ def test_cases_of_instruments_that_are_scored_again_have_the_same_d_and_shrinkag
         for name, content in files.items():
             (folder / name).write_bytes(content)
         dataset = Dataset.read(folder)
-        read = _readings(calibrate(dataset).model, folder, Commands.read(folder / "commands.csv", dataset.n_actuators))
+        read = readings_at(
+            calibrate(dataset).model, folder, Commands.read(folder / "commands.csv", dataset.n_actuators)
+        )
         said = diagnosis("none")
         return Outcome(diagnosis=said, baseline_readings=read, model_readings=read), 0.1
 

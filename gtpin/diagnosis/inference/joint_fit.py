@@ -54,7 +54,7 @@ def fit_together(
     first = problem.calibration.first
     x = np.concatenate([deviation, first[len(deviation) :], np.zeros(problem.size - len(first))])
     try:
-        found = fit(problem, lambda _: observed.weight, x, left_out=LEFT_OUT)
+        found = fit(problem, observed.weigh, x, left_out=LEFT_OUT)
     except ConvergenceError as error:
         raise ConvergenceError(
             "geometry and causes have not settled together", hint="exclude the causes one by one"

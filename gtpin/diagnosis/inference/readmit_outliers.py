@@ -67,7 +67,10 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
         if causes(guess):
             explained[rows] |= _predicted(hypotheses, guess)
         explained &= ~sure
-        if explained[some].sum() < max(priors.readmitted, priors.readmitted_share * len(some)):
+        least = max(priors.readmitted, priors.readmitted_share * len(some))
+        if not design.tracked:
+            least = max(least, _free(hypotheses, guess) + 1)
+        if explained[some].sum() < least:
             return Rows(sure, sure)
     return Rows(sure | explained, sure)
 
@@ -82,6 +85,16 @@ def _in_sockets(dataset: Dataset) -> Mask:
         return np.zeros(len(dataset), dtype=bool)
     sockets = [i for i, table in enumerate(dataset.readings.tables) if isinstance(table, SocketTable)]
     return np.isin(dataset.readings.of, sockets)
+
+
+def _free(hypotheses: HypothesisSet, guess: Model) -> int:
+    """Number of the coefficients and periods of those causes of a model that have several periods.
+
+    So many periods fit gross errors of single numbers, whatever was read: they explain as many readings as they have free
+    numbers. A pose has more numbers, and its gross errors are not explained so easily.
+    """
+    several = [cause for cause in causes(guess) if cause.further]
+    return sum(hypotheses.groups.width(cause) + len(cause.values) for cause in several)
 
 
 def _evenly(rows: npt.NDArray[np.intp], most: int) -> npt.NDArray[np.intp]:

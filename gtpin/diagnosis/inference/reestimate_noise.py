@@ -123,6 +123,18 @@ def reestimate_noise(
     return Reestimated(replace(observed, noise=found, weight=weight), bool(changed), restless)
 
 
+def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Model) -> dict[int, Tails]:
+    """Tails of the noise, by kind of the rows, where their weights are not 1. With them a fit weighs rows that the search did
+    not use."""
+    if (observed.weight == 1.0).all():
+        return {}
+    left, taken = left_over(hypotheses, model)
+    left = left * np.sqrt(left.size / max(left.size - taken, 1.0))
+    whitened = left / np.sqrt(observed.weight)[:, None]  # the design's whitening has the weights
+    weighed = observed.weight != 1.0
+    return {int(kind): Tails.of(whitened[observed.kinds == kind]) for kind in np.unique(observed.kinds[weighed])}
+
+
 def _of_readings(observed: Observed, noise: ReadingNoise, design: Design, left: Floats, taken: float) -> Reestimated:
     """Repeatability, sigmas that were not declared, and weights of the rows, from a model's residuals of readings.
 

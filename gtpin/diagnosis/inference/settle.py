@@ -12,7 +12,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
 from gtpin.diagnosis.hypotheses.propose import Proposal, propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
-from gtpin.diagnosis.inference.reestimate_noise import gross_errors, reestimate_noise
+from gtpin.diagnosis.inference.reestimate_noise import gross_errors, reestimate_noise, tails_of
 from gtpin.diagnosis.inference.search import MOST, rough_guess
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
@@ -86,7 +86,8 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
         return Settled(searched, observed, searched, observed, declared, proposal, guess)
     good = ~np.isin(np.arange(len(kept)), some[~used])
     noise = everything.noise.sized_as(observed.noise)
-    everything = replace(everything, noise=noise).take(good)
+    tails = tails_of(observed, proposal.hypotheses, guess)
+    everything = replace(everything, noise=noise, tails=tails).take(good)
     return Settled(kept.take(good), everything, searched, observed, declared, proposal, guess)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.sight import line_of_sight
+from gtpin.noise.weights import Tails
 
 Floats = npt.NDArray[np.float64]
 
@@ -42,6 +43,9 @@ class Observed:
         Whether the instrument's pose is identified too.
     unusable
         Names of covariates that were recorded but cannot be right.
+    tails
+        Tails of the noise by number of the rows' kind (``kinds``), where a fit computes the weights from its residuals; where
+        it is empty, ``weight`` has them.
     """
 
     measured: Measured | Readings
@@ -51,6 +55,7 @@ class Observed:
     temperature: float
     free_frame: bool
     unusable: frozenset[str] = frozenset()
+    tails: Mapping[int, Tails] = field(default_factory=dict)
 
     @staticmethod
     def of(dataset: Dataset, baseline: Calibration) -> Observed:
@@ -81,6 +86,20 @@ class Observed:
             noise=self.noise.take(rows),
             weight=self.weight[rows],
         )
+
+    @property
+    def kinds(self) -> npt.NDArray[np.intp]:
+        """(N,) number of the group of rows in which each row's residuals are compared with others: see ``Readings.alike``."""
+        if isinstance(self.measured, Readings):
+            return self.measured.group[:, 0]
+        return np.zeros(len(self.weight), dtype=np.intp)
+
+    def weigh(self, residual: Floats) -> Floats:
+        """(N,) weights of the rows in a fit with whitened residuals (N, c)."""
+        weight, kinds = self.weight.copy(), self.kinds
+        for kind, tails in self.tails.items():
+            weight[kinds == kind] = tails.weigh(residual[kinds == kind])
+        return weight
 
     def situation(self, model: Model, fixed: References | None = None, poses: Poses | None = None) -> Situation:
         """The poses at a model's geometry; ``poses``, base frame, where they are already computed."""
