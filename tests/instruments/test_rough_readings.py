@@ -89,7 +89,7 @@ def test_a_ball_that_sat_badly_in_its_socket_is_given_back_to_no_cause(tmp_path:
 
 
 def test_lines_of_drives_do_not_explain_the_gross_errors_of_an_encoder(tmp_path: Path) -> None:
-    """A five-bar without effects, its drives scattering more than is declared: 33 periods once fitted 8 of 9 gross errors."""
+    """A five-bar without effects, its drives scattering more than is declared: 31 periods once fitted 8 of 9 gross errors."""
     draft = list(drafts(6, 5123, str(FIVE_BAR), ("encoder",)))[5]
     assert draft.kind == "rough"
     case = measured(draft)
