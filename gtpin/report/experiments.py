@@ -8,7 +8,7 @@ from pathlib import Path
 from gtpin.data import Commands, Dataset
 from gtpin.data.ids import normal_ids
 from gtpin.diagnosis.planning.experiment import Experiment
-from gtpin.diagnosis.planning.measurement_conditions import as_usual
+from gtpin.diagnosis.planning.measurement_conditions import as_usual, with_nights
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.page import Table
 from gtpin.report.words import covariate_unit, whole, with_unit
@@ -50,6 +50,8 @@ def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
         if count:
             ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(count)])
             covariates = as_usual(dataset.covariates, count) | dict(experiment.covariates)
+            if "time" not in experiment.covariates:
+                covariates = with_nights(covariates, dataset.conditions.reference_temperature)
             Commands(ids, experiment.poses, covariates).write(folder / experiment_file(i))
 
 

@@ -17,6 +17,7 @@ from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
+from gtpin.diagnosis.planning.measurement_conditions import with_nights
 from gtpin.diagnosis.planning.map_unknown import map_unknown
 from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, plan
 from gtpin.diagnosis.planning.trials import Known, possible
@@ -340,3 +341,15 @@ def test_data_without_any_covariate_get_a_plan_too() -> None:
     recorded = {name for e in experiments for name in e.covariates}
     assert {"speed1", "time", "temp_link", "session"} <= recorded
     assert all(len(e.poses) for e in experiments)
+
+
+def test_a_machine_that_is_measured_cold_has_had_a_night() -> None:
+    rows = {
+        "time": 25.0 * np.arange(5),
+        "temp_frame": np.array([25.0, 25.0, 20.0, 20.0, 20.0]),
+        "temp_link": np.full(5, 26.0),
+    }
+    found = np.diff(np.asarray(with_nights(rows, 20.0)["time"], dtype=float))
+    np.testing.assert_allclose(found, [25.0, 25.0 + 8.0 * 3600.0, 25.0, 25.0])
+    only = {"time": rows["time"]}
+    assert with_nights(only, 20.0) == only

@@ -144,6 +144,18 @@ def as_usual(known: Mapping[str, Column], count: int) -> dict[str, Column]:
     return found
 
 
+def with_nights(values: Mapping[str, Column], reference: float) -> dict[str, Column]:
+    """The covariates of rows in the order of measurement, with a night in ``time`` before each machine that has cooled down.
+
+    A machine is cold in a row in which a temperature is the reference temperature, degC.
+    """
+    temperatures = [_numbers(column) for name, column in values.items() if kind(name) == "temperature"]
+    if "time" not in values or not temperatures:
+        return dict(values)
+    cold = np.any([column == reference for column in temperatures], axis=0).astype(int)
+    return {**values, "time": _numbers(values["time"]) + NIGHT * np.cumsum(np.diff(cold, prepend=cold[:1]) == 1)}
+
+
 def _usual(name: str, known: Column, time: Column | None, count: int) -> Column:
     """(M,) the value of a covariate that is easiest to measure at."""
     if name == "session":
