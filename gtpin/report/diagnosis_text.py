@@ -9,7 +9,7 @@ from rich.table import Table
 from gtpin.diagnosis.inference.findings import Cause, Member
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.estimate import Estimate
-from gtpin.report.gap_words import gap_words
+from gtpin.report.gap_words import beyond_noise, gap_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.verdict import questions, verdict
 from gtpin.report.words import chance, percent, quantity
@@ -68,7 +68,8 @@ def _gap(diagnosis: Diagnosis) -> list[str]:
         lines.append(
             f"Explained fraction of the gap's power beyond noise: {percent(gap.shrinkage)} (95 %: {low} to {high})."
         )
-    return lines
+    small = beyond_noise(gap)
+    return [*lines, small] if small else lines
 
 
 def _untestable(diagnosis: Diagnosis) -> list[str]:

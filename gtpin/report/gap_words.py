@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.report.words import joined, length, quantity
 
@@ -40,3 +42,17 @@ def gap_words(gap: Gap) -> GapWords:
         of([one.after for one in gap.by_instrument]),
         of([one.floor for one in gap.by_instrument]),
     )
+
+
+def beyond_noise(gap: Gap) -> str:
+    """What goes away with the causes, in lengths, where the gap beyond noise is smaller than noise; empty otherwise.
+
+    A fraction of such a gap says little. The gap beyond noise is g = sqrt(before^2 - floor^2); with a fraction f of its power
+    explained, g (1 - sqrt(1 - f)) of it goes away.
+    """
+    power = gap.before**2 - gap.floor**2
+    if gap.by_instrument or gap.interval is None or not 0.0 < power < gap.floor**2:
+        return ""
+    size = float(np.sqrt(power))
+    low, high = (length(size * float(1.0 - np.sqrt(1.0 - np.clip(share, 0.0, 1.0)))) for share in gap.interval)
+    return f"Beyond noise the gap is {length(size)}, of which {low} to {high} go away (95 %)."

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from gtpin.diagnosis.inference.findings import Cause, Question
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.doubts import doubt_words
-from gtpin.report.gap_words import gap_words
+from gtpin.report.gap_words import beyond_noise, gap_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.phrases import clause, remedy, sentence
 from gtpin.report.quality import scatters
@@ -192,9 +192,11 @@ def _explained_gap(d: Diagnosis) -> str:
         )
     interval = f" (95\u00a0% interval {_range(gap.interval)})" if gap.interval else ""
     where = "sessions" if gap.hold_out == "session" else "poses"
+    small = beyond_noise(gap)
     return (
         f"On {where} that it was not fitted to, the corrected model reduces the gap from {before} to {after} (noise alone: "
         f"{noise}). It explains {percent(gap.shrinkage)} of the gap's power beyond noise{interval}."
+        f"{' ' if small else ''}{small}"
     )
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 import pinocchio
 import pytest
 
 from gtpin import load_robot
+from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.effects.linearity import Linearity
+from gtpin.report.gap_words import beyond_noise
 from gtpin.report.phrases import clause, sentence
 from gtpin.report.provenance import provenance, versions
 from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, site_words, typeset
@@ -125,3 +128,14 @@ def test_versions_are_told_where_pinocchio_has_another_distribution(monkeypatch:
     assert "pin" not in asked
     assert told["pin"] == pinocchio.__version__
     assert told["gtpin"] == "1.2.3"
+
+
+def test_a_gap_that_is_small_beside_the_noise_is_told_in_lengths() -> None:
+    small = Gap(before=41e-6, after=40.2e-6, floor=40e-6, shrinkage=0.8, interval=(0.64, 0.96))
+    # sqrt(41^2 - 40^2) = 9 um; 1 - sqrt(1 - 0.64) = 0.4 and 1 - sqrt(1 - 0.96) = 0.8 of it.
+    assert (
+        " ".join(beyond_noise(small).split())
+        == "Beyond noise the gap is 9.00 µm, of which 3.60 µm to 7.20 µm go away (95 %)."
+    )
+    assert beyond_noise(replace(small, before=80e-6)) == ""
+    assert beyond_noise(replace(small, before=39e-6)) == ""
