@@ -33,7 +33,7 @@ AGAIN = {
     "missing_covariates": 3,
     "mistakes": 8,
     "next_experiment": 4,
-    "closed_loop": 4,
+    "closed_loop": 2,
     "noise_floor": 4,
     "imitators": 1,
     "priors": 1,
@@ -41,7 +41,7 @@ AGAIN = {
     "closed_circle": 1,
     "health": 2,
     "pairs": 2,
-    "forms": 4,
+    "forms": 2,
 }
 """Jobs that are measured again, spread over all; a whole measurement takes minutes."""
 NEEDS = {"closed_circle": "mujoco"}
