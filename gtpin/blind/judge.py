@@ -173,8 +173,10 @@ def _shrunk(
 def _shrunk_readings(
     folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
 ) -> Shrunk:
-    found, causes = shrunk_readings(dataset, truth, outcome), _causes(truth, lefts)
-    if not isinstance(baseline, ReadingsCalibration) or truth.kind not in CAUSES_GIVEN or not causes:
+    found = shrunk_readings(dataset, truth, outcome)
+    if not isinstance(baseline, ReadingsCalibration) or truth.kind not in CAUSES_GIVEN:
+        return found
+    if not (causes := _causes(truth, lefts)):
         return found
     noise = {one.name: np.array(one.sigma) for one in truth.noise}
     try:
