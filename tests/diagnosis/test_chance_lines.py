@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.diagnosis.inference.chance_lines import DriveErrors
+from gtpin.diagnosis.inference.chance_lines import FittedLines
 from gtpin.plant import simulate
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
@@ -30,7 +30,7 @@ def waves(q: Floats) -> Floats:
     return np.stack([np.cos(phase), np.sin(phase)], axis=2)
 
 
-def searched(q: Floats, errors: Floats, variance: Floats, lines: int) -> DriveErrors:
+def searched(q: Floats, errors: Floats, variance: Floats, lines: int) -> FittedLines:
     """Errors with the lines that a search finds in them, each the one that takes most of what the others leave."""
     shapes, left, found = waves(q), errors, []
     for _ in range(lines):
@@ -38,7 +38,7 @@ def searched(q: Floats, errors: Floats, variance: Floats, lines: int) -> DriveEr
         best = int(np.argmax([fit @ fit for fit in fits]))
         found.append(shapes[best])
         left = left - fits[best]
-    return DriveErrors(errors, variance, tuple(found), len(FREQUENCIES))
+    return FittedLines(errors, variance, tuple(found), len(FREQUENCIES))
 
 
 @pytest.mark.parametrize("spread", [0.0, 1.0])

@@ -127,10 +127,9 @@ class HypothesisSet:
 
     def barring(self, places: Collection[tuple[str, str]]) -> HypothesisSet:
         """The same explanations without the hypotheses at some places (effect, site)."""
-        fewer, allowed = copy(self), tuple(proxy for proxy in self.proxies if proxy.hypothesis.place not in places)
-        fewer.__dict__["proxies"] = (
-            allowed  # a cached property: both sets share the groups to which proxies are added once
-        )
+        fewer = copy(self)
+        # Computed before it is filtered: both sets share the groups, to which the proxies are added once.
+        fewer.proxies = tuple(proxy for proxy in self.proxies if proxy.hypothesis.place not in places)
         fewer.linear = tuple(hypothesis for hypothesis in self.linear if hypothesis.place not in places)
         fewer.scanned = tuple(hypothesis for hypothesis in self.scanned if hypothesis.place not in places)
         return fewer

@@ -31,11 +31,11 @@ def chance_lines(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Hypothes
     model = found.model
     if found.beside:
         model = hypotheses.of((*model.terms, *found.beside), (*model.scale, *(1.0 for _ in found.beside)))
-    return tuple(c for c in lines if DriveErrors.of(hypotheses, model, c).chance() > hypotheses.priors.chance_line)
+    return tuple(c for c in lines if FittedLines.of(hypotheses, model, c).chance() > hypotheses.priors.chance_line)
 
 
 @dataclass(frozen=True)
-class DriveErrors:
+class FittedLines:
     """Errors of one drive at its different commands, and the lines that were fitted to them.
 
     Parameters
@@ -55,7 +55,7 @@ class DriveErrors:
     tried: int
 
     @staticmethod
-    def of(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> DriveErrors:
+    def of(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> FittedLines:
         """The errors of the drive of a periodic error that the geometry and the rest of a model leave."""
         design, columns = hypotheses.design, hypotheses.groups.columns(cause)
         at = model.terms.index(cause)
@@ -72,7 +72,7 @@ class DriveErrors:
         same = np.unique(design.situation.q[shown], axis=0, return_inverse=True)[1].ravel()
         total = np.bincount(same, information)
         own = np.stack([np.bincount(same, column) for column in moved.T], axis=1) / total[:, None]
-        return DriveErrors(
+        return FittedLines(
             errors=np.bincount(same, error) / total,
             variance=1.0 / total,
             lines=tuple(np.split(own, len(cause.values), axis=1)),

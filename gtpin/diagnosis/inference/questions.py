@@ -62,8 +62,8 @@ def without_impossible(
     Parameters
     ----------
     sure
-        Effects and sites that a search without the impossible causes names. Other causes are not named: they explain the data
-        only together with an impossible one.
+        Effects and sites that a search without the impossible causes names with confidence. Other causes are not named: they
+        may explain the data only together with an impossible one.
     """
     places = {(q.effect, q.site) for q in asked}
     wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
