@@ -21,12 +21,13 @@ ORDERS = {1: 8, 2: 5}
 """Largest sum of the orders of the cosines in a product, for one and for two other actuators."""
 MANY = 2
 """Largest sum of orders for three or more other actuators; a larger sum would give too many products."""
-FINE = (3, 4, 5, 6)
-"""Numbers of other joints of a robot without rods for which the next three numbers hold, in place of ``MANY``."""
-SINGLE, PAIR, OWN = 5, 4, 1
-"""Largest order of a cosine of one other joint, largest sum of orders of a product of two, and largest sum of those that vary
-along the own joint. What couples joints (gears that pass through each other, belts, cables) lies between two or three of them,
-so there are no products of three. Assumed."""
+FINE = 3
+"""Number of other joints of a robot without rods from which on the next numbers hold, in place of ``MANY``."""
+SINGLE, PAIR, OWN, NEAREST = 5, 4, 1, 6
+"""Largest order of a cosine of one other joint, largest sum of orders of a product of two, largest sum of those that vary
+along the own joint, and number of the other joints, the nearest in the robot's order, that form products. What couples joints
+(gears that pass through each other, belts, cables) lies between two or three of them that follow each other, so there are no
+products of three, and none of joints that are far away. Assumed."""
 DECAY, STEEP = 1.5, 2.0
 """The power p: the size of a product with the sum of orders k is proportional to k^-p. The second value holds with ``SINGLE``
 and ``PAIR``: otherwise the many products of high order would be the largest part of f."""
@@ -37,9 +38,9 @@ class CrossCoupling(Effect):
 
     dq_j is the deviation of the travel of actuator j from its command, m (rad where it turns). f is a sum of products of
     cosines over the ranges of travel. The orders of the cosines in a product add up to at most five with two other actuators
-    (eight with one, two with more). At a robot without rods with three to six other joints, f is a sum of functions of one
-    joint (orders up to five) and of two joints (orders that add up to at most four). Products of higher order have smaller
-    typical sizes. The modulation: f also varies along the track of actuator j itself.
+    (eight with one, two with more). At a robot without rods with three or more other joints, f is a sum of functions of one
+    joint (orders up to five) and of two of the six nearest joints (orders that add up to at most four). Products of higher
+    order have smaller typical sizes. The modulation: f also varies along the track of actuator j itself.
 
     Parameters: ``end_to_end[k]``, m (rad where the actuator turns): the mean of f at the upper end of the range of the k-th
     other actuator less its mean at the lower end. The other actuators are counted in the robot's order.
@@ -72,7 +73,7 @@ class CrossCoupling(Effect):
         """Cosines over the ranges of the other actuators, products of them, and changes of both along the own track."""
         j = at.robot.sites.index(site)
         others = np.delete(at.travel, j, axis=1)
-        chosen = _products(others.shape[1], bool(at.robot.rods))
+        chosen = _products(others.shape[1], bool(at.robot.rods), j)
         columns = np.stack(
             [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen.rows], axis=1
         )
@@ -126,12 +127,17 @@ class _Products:
 
 
 @cache
-def _products(others: int, rods: bool) -> _Products:
-    fine = not rods and others in FINE
+def _products(others: int, rods: bool, own: int = 0) -> _Products:
+    """Products for an actuator with the index ``own``. Their number does not depend on it."""
+    fine = not rods and others >= FINE
     single = SINGLE if fine else ORDERS.get(others, MANY)
     together = 2 if fine else single
+    # The k-th other actuator comes before the own one if k < own, and after it otherwise.
+    nearest = sorted(range(others), key=lambda k: own - k if k < own else k - own + 1)[:NEAREST]
     rows = []
     for some in (kept for size in range(1, together + 1) for kept in combinations(range(others), size)):
+        if fine and len(some) > 1 and not {*some} <= {*nearest}:
+            continue
         most = PAIR if fine and len(some) > 1 else single
         for orders in product(range(1, most + 1), repeat=len(some)):
             if sum(orders) <= most:

@@ -29,6 +29,8 @@ RESTARTS = 5
 """Largest number of restarts from where the maximisation stopped: it can stop early where the likelihood is badly scaled."""
 SETTLED = 1e-3
 """Gain in log likelihood by another start below which the maximisation has converged."""
+EXACT = 1e-6
+"""Slope of the log likelihood at which the last maximisation stops; the second derivative is about the number of residuals."""
 
 
 def likeliest(
@@ -110,7 +112,9 @@ def likeliest_of(trial: Callable[[Floats], N], free: int, errors: Floats, by_com
     without = np.zeros(1 + free)
     if free:
         without = _climbed(cost, without, [(0.0, 0.0), *bounds])
-    return trial(best if 2.0 * (cost(without) - cost(best)) > SHOWN else without)
+    if 2.0 * (cost(without) - cost(best)) > SHOWN:
+        return trial(_exactly(cost, best, [(0.0, MOST[0]), *bounds]))
+    return trial(_exactly(cost, without, [(0.0, 0.0), *bounds]) if free else without)
 
 
 def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[float, float]]) -> Floats:
@@ -122,6 +126,13 @@ def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[
         found = again if gained > 0.0 else found
         if gained < SETTLED:
             break
+    return np.asarray(found.x, dtype=np.float64)
+
+
+def _exactly(cost: Callable[[Floats], float], near: Floats, bounds: list[tuple[float, float]]) -> Floats:
+    """The minimum next to ``near``, with central differences: evidence depends on the sigmas, and rounding must not show."""
+    options = {"ftol": 0.0, "gtol": EXACT}
+    found = minimize(cost, near, bounds=bounds, method="L-BFGS-B", jac="3-point", options=options)
     return np.asarray(found.x, dtype=np.float64)
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.special import betaincc
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
 from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
 
@@ -47,12 +47,15 @@ class FittedLines:
         For each line its (n, p) deviations of the travel, m or rad.
     tried
         Number of periods that were tried.
+    taken
+        Effective number of the errors that the geometry and the other causes fit: this many are missing in what is left.
     """
 
     errors: Floats
     variance: Floats
     lines: tuple[Floats, ...]
     tried: int
+    taken: float = 0.0
 
     @staticmethod
     def of(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> FittedLines:
@@ -77,29 +80,44 @@ class FittedLines:
             variance=1.0 / total,
             lines=tuple(np.split(own, len(cause.values), axis=1)),
             tried=len(cause.effect.nonlinear_values(design.situation, cause.site)),
+            taken=_taken(hypotheses, model, cause, along / np.sqrt(information)[:, None], shown),
         )
 
     def chance(self) -> float:
         """Upper bound of the probability that scatter without a period shows a line as significant as the best one.
 
         The lines are fitted one after the other, the strongest first; what is left without the line is noise of known variance
-        and scatter of the drive, whose variance is estimated. Of such errors at n commands, p columns take a share of the power
-        with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were tried takes a larger share
+        and scatter of the drive, whose variance is estimated. Of n such errors, less those that other causes fit, p columns take a
+        share of the power with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were tried takes a larger share
         than this with at most their number times the probability (Bonferroni), and so for the number of lines that were tested.
         """
         left, open_, least = self.errors, list(self.lines), 1.0
-        freedom = len(self.errors)
+        freedom = len(self.errors) - self.taken
         for tested in range(1, len(self.lines) + 1):
-            scatter = max(float((left**2 - self.variance).mean()), 0.0)
+            scatter = max(float((left**2).sum()) / freedom - float(self.variance.mean()), 0.0)
             root = 1.0 / np.sqrt(self.variance + scatter)
             whole = float(((left * root) ** 2).sum())
             fits = [X @ np.linalg.lstsq(X * root[:, None], left * root, rcond=None)[0] for X in open_]
             powers = [float((((left - fit) * root) ** 2).sum()) for fit in fits]
             best = int(np.argmin(powers))
             width = open_.pop(best).shape[1]
-            if freedom <= width or whole == 0.0:
+            if freedom <= width + 1.0 or whole == 0.0:
                 break
             share = min(max(1.0 - powers[best] / whole, 0.0), 1.0)
             least = min(least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested)
             left, freedom = left - fits[best], freedom - width
         return least
+
+
+def _taken(
+    hypotheses: HypothesisSet, model: Model, cause: Hypothesis, along: Floats, shown: npt.NDArray[np.bool_]
+) -> float:
+    """Effective number of a drive's errors that the geometry and a model without one of its causes fit.
+
+    This is the trace of the hat matrix on the unit motions (n, c) by the drive, ``along``, at the rows (N,) that show it.
+    """
+    design, groups = hypotheses.design, hypotheses.groups
+    J = np.hstack([design.B, *(groups.columns(t) * s for t, s in scales(model).items() if t != cause)])
+    prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
+    rows = np.einsum("nc,ncm->nm", along, J.reshape(len(shown), design.components, -1)[shown])
+    return float((rows * np.linalg.solve(J.T @ J + np.diag(prior), rows.T).T).sum())
