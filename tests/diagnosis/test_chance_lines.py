@@ -30,15 +30,15 @@ def waves(q: Floats) -> Floats:
     return np.stack([np.cos(phase), np.sin(phase)], axis=2)
 
 
-def searched(q: Floats, errors: Floats, variance: Floats, lines: int) -> FittedLines:
+def searched(shapes: Floats, errors: Floats, variance: Floats, lines: int, taken: float = 0.0) -> FittedLines:
     """Errors with the lines that a search finds in them, each the one that takes most of what the others leave."""
-    shapes, left, found = waves(q), errors, []
+    left, found = errors, []
     for _ in range(lines):
         fits = [shape @ np.linalg.lstsq(shape, left, rcond=None)[0] for shape in shapes]
         best = int(np.argmax([fit @ fit for fit in fits]))
         found.append(shapes[best])
         left = left - fits[best]
-    return FittedLines(errors, variance, tuple(found), len(FREQUENCIES))
+    return FittedLines(errors, variance, tuple(found), len(FREQUENCIES), taken)
 
 
 @pytest.mark.parametrize("spread", [0.0, 1.0])
@@ -49,7 +49,20 @@ def test_scatter_is_significant_no_more_often_than_is_said(spread: float) -> Non
         q, size = rng.uniform(0.0, RANGE, POSES), 10.0 ** rng.uniform(-1.0, 2.0)
         variance = np.exp(spread * rng.standard_normal(POSES))
         errors = np.sqrt(variance + size**2) * rng.standard_normal(POSES)
-        significant += searched(q, errors, variance, lines=2).chance() <= 0.05
+        significant += searched(waves(q), errors, variance, lines=2).chance() <= 0.05
+    assert significant <= 14  # 6 are expected at most; more than 14 has a probability of 1 in 1,000
+
+
+def test_scatter_that_other_causes_fit_in_part_is_significant_no_more_often_than_is_said() -> None:
+    rng = np.random.default_rng(13)
+    significant, others = 0, POSES // 2
+    for _ in range(DRAWS):
+        functions = np.linalg.qr(rng.standard_normal((POSES, others)))[0]  # of other coordinates
+        apart = np.eye(POSES) - functions @ functions.T
+        shapes = np.einsum("ij,fjk->fik", apart, waves(rng.uniform(0.0, RANGE, POSES)))
+        errors = apart @ rng.standard_normal(POSES)
+        found = searched(shapes, errors, np.full(POSES, 1e-4), lines=6, taken=others)
+        significant += found.chance() <= 0.05
     assert significant <= 14  # 6 are expected at most; more than 14 has a probability of 1 in 1,000
 
 
@@ -58,7 +71,7 @@ def test_a_line_with_a_third_of_the_power_is_significant() -> None:
     for _ in range(20):
         q = rng.uniform(0.0, RANGE, POSES)
         line = np.cos(2.0 * np.pi * rng.uniform(1.0, 11.0) * q - rng.uniform(0.0, 2.0 * np.pi))
-        assert searched(q, line + rng.standard_normal(POSES), np.full(POSES, 0.1), lines=4).chance() < 1e-3
+        assert searched(waves(q), line + rng.standard_normal(POSES), np.full(POSES, 0.1), lines=4).chance() < 1e-3
 
 
 def erring(seed: int, size: float) -> gtpin.Dataset:

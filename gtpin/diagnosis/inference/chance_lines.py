@@ -10,7 +10,6 @@ from scipy.special import betaincc
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
-from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
 
 Floats = npt.NDArray[np.float64]
@@ -41,10 +40,10 @@ class FittedLines:
     Parameters
     ----------
     errors, variance
-        (n,) errors, m or rad, from which the lines are not subtracted: the mean of the visits of a command; and their
+        (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a command; and their
         variance by the noise.
     lines
-        For each line its (n, p) deviations of the travel, m or rad.
+        For each line its (n, p) deviations of the travel less what the geometry and the other causes fit of them, m or rad.
     tried
         Number of periods that were tried.
     taken
@@ -59,37 +58,46 @@ class FittedLines:
 
     @staticmethod
     def of(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> FittedLines:
-        """The errors of the drive of a periodic error that the geometry and the rest of a model leave."""
-        design, columns = hypotheses.design, hypotheses.groups.columns(cause)
-        at = model.terms.index(cause)
-        first = sum(model.widths[:at])
-        fitted = columns @ model.mean[first : first + model.widths[at]]
-        whole = left_over(hypotheses, model)[0] + fitted.reshape(-1, design.components)
+        """The errors of the drive of a periodic error that the geometry and the rest of a model leave, and its lines less what
+        these fit of them, so that flexible causes of the drive neither hide scatter nor make lines larger.
+        """
+        design = hypotheses.design
         along = design.by_command[:, :, design.situation.robot.sites.index(cause.site)]
         information = np.einsum("nc,nc->n", along, along)
         shown = information > SEEN**2 * information.max()
         along, information = along[shown], information[shown]
-        error = np.einsum("nc,nc->n", along, whole[shown])
-        shape = columns.reshape(len(whole), design.components, -1)[shown]
-        moved = np.einsum("nc,ncm->nm", along, shape)
+
+        def moved(columns: Floats) -> Floats:
+            return np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown])
+
+        others = np.hstack(
+            [design.B, *(hypotheses.groups.columns(t) * s for t, s in scales(model).items() if t != cause)]
+        )
+        prior = np.concatenate([design.prior, np.ones(others.shape[1] - len(design.prior))])
+        normal = others.T @ others + np.diag(prior)
+        whole = np.column_stack([design.y, hypotheses.groups.columns(cause)])
+        left = moved(whole - others @ np.linalg.solve(normal, others.T @ whole))
+        fitted = moved(others) / np.sqrt(information)[:, None]
         same = np.unique(design.situation.q[shown], axis=0, return_inverse=True)[1].ravel()
         total = np.bincount(same, information)
-        own = np.stack([np.bincount(same, column) for column in moved.T], axis=1) / total[:, None]
+        left = np.stack([np.bincount(same, column) for column in left.T], axis=1) / total[:, None]
         return FittedLines(
-            errors=np.bincount(same, error) / total,
+            errors=left[:, 0],
             variance=1.0 / total,
-            lines=tuple(np.split(own, len(cause.values), axis=1)),
+            lines=tuple(np.split(left[:, 1:], len(cause.values), axis=1)),
             tried=len(cause.effect.nonlinear_values(design.situation, cause.site)),
-            taken=_taken(hypotheses, model, cause, along / np.sqrt(information)[:, None], shown),
+            # The trace of the hat matrix on unit motions by the drive.
+            taken=float((fitted * np.linalg.solve(normal, fitted.T).T).sum()),
         )
 
     def chance(self) -> float:
         """Upper bound of the probability that scatter without a period shows a line as significant as the best one.
 
         The lines are fitted one after the other, the strongest first; what is left without the line is noise of known variance
-        and scatter of the drive, whose variance is estimated. Of n such errors, less those that other causes fit, p columns take a
-        share of the power with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were tried takes a larger share
-        than this with at most their number times the probability (Bonferroni), and so for the number of lines that were tested.
+        and scatter of the drive, whose variance is estimated. Of n such errors, less those that other causes fit, p columns
+        take a share of the power with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were
+        tried takes a larger share than this with at most their number times the probability (Bonferroni). The k-th test of a
+        line has the share 1 / (k (k + 1)) of the whole probability.
         """
         left, open_, least = self.errors, list(self.lines), 1.0
         freedom = len(self.errors) - self.taken
@@ -104,20 +112,8 @@ class FittedLines:
             if freedom <= width + 1.0 or whole == 0.0:
                 break
             share = min(max(1.0 - powers[best] / whole, 0.0), 1.0)
-            least = min(least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested)
+            least = min(
+                least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested * (tested + 1)
+            )
             left, freedom = left - fits[best], freedom - width
         return least
-
-
-def _taken(
-    hypotheses: HypothesisSet, model: Model, cause: Hypothesis, along: Floats, shown: npt.NDArray[np.bool_]
-) -> float:
-    """Effective number of a drive's errors that the geometry and a model without one of its causes fit.
-
-    This is the trace of the hat matrix on the unit motions (n, c) by the drive, ``along``, at the rows (N,) that show it.
-    """
-    design, groups = hypotheses.design, hypotheses.groups
-    J = np.hstack([design.B, *(groups.columns(t) * s for t, s in scales(model).items() if t != cause)])
-    prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
-    rows = np.einsum("nc,ncm->nm", along, J.reshape(len(shown), design.components, -1)[shown])
-    return float((rows * np.linalg.solve(J.T @ J + np.diag(prior), rows.T).T).sum())
