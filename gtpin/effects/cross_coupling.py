@@ -25,9 +25,9 @@ FINE = 3
 """Number of other joints of a robot without rods from which on the next numbers hold, in place of ``MANY``."""
 SINGLE, PAIR, OWN, NEAREST = 5, 4, 1, 6
 """Largest order of a cosine of one other joint, largest sum of orders of a product of two, largest sum of those that vary
-along the own joint, and number of the other joints, the nearest in the robot's order, that form products. What couples joints
-(gears that pass through each other, belts, cables) lies between two or three of them that follow each other, so there are no
-products of three, and none of joints that are far away. Assumed."""
+along the own joint, and number of the other joints, the nearest in the robot's order, that form products and vary along the
+own joint. What couples joints (gears that pass through each other, belts, cables) lies between two or three of them that follow
+each other, so there are no products of three, and none of joints that are far away. Assumed."""
 DECAY, STEEP = 1.5, 2.0
 """The power p: the size of a product with the sum of orders k is proportional to k^-p. The second value holds with ``SINGLE``
 and ``PAIR``: otherwise the many products of high order would be the largest part of f."""
@@ -40,7 +40,8 @@ class CrossCoupling(Effect):
     cosines over the ranges of travel. The orders of the cosines in a product add up to at most five with two other actuators
     (eight with one, two with more). At a robot without rods with three or more other joints, f is a sum of functions of one
     joint (orders up to five) and of two of the six nearest joints (orders that add up to at most four). Products of higher
-    order have smaller typical sizes. The modulation: f also varies along the track of actuator j itself.
+    order have smaller typical sizes, and so have those of far joints: the size is divided by each joint's distance, counted in
+    joints. The modulation: f also varies along the track of actuator j itself.
 
     Parameters: ``end_to_end[k]``, m (rad where the actuator turns): the mean of f at the upper end of the range of the k-th
     other actuator less its mean at the lower end. The other actuators are counted in the robot's order.
@@ -77,8 +78,11 @@ class CrossCoupling(Effect):
         columns = np.stack(
             [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen.rows], axis=1
         )
-        lower = chosen.sums <= chosen.own
+        lower = np.array(chosen.along)
         size = chosen.sums**-chosen.decay
+        if not at.robot.rods:
+            far = [_distance(k, j) for k in range(others.shape[1])]
+            size = size / [np.prod([far[k] for k, order in enumerate(row) if order]) for row in chosen.rows]
         size = np.concatenate([size, MODULATION.own_track * size[lower]])
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
         return along_track(at, site, whole, drive_sizes(at, site, 1.5 * size / np.linalg.norm(size), 5e-5))
@@ -103,8 +107,8 @@ class _Products:
         Largest order of a cosine alone.
     rows
         Orders of the cosines in each product. Single cosines come first, actuator by actuator.
-    own
-        Largest sum of orders that varies along the own track.
+    along
+        Whether each product varies along the own track.
     decay
         Power of the sizes.
     """
@@ -112,7 +116,7 @@ class _Products:
     others: int
     single: int
     rows: tuple[tuple[int, ...], ...]
-    own: int
+    along: tuple[bool, ...]
     decay: float
 
     @property
@@ -123,7 +127,7 @@ class _Products:
     @property
     def count(self) -> int:
         """Number of coefficients."""
-        return len(self.rows) + int((self.sums <= self.own).sum())
+        return len(self.rows) + sum(self.along)
 
 
 @cache
@@ -132,17 +136,23 @@ def _products(others: int, rods: bool, own: int = 0) -> _Products:
     fine = not rods and others >= FINE
     single = SINGLE if fine else ORDERS.get(others, MANY)
     together = 2 if fine else single
-    # The k-th other actuator comes before the own one if k < own, and after it otherwise.
-    nearest = sorted(range(others), key=lambda k: own - k if k < own else k - own + 1)[:NEAREST]
-    rows = []
+    nearest = {*sorted(range(others), key=lambda k: _distance(k, own))[: NEAREST if fine else others]}
+    rows, along = [], []
     for some in (kept for size in range(1, together + 1) for kept in combinations(range(others), size)):
-        if fine and len(some) > 1 and not {*some} <= {*nearest}:
+        near = nearest >= {*some}
+        if len(some) > 1 and not near:
             continue
         most = PAIR if fine and len(some) > 1 else single
         for orders in product(range(1, most + 1), repeat=len(some)):
             if sum(orders) <= most:
                 rows.append(tuple(dict(zip(some, orders, strict=True)).get(k, 0) for k in range(others)))
-    return _Products(others, single, tuple(rows), OWN if fine else single - 1, STEEP if fine else DECAY)
+                along.append(near and sum(orders) <= (OWN if fine else single - 1))
+    return _Products(others, single, tuple(rows), tuple(along), STEEP if fine else DECAY)
+
+
+def _distance(other: int, own: int) -> int:
+    """Number of joints from the actuator ``own`` to one of the others, counted without it: some come before, some after it."""
+    return own - other if other < own else other - own + 1
 
 
 def _with_count(coefficients: int) -> _Products:

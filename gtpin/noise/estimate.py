@@ -131,8 +131,7 @@ def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[
 
 def _exactly(cost: Callable[[Floats], float], near: Floats, bounds: list[tuple[float, float]]) -> Floats:
     """The minimum next to ``near``, with central differences: evidence depends on the sigmas, and rounding must not show."""
-    options = {"ftol": 0.0, "gtol": EXACT}
-    found = minimize(cost, near, bounds=bounds, method="L-BFGS-B", jac="3-point", options=options)
+    found = minimize(cost, near, bounds=bounds, method="L-BFGS-B", jac="3-point", options={"ftol": 0.0, "gtol": EXACT})
     return np.asarray(found.x, dtype=np.float64)
 
 

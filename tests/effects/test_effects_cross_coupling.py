@@ -7,7 +7,7 @@ import pytest
 
 import gtpin
 from gtpin.effects import Situation
-from gtpin.effects.cross_coupling import FINE, PAIR, SINGLE, CrossCoupling, _products, _with_count
+from gtpin.effects.cross_coupling import FINE, NEAREST, PAIR, SINGLE, CrossCoupling, _products, _with_count
 
 ROBOT = gtpin.load_robot("ur5")
 
@@ -32,7 +32,7 @@ def test_no_product_is_there_twice_and_single_cosines_come_first_joint_by_joint(
             )
 
 
-@pytest.mark.parametrize("others", FINE)
+@pytest.mark.parametrize("others", range(FINE, 12))
 def test_joints_of_an_arm_couple_one_by_one_and_two_by_two(others: int) -> None:
     rows = _products(others, False).rows
     alone = [row for row in rows if sum(o > 0 for o in row) == 1]
@@ -40,6 +40,29 @@ def test_joints_of_an_arm_couple_one_by_one_and_two_by_two(others: int) -> None:
     assert len(alone) + len(pairs) == len(rows)
     assert max(map(sum, alone)) == SINGLE
     assert max(map(sum, pairs)) == PAIR
+
+
+@pytest.mark.parametrize("own", range(9))
+def test_only_the_nearest_joints_couple_two_by_two_at_every_joint(own: int) -> None:
+    chosen = _products(8, False, own)
+    joints = [k for k in range(9) if k != own]  # of nine
+    coupled = {joints[k] for row in chosen.rows if sum(o > 0 for o in row) == 2 for k, o in enumerate(row) if o}
+    assert len(coupled) == NEAREST
+    farthest = max(abs(k - own) for k in coupled)
+    assert all(abs(k - own) >= farthest for k in joints if k not in coupled)
+    assert chosen.count == _products(8, False).count
+
+
+@pytest.mark.parametrize("site", [0, 3, 6])
+def test_a_far_joint_couples_less_than_a_near_one(site: int) -> None:
+    robot = gtpin.load_robot("panda")
+    kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
+    q = np.random.default_rng(1).uniform(-0.3, 0.3, (20, robot.n_actuators)) + gtpin.home(robot).q
+    at = Situation(kinematics, q, kinematics.forward(q), {})
+    sigma = CrossCoupling().basis(at, robot.sites[site]).sigma
+    single = sigma[: SINGLE * (robot.n_actuators - 1)].reshape(-1, SINGLE)[:, 0]
+    distance = np.abs(np.delete(np.arange(robot.n_actuators), site) - site)
+    assert single * distance == pytest.approx(np.full(len(single), single[distance == 1][0]))
 
 
 def test_an_arm_s_coupling_is_fitted_where_it_depends_finely_on_two_neighbours() -> None:

@@ -68,7 +68,7 @@ class FittedLines:
         along, information = along[shown], information[shown]
 
         def moved(columns: Floats) -> Floats:
-            return np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown])
+            return np.asarray(np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown]))
 
         others = np.hstack(
             [design.B, *(hypotheses.groups.columns(t) * s for t, s in scales(model).items() if t != cause)]
