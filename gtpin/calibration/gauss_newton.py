@@ -22,6 +22,8 @@ STEP = 1e-7
 """Step, in units of the tolerances, at which the fit has converged."""
 DECREASE = 1e-10
 """Expected decrease of the cost by a step, as a fraction of the cost, at which the fit has converged, by default."""
+DIFFERENCE = 1e-4
+"""Step of the central differences, in units of the tolerances."""
 ROUNDING = 1e-6
 """Expected decrease, as a fraction of the cost, at which it has converged if no step lowers the cost: rounding errors."""
 
@@ -111,6 +113,7 @@ def fit(
     decrease: float = DECREASE,
     enough: int = MAX_ITERATIONS,
     left_out: float = 0.0,
+    inexact: int = 0,
 ) -> Fit[P]:
     """Minimise half the weighted sum of squares of the whitened residuals, plus half the sum of prior x^2.
 
@@ -133,6 +136,9 @@ def fit(
     left_out
         Expected decrease of the cost by the undamped step with which the fit still counts as converged, where no step lowers
         the cost. It is for a problem whose derivative leaves out small terms. 0: rounding errors only.
+    inexact
+        Number of the first unknowns whose derivative leaves out small terms. Where no step lowers the cost, the gradient by
+        them is computed by central differences from there on: near the minimum small terms are as large as the gradient.
 
     Raises
     ------
@@ -146,11 +152,13 @@ def fit(
             hint="leave them out",
         )
     residual = problem.residual(point)
-    damping = 0.0
+    damping, exactly = 0.0, False
     for iteration in range(MAX_ITERATIONS):
         weight = weigh(residual)
         information, gradient = _normal_equations(problem, point, residual, weight)
         gradient = gradient - problem.prior * point.x
+        if exactly:
+            gradient = _by_differences(problem, point, weight, gradient, inexact)
         cost = _cost(problem, point.x, residual, weight)
         if progress is not None:
             progress(iteration, float(np.sqrt((weight[:, None] * residual**2).mean())))
@@ -159,7 +167,8 @@ def fit(
         while True:
             step = _step(information + np.diag(problem.prior), gradient, damping)
             promised = float(step @ gradient) / 2.0
-            if damping == 0.0 and (np.abs(step).max() <= STEP or promised <= decrease * max(cost, 1.0)):
+            least = max(decrease * max(cost, 1.0), left_out if exactly else 0.0)
+            if damping == 0.0 and (np.abs(step).max() <= STEP or promised <= least):
                 return Fit(problem, point, residual, weight, information, iteration)
             trial = problem.point(point.x + step, point.poses)
             if trial.poses.reached.all():
@@ -172,9 +181,29 @@ def fit(
                 whole = _step(information + np.diag(problem.prior), gradient, 0.0)
                 if float(whole @ gradient) / 2.0 <= max(ROUNDING * max(cost, 1.0), left_out):
                     return Fit(problem, point, residual, weight, information, iteration)
+                if inexact and not exactly:
+                    gradient = _by_differences(problem, point, weight, gradient, inexact)
+                    damping, exactly = 0.0, True
+                    continue
                 raise ConvergenceError("the fit has not converged: no step lowers its cost", hint=_HINT)
             damping = max(10.0 * damping, 1e-3)
     raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)
+
+
+def _by_differences(problem: LeastSquares, point: Point, weight: Floats, gradient: Floats, count: int) -> Floats:
+    """The gradient (size,) with its first ``count`` components by central differences of the cost."""
+    found = gradient.copy()
+    for i in range(count):
+        ways = []
+        for step in (DIFFERENCE, -DIFFERENCE):
+            x = point.x.copy()
+            x[i] += step
+            there = problem.point(x, point.poses)
+            reached = there.poses.reached.all()
+            ways.append(_cost(problem, x, problem.residual(there), weight) if reached else np.nan)
+        if np.isfinite(ways).all():
+            found[i] = (ways[1] - ways[0]) / (2.0 * DIFFERENCE)
+    return found
 
 
 _HINT = (

@@ -53,8 +53,9 @@ def fit_together(
     deviation = start.geometry.deviation / start.geometry.tolerance
     first = problem.calibration.first
     x = np.concatenate([deviation, first[len(deviation) :], np.zeros(problem.size - len(first))])
+    inexact = problem.size if start.robot.rods else len(first)
     try:
-        found = fit(problem, observed.weigh, x, left_out=LEFT_OUT)
+        found = fit(problem, observed.weigh, x, left_out=LEFT_OUT, inexact=inexact)
     except ConvergenceError as error:
         raise ConvergenceError(
             "geometry and causes have not settled together", hint="exclude the causes one by one"
