@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -72,4 +73,4 @@ class MujocoMachine:
 
 def _smooth(share: float) -> float:
     """From 0 to 1, starting and ending without a speed."""
-    return 0.5 - 0.5 * np.cos(np.pi * np.clip(share, 0.0, 1.0))
+    return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))
