@@ -117,12 +117,12 @@ class _Linear:
             shift = self._mean(variance)[own] * FRAME_UNIT
             size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
             yield Strain("frame", "frame", gain - base, size, turn)
-        gain, mean = self._alone(prior, SCALES)
-        for i, site in enumerate(problem.start.geometry.robot.sites, p + 6):
-            yield Strain("zero", site, float(gain[i]), float(mean[i]) * FRAME_UNIT)
-        gain, mean = self._alone(prior, FACTORS)
-        for i, name in enumerate(names):
-            yield Strain("part", name, float(gain[i]), float(mean[i]))
+        zeros = self._alone(prior, slice(p + 6, None), SCALES)
+        for site, gain, mean in zip(problem.start.geometry.robot.sites, *zeros, strict=True):
+            yield Strain("zero", site, float(gain), float(mean) * FRAME_UNIT)
+        parts = self._alone(prior, slice(len(names)), FACTORS)
+        for name, gain, mean in zip(names, *parts, strict=True):
+            yield Strain("part", name, float(gain), float(mean))
         gains = [self._evidence(np.where(np.arange(len(prior)) < p, f**2, prior)) for f in FACTORS]
         best = int(np.argmax(gains))
         yield Strain("tolerances", "", gains[best] - base, FACTORS[best])
@@ -136,22 +136,23 @@ class _Linear:
             tried.append((self._evidence(variance), variance))
         return max(tried, key=lambda pair: pair[0])
 
-    def _alone(self, prior: Floats, sizes: tuple[float, ...]) -> tuple[Floats, Floats]:
-        """For each unknown, with its variance alone larger: the largest gain in log marginal likelihood, and its mean then.
+    def _alone(self, prior: Floats, own: slice, sizes: tuple[float, ...]) -> tuple[Floats, Floats]:
+        """For some unknowns, each with its variance alone larger: the largest gain in log marginal likelihood, and its mean
+        then.
 
         With V = I + B P B' and e its column of the derivative, a variance larger by v changes V by v e e': all follows from
         e' V^-1 e and e' V^-1 y.
         """
         s = np.sqrt(prior)
         root, _ = self._root(s)
-        half = root @ (s[:, None] * self.A)
-        power = np.maximum(np.diag(self.A) - (half**2).sum(axis=0), 0.0)
-        moment = self.b - half.T @ (root @ (s * self.b))
-        more = np.square(sizes)[:, None] - prior
+        half = root @ (s[:, None] * self.A[:, own])
+        power = np.maximum(np.diag(self.A)[own] - (half**2).sum(axis=0), 0.0)
+        moment = self.b[own] - half.T @ (root @ (s * self.b))
+        more = np.square(sizes)[:, None] - prior[own]
         shrunk = 1.0 / (1.0 + more * power)
         gains = 0.5 * (more * shrunk * moment**2 + np.log(shrunk))
-        best, every = np.argmax(gains, axis=0), np.arange(len(prior))
-        return gains[best, every], (np.square(sizes)[best] * moment * shrunk[best, every])
+        best, every = np.argmax(gains, axis=0), np.arange(len(power))
+        return gains[best, every], np.square(sizes)[best] * moment * shrunk[best, every]
 
     def _evidence(self, variance: Floats) -> float:
         s = np.sqrt(variance)
