@@ -11,25 +11,25 @@ LONG = (
     "docs/test_records_measured_again.py",
     "calibration/test_calibration_noise.py",
     "diagnosis/test_proxies.py",
-    "calibration/test_calibration_coverage.py",
     "calibration/test_readings_coverage.py",
-    "calibration/test_calibration_memory.py",
     "calibration/test_recognise.py",
-    "sim/test_closed_circle.py",
+    "calibration/test_calibration_memory.py",
     "blind/test_blind_readings.py",
-    "docs/test_code_in_the_documents.py",
-    "instruments/test_encoder_coverage.py",
-    "examples/test_examples.py",
+    "sim/test_closed_circle.py",
     "fuzz/test_damaged_files.py",
-    "health/test_check.py",
+    "calibration/test_calibration_coverage.py",
     "diagnosis/test_diagnosis_verdict.py",
+    "health/test_check.py",
+    "docs/test_code_in_the_documents.py",
+    "examples/test_examples.py",
+    "instruments/test_encoder_coverage.py",
     "examples/test_notebooks.py",
-    "accuracy/test_accuracy_chain.py",
-    "certificate/test_certificate_of_machines.py",
     "diagnosis/test_two_instead_of_one.py",
+    "export/test_export_printers.py",
     "diagnosis/test_diagnosis_data.py",
+    "certificate/test_certificate_of_machines.py",
 )
-"""Files that take half a minute of CPU or more, the longest first. A worker takes whole files (``--dist loadfile``)."""
+"""Files that take about half a minute of CPU or more, the longest first. A worker takes whole files (``--dist loadfile``)."""
 PLACE = {ROOT / name: place for place, name in enumerate(LONG)}
 
 
