@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
@@ -47,12 +48,27 @@ FIGURES = ("found", "alone", "silent", "unknown", "false")
 
 
 def jobs(machines: int) -> list[dict[str, object]]:
-    """Which cases are inferred."""
-    return [{"case": number} for number in range(machines)]
+    """Which cases are inferred with which number changed; the first time with none."""
+    return [{"case": case, "prior": name} for case in range(machines) for name in ("", *VARIED)]
 
 
-def measured(case: int) -> list[dict[str, object]]:
-    """What is said of a case with every number as it is, halved and doubled; nothing where it is refused."""
+def measured(case: int, prior: str) -> list[dict[str, object]]:
+    """What is said of a case with a number halved and doubled, or with all as they are; nothing where it is refused."""
+    found = _settled(case)
+    if found is None:
+        return []
+    settled, scope, truth, kind = found
+    rows = []
+    for factor in FACTORS if prior else (1.0,):
+        priors = replace(PRIORS, **{prior: factor * getattr(PRIORS, prior)}) if prior else PRIORS
+        said = _inferred(settled, replace(scope, priors=priors))
+        rows.append({"factor": factor, **_said(said, truth, kind)})
+    return rows
+
+
+@lru_cache(maxsize=1)
+def _settled(case: int) -> tuple[Settled, Scope, dict[tuple[str, str], float], str] | None:
+    """A case before its hypotheses are compared, with its truth and kind; None where it is refused."""
     draft = list(drafts(case + 1, SEED))[case]
     drawn = made(draft)
     robot = load_robot(drawn.dataset.robot_reference)
@@ -64,15 +80,8 @@ def measured(case: int) -> list[dict[str, object]]:
             rows = readmit_outliers(prepared, scope).admitted
             settled = settle(prepared, rows, scope, np.random.default_rng(0))
         except GtpinError:
-            return []
-        truth = {(t.effect, t.site): t.energy for t in drawn.effects}
-        found = [{"prior": "", "factor": 1.0, **_said(_inferred(settled, scope), truth, draft.kind)}]
-        for name in VARIED:
-            for factor in FACTORS:
-                priors = replace(PRIORS, **{name: factor * getattr(PRIORS, name)})
-                said = _inferred(settled, replace(scope, priors=priors))
-                found.append({"prior": name, "factor": factor, **_said(said, truth, draft.kind)})
-    return found
+            return None
+    return settled, scope, {(t.effect, t.site): t.energy for t in drawn.effects}, draft.kind
 
 
 def _inferred(settled: Settled, scope: Scope) -> Conclusion:

@@ -36,11 +36,14 @@ class Figure:
         return RECORDS / f"{self.name}.csv"
 
     def module(self) -> ModuleType:
-        """The script as a module."""
+        """The script as a module, loaded once: what a script keeps of one job serves the next ones."""
+        name = f"figure_{self.name}"
+        if name in sys.modules:
+            return sys.modules[name]
         path = ROOT / "examples" / self.script
         if str(path.parent) not in sys.path:
             sys.path.insert(0, str(path.parent))
-        found = importlib.util.spec_from_file_location(f"figure_{self.name}", path)
+        found = importlib.util.spec_from_file_location(name, path)
         if found is None or found.loader is None:
             raise FileNotFoundError(path)
         module = importlib.util.module_from_spec(found)

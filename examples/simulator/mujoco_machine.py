@@ -52,11 +52,13 @@ class MujocoMachine:
         model, data = self.model, self.data
         mujoco.mj_resetDataKeyframe(model, data, 0)
         home, before = data.ctrl.copy(), q - BACK * approach
+        at = np.arange(THERE + NEAR + 1)[:, None]
+        way = home + _smooth(at / THERE) * (before - home) + _smooth((at - THERE) / NEAR) * (q - before)
+        loaded = force.any()
         for step in range(PATIENCE):
-            data.ctrl[:] = (
-                home + _smooth(step / THERE) * (before - home) + _smooth(step / NEAR - THERE / NEAR) * (q - before)
-            )
-            if force.any():
+            if step < len(way):
+                data.ctrl[:] = way[step]
+            if loaded:
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_comPos(model, data)
                 data.qfrc_applied[:] = 0.0
@@ -70,6 +72,6 @@ class MujocoMachine:
         return data.xpos[self.tcp].copy(), data.xmat[self.tcp].reshape(3, 3).copy()
 
 
-def _smooth(share: float) -> float:
+def _smooth(share: np.ndarray) -> np.ndarray:
     """From 0 to 1, starting and ending without a speed."""
     return 0.5 - 0.5 * np.cos(np.pi * np.clip(share, 0.0, 1.0))

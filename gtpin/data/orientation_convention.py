@@ -69,7 +69,7 @@ class Misread:
             return np.asarray(Rotation.from_rotvec(numbers.copy()).as_matrix())
         if self.by_axis:
             numbers = numbers[:, ["xyz".index(axis) for axis in self.meant]]
-        return np.asarray(Rotation.from_euler(self.meant, numbers).as_matrix())
+        return _from_euler(self.meant, numbers)
 
     def _described(self, convention: Convention) -> str:
         if convention == VECTOR:
@@ -77,6 +77,23 @@ class Misread:
         if self.by_axis:
             return f"Euler angles {convention} about fixed axes ({convention[::-1].upper()} about moving axes)"
         return f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
+
+
+def _from_euler(sequence: Sequence, angles: Floats) -> Floats:
+    """(N, 3, 3) rotations by angles (N, 3) in their order; a third of the time of SciPy's, and all mistakes are tried often."""
+    one, two, three = (_about("xyz".index(axis), angles[:, i]) for i, axis in enumerate(sequence.lower()))
+    return np.asarray(three @ two @ one if sequence.islower() else one @ two @ three)
+
+
+def _about(axis: int, angle: Floats) -> Floats:
+    """(N, 3, 3) rotations about a base axis."""
+    found = np.zeros((len(angle), 3, 3))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    found[:, axis, axis] = 1.0
+    found[:, i, i] = found[:, j, j] = np.cos(angle)
+    found[:, j, i] = np.sin(angle)
+    found[:, i, j] = -found[:, j, i]
+    return found
 
 
 def misread() -> Iterator[Misread]:

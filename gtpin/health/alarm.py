@@ -37,12 +37,15 @@ class Axes:
         (c,) eigenvalues and (c, c) eigenvectors of its c columns' inner products, with the earlier model marginalised.
     core
         Indices of the columns that are the core; empty where all are.
+    weights
+        (N c, c) the numbers by which a residual is multiplied for its inner products along the axes.
     """
 
     hypothesis: Hypothesis
     values: Floats
     vectors: Floats
     core: tuple[int, ...]
+    weights: Floats
 
 
 class Bench:
@@ -54,12 +57,12 @@ class Bench:
         self.axes = []
         for hypothesis in hypotheses.linear:
             values, vectors = np.linalg.eigh(groups.block(hypothesis, hypothesis))
-            self.axes.append(Axes(hypothesis, np.maximum(values, 0.0), vectors, groups.core[hypothesis]))
+            weights = groups.marginal.past(groups.columns(hypothesis)) @ vectors
+            self.axes.append(Axes(hypothesis, np.maximum(values, 0.0), vectors, groups.core[hypothesis], weights))
 
     def moments(self, axes: Axes, y: Floats) -> Floats:
         """(draws, c) inner products of a hypothesis, along its axes, with residuals y (N c, draws)."""
-        columns = self.hypotheses.groups.columns(axes.hypothesis)
-        return np.asarray(self.hypotheses.groups.marginal.product(columns, y).T @ axes.vectors)
+        return y.T @ axes.weights
 
     def gains(self, axes: Axes, moments: Floats) -> Floats:
         """(draws,) gains of a hypothesis, for moments (draws, c) along its axes."""

@@ -55,10 +55,10 @@ def bodies(robot: Robot, q: Floats) -> Bodies:
     return Bodies(response, R, T)
 
 
-def responses(robot: Robot, q: Floats) -> Floats:
-    """The response of :class:`Bodies` alone, without the frames, in less time."""
+def responses(robot: Robot, q: Floats, start: ClosedPosture | None = None) -> Floats:
+    """The response of :class:`Bodies` alone, without the frames, in less time; ``start``: the home posture, if it is known."""
     response = _unknown(robot, q)
-    for _ in _responses(robot, q, response):
+    for _ in _responses(robot, q, response, start):
         pass
     return response
 
@@ -100,10 +100,10 @@ def driven_twists(robot: Robot) -> Floats:
     return twists
 
 
-def _responses(robot: Robot, q: Floats, response: Floats) -> Iterator[int]:
+def _responses(robot: Robot, q: Floats, response: Floats, start: ClosedPosture | None = None) -> Iterator[int]:
     """Fill in the response at one command after the other; Pinocchio's data hold the posture of the row that is yielded."""
     data, count = robot.data, robot.model.njoints - 1
-    for i, by_joints in (_loops if robot.constraints else _tree)(robot, q):
+    for i, by_joints in _loops(robot, q, start) if robot.constraints else _tree(robot, q):
         tcp = (data.oMi[robot.tcp_joint] * robot.tcp_placement).rotation
         response[i, :, :count] = by_joints[:, : 6 * count].reshape(robot.motion_size, count, 6)
         response[i, :, count] = 0.0
@@ -119,8 +119,8 @@ def _tree(robot: Robot, q: Floats) -> Iterator[tuple[int, Floats]]:
         yield i, pin.computeJointKinematicRegressor(model, data, robot.tcp_joint, pin.LOCAL_WORLD_ALIGNED, tcp)
 
 
-def _loops(robot: Robot, q: Floats) -> Iterator[tuple[int, Floats]]:
-    start = home(robot)
+def _loops(robot: Robot, q: Floats, start: ClosedPosture | None) -> Iterator[tuple[int, Floats]]:
+    start = home(robot) if start is None else start
     for i, row in enumerate(q):
         posture = _moved(start, row)
         if posture is not None:

@@ -78,7 +78,7 @@ class ChainKinematics:
 
     def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6 + k, n) derivative by the commands; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
-        return _contracted(responses(self.robot, q), driven_twists(self.robot))
+        return _contracted(self._responses(q), driven_twists(self.robot))
 
     def by_commands(self, at: Bodies) -> Floats:
         """(N, 6 + k, n) derivative by the commands, from postures that are already computed."""
@@ -86,7 +86,10 @@ class ChainKinematics:
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6 + k, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
-        return _contracted(responses(self.robot, q), self._parameter_twists)
+        return _contracted(self._responses(q), self._parameter_twists)
+
+    def _responses(self, q: Floats) -> Floats:
+        return responses(self.robot, q, self._home if self.robot.constraints else None)
 
     @cached_property
     def _parameter_twists(self) -> Floats:

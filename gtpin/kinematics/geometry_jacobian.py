@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.posture import ClosedPosture
-from gtpin.kinematics.rotations import twist_jacobian
+from gtpin.kinematics.rotations import skew, twist_jacobian
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Parameter, rotation_axes
 
@@ -82,7 +82,7 @@ class Regressors:
             first = self._regressor(posture, constraint.joint1_id, constraint.joint1_placement)
             second = self._regressor(posture, constraint.joint2_id, constraint.joint2_placement)
             # The gap across a planar loop, where the joints have play, is not zero: it rotates with the first anchor.
-            turning = np.cross(first[3:], _gap(posture, i), axis=0)
+            turning = -skew(_gap(posture, i)) @ first[3:]
             gaps[3 * i : 3 * i + 3] = to_gap(posture, i, second[:3] - first[:3] - turning)
         gaps = robot.closing(gaps)
         self.closed: Floats = self.tcp + posture.passive_response @ gaps

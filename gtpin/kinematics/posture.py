@@ -21,6 +21,8 @@ HOME_OFF = 0.1
 HOME_TURNED = 0.2
 """Angle, rad, from the home in the URDF, beyond which they count so too. Assumed: both are far larger than rounding errors,
 and smaller than the difference of assembly modes."""
+MOST_KEPT = 10_000
+"""Most postures that are kept of those that were reached from home: some 30 MB."""
 SMALLEST_STEP = 1.0 / 256.0
 """Smallest step as a fraction of the line to the target; where a smaller one is needed, the target is given up. Assumed."""
 SINGULAR = 1e3
@@ -73,6 +75,7 @@ class ClosedPosture:
         self._configuration.flags.writeable = False
         self._nearby = jacobian
         self._home = self if reference is None else reference
+        self._reached: dict[bytes, ClosedPosture] = {}
 
     @property
     def configuration(self) -> Floats:
@@ -182,9 +185,20 @@ class ClosedPosture:
         AssemblyModeError
             If the loops close in another assembly mode only.
         """
-        robot = self.robot
-        target = _commands(robot, q)
-        posture, way = self, target - self.q
+        target = _commands(self.robot, q)
+        if self is not self._home:
+            return self._along(target)
+        # Poses and their derivatives are computed at the same commands, one after the other.
+        place = target.tobytes()
+        if place not in self._reached:
+            if len(self._reached) >= MOST_KEPT:
+                self._reached.clear()
+            self._reached[place] = self._along(target)
+        return self._reached[place]
+
+    def _along(self, target: Floats) -> ClosedPosture:
+        """As :meth:`moved_to`, to valid commands."""
+        robot, posture, way = self.robot, self, target - self.q
         done, stride = 0.0, 1.0
         while done < 1.0:
             reach = min(1.0, done + stride)

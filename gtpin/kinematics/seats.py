@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.kinematics.rotations import exp, left_jacobian
+from gtpin.kinematics.rotations import cross, exp, left_jacobian
 from gtpin.robot.tracks import MeasuredTrack
 
 Floats = npt.NDArray[np.float64]
@@ -98,7 +98,7 @@ class TrackJoint:
         return np.broadcast_to(np.eye(3)[component], (len(travel), 3))
 
     def by_turn(self, travel: Floats, component: int) -> Floats:
-        return np.asarray(travel[:, None] * np.cross(self.turned.rate(component), self.v))
+        return np.asarray(travel[:, None] * cross(self.turned.rate(component), self.v))
 
 
 @dataclass(frozen=True)

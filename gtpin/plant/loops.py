@@ -128,7 +128,9 @@ class Loops:
 
         The poses have the coordinates of the passive joints.
         """
-        x = self.led(q)
+        return self._poses(self.led(q))
+
+    def _poses(self, x: Floats) -> Poses:
         return placed(self.joints, x).at(self.tcp).with_joints({self.joints[j].name: x[:, j] for j in self.passive})
 
     def led(self, q: Floats) -> Floats:
@@ -143,8 +145,9 @@ class Loops:
 
     def command_jacobian(self, q: Floats) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
-        steps = NUDGE * np.eye(q.shape[1])
-        return np.stack([self.forward(q + s).minus(self.forward(q - s)) / (2.0 * NUDGE) for s in steps], axis=2)
+        x = self.led(q)
+        pairs = [[self._poses(self.closed(x, q + s)) for s in (step, -step)] for step in NUDGE * np.eye(q.shape[1])]
+        return np.stack([there.minus(back) / (2.0 * NUDGE) for there, back in pairs], axis=2)
 
     @cached_property
     def _home(self) -> Floats | None:

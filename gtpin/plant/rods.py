@@ -70,13 +70,11 @@ class Rods:
     @cached_property
     def v(self) -> Floats:
         """(k, 3) directions of the carriers' tracks or axes, unit vectors, base frame; zero where nothing moves them."""
-        robot, turned = self.geometry.robot, self._off("direction", 3)
-        v = np.zeros((len(robot.rods), 3))
-        for i, rod in enumerate(robot.rods):
-            if rod.carrier is not None:
-                axis = robot.actuators[rod.carrier].axis
-                v[i] = exp(turned[i, :2] @ across(axis)) @ axis
-        return v
+        robot, off = self.geometry.robot, self._off("direction", 3)
+        axes = [None if rod.carrier is None else robot.actuators[rod.carrier].axis for rod in robot.rods]
+        vectors = [np.zeros(3) if axis is None else off[i, :2] @ across(axis) for i, axis in enumerate(axes)]
+        turns = exp(vectors)  # of all rods at once: derivatives by the geometry build many machines
+        return np.array([np.zeros(3) if axis is None else turns[i] @ axis for i, axis in enumerate(axes)])
 
     def _off(self, kind: Kind, components: int) -> Floats:
         """(k, components) deviations of each rod: its own, and those that it shares with all rods of its actuator."""

@@ -30,10 +30,12 @@ def log(matrices: Floats) -> Floats:
 
 def cross_matrix(vectors: Floats) -> Floats:
     """(..., 3, 3) matrices that multiply from the left as the cross product does."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    found = np.zeros((*vectors.shape, 3))
+    found[..., 0, 1], found[..., 0, 2] = -z, y
+    found[..., 1, 0], found[..., 1, 2] = z, -x
+    found[..., 2, 0], found[..., 2, 1] = -y, x
+    return found
 
 
 def across(direction: Floats) -> Floats:
@@ -44,4 +46,5 @@ def across(direction: Floats) -> Floats:
     a = np.eye(3)[int(np.argmin(np.abs(direction)))]
     a = a - (a @ direction) * direction
     a = a / np.linalg.norm(a)
-    return np.array([a, np.cross(direction, a)])
+    (x, y, z), (u, v, w) = direction, a
+    return np.array([a, [y * w - z * v, z * u - x * w, x * v - y * u]])

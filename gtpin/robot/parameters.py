@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError
+from gtpin.kinematics.rotations import cross
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 
@@ -77,7 +78,7 @@ def rotation_axes(direction: Floats) -> Floats:
     least = np.eye(3)[int(np.argmin(np.abs(direction)))]
     a = least - (least @ direction) * direction
     a /= np.linalg.norm(a)
-    return np.array([a, np.cross(direction, a), direction])
+    return np.array([a, cross(direction, a), direction])
 
 
 def all_tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, float]:

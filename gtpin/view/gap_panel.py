@@ -50,8 +50,9 @@ class GapPanel:
         self.chosen.on_update(self._choose)
         self.place.on_update(self._here)
         self.larger.on_update(self._scaled)
+        self.play.on_update(self._played)
+        self._walking: threading.Thread | None = None
         self._scaled()
-        threading.Thread(target=self._walk, daemon=True).start()
 
     @property
     def index(self) -> int:
@@ -82,18 +83,25 @@ class GapPanel:
         both = np.repeat(colors[:, None], 2, axis=1)
         self._scene.add_line_segments(name, ends, both, thickness=thickness, thickness_units="screen")
 
+    def _played(self, _: object) -> None:
+        """Start to go from pose to pose where the box was ticked; a thread that still goes then ends."""
+        self._walking = (
+            threading.Thread(target=self._walk, daemon=True, name="poses played") if self.play.value else None
+        )
+        if self._walking is not None:
+            self._walking.start()
+
     def _walk(self) -> None:
         """Go from pose to pose while the box is ticked."""
         rest, q = threading.Event(), self.gap.q
-        while not rest.wait(STEP):
-            if not self.play.value:
-                continue
+        while self._walking is threading.current_thread():
             i = self.index
             j = (i + 1) % len(q)
             for s in np.linspace(0.0, 1.0, BETWEEN, endpoint=False)[1:]:
                 self._go((1.0 - s) * q[i] + s * q[j])
                 rest.wait(STEP)
             self.place.value = j + 1
+            rest.wait(STEP)
 
 
 def _summary(name: str, gap: Gap) -> str:

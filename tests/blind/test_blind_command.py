@@ -6,10 +6,13 @@ import warnings
 from pathlib import Path
 
 import pytest
-from handmade import canned
+from handmade import canned, diagnosis
 
 import gtpin.blind.run
 import gtpin.cli
+from gtpin.blind.draw import drafts
+from gtpin.blind.judged import Judged
+from gtpin.blind.worker import Outcome
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
@@ -59,6 +62,27 @@ def test_cases_are_drawn_or_given(
     assert run(monkeypatch, "-o", tmp_path / "out", "--from", cases, "--cases", 3) == 2
     assert "--cases" in capsys.readouterr().err
     assert run(monkeypatch, "-o", tmp_path / "out", "--cases", 0) == 2
+
+
+@pytest.mark.usefixtures("here")
+def test_cases_that_are_drawn_are_made_sealed_opened_and_judged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def silent(files: dict[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[Outcome, float]:
+        assert {"dataset.toml", "poses.csv", "commands.csv"} <= set(files)
+        return Outcome(diagnosis=diagnosis("none")), 0.1
+
+    monkeypatch.setattr(gtpin.blind.run, "diagnose_alone", silent)
+    assert run(monkeypatch, "-o", tmp_path / "out", "--cases", 3, "--seed", 5150) == 0
+    judged = [Judged.model_validate(c) for c in json.loads((tmp_path / "out" / "judged.json").read_text())]
+    drawn = list(drafts(3, 5150))
+    assert [(case.name, case.kind) for case in judged] == [(draft.name, draft.kind) for draft in drawn]
+    assert [case.single.effect for case in judged if case.kind == "one"] == [
+        draft.effects[0] for draft in drawn if draft.kind == "one"
+    ]
+    assert all(case.error is None and not case.strict for case in judged)
+    score = json.loads((tmp_path / "out" / "score.json").read_text())
+    assert (score["cases"], score["check"]["seed"], score["strict"]) == (3, 5150, 0.0)
 
 
 @pytest.mark.usefixtures("here")

@@ -1,6 +1,8 @@
 """``gtpin simulate --instrument``: a dataset of schema 2, and what is hidden of it beside it."""
 
 import json
+import shutil
+import sys
 import tomllib
 from pathlib import Path
 
@@ -8,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import gtpin.cli
 from gtpin.data import Dataset
 
 BACKLASH = Path(__file__).parents[2] / "examples" / "scenarios" / "backlash.toml"
@@ -74,12 +77,24 @@ FIVE_BAR = """<robot name="five_bar"><link name="base"/>
 <gtpin><actuator joint="drive1"/><actuator joint="drive2"/><platform link="left_far"/></gtpin></robot>"""
 
 
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A dataset of a virtual five-bar, read by the encoder that the plant has, and its truth; not to be changed."""
+    folder = tmp_path_factory.mktemp("five_bar")
+    (folder / "five_bar.urdf").write_text(FIVE_BAR)
+    options = ("--robot", folder / "five_bar.urdf", "--instrument", "encoder", "--poses", "60")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["gtpin", "simulate", "-o", str(folder / "set"), *map(str, options)])
+        with pytest.raises(SystemExit) as ended:
+            gtpin.cli.main()
+    assert not ended.value.code
+    return folder
+
+
 @pytest.fixture
-def five_bar(run, tmp_path):
-    """A folder with a dataset of a virtual five-bar, read by the encoder that the plant has, and its true readings."""
-    (tmp_path / "five_bar.urdf").write_text(FIVE_BAR)
-    options = ("--robot", tmp_path / "five_bar.urdf", "--instrument", "encoder", "--poses", "60")
-    assert run("simulate", "-o", tmp_path / "set", *options).code == 0
+def five_bar(measured, tmp_path):
+    """A copy of that folder, to be spoilt."""
+    shutil.copytree(measured, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
 

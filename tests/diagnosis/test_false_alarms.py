@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from every_effect import every_effect
 from linear_problems import calibrated
 from scipy.stats import binom
@@ -12,18 +11,27 @@ from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.search import rough_guess
 
 MACHINES = 60
+RATES = (0.3, 0.05)
+"""Asked for, the larger one first: a smaller one takes as much more off every explanation, so that what is silent stays so."""
+AT_BOTH = 10
+"""Machines that are also tried at the smaller rate where the larger one was silent."""
+MOST = 0.03
+"""Measured on 200 machines: 1 alarm at 0.3, none at 0.05; this is the upper 95 % bound of 1 in 200."""
 
 
-@pytest.mark.parametrize(("rate", "most"), [(0.3, 0.03), (0.05, 0.03)])
-def test_noise_and_geometry_alone_raise_an_alarm_less_often_than_asked_for(rate, most):
-    """Measured on 200 machines: 1 alarm at 0.3, none at 0.05; 0.03 is the upper 95 % bound of 1 in 200."""
+def test_noise_and_geometry_alone_raise_an_alarm_less_often_than_asked_for():
     observed, baseline = calibrated(poses=60)
     design = observed.design(baseline.model)
     rng = np.random.default_rng(1)
-    alarms = 0
-    for _ in range(MACHINES):
+    alarms = dict.fromkeys(RATES, 0)
+    for number in range(MACHINES):
         off = np.concatenate([rng.standard_normal(design.n_prior), np.zeros(design.B.shape[1] - design.n_prior)])
-        y = design.B @ off + rng.standard_normal(len(design.y))
-        hypotheses = propose(replace(design, y=y), every_effect(rate)).hypotheses
-        alarms += bool(rough_guess(hypotheses).terms)
-    assert alarms <= binom.ppf(0.999, MACHINES, most)
+        own = replace(design, y=design.B @ off + rng.standard_normal(len(design.y)))
+        silent = False
+        for rate in RATES if number < AT_BOTH else RATES[:1]:
+            alarm = bool(rough_guess(propose(own, every_effect(rate)).hypotheses).terms)
+            assert not (silent and alarm), rate
+            alarms[rate], silent = alarms[rate] + alarm, not alarm
+        if not silent and number >= AT_BOTH:
+            alarms[RATES[1]] += bool(rough_guess(propose(own, every_effect(RATES[1])).hypotheses).terms)
+    assert max(alarms.values()) <= binom.ppf(0.999, MACHINES, MOST)

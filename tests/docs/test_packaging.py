@@ -63,3 +63,10 @@ def test_the_changelog_has_the_version() -> None:
 def test_what_only_some_need_is_no_requirement() -> None:
     required = {re.split(r"[<>=]", text)[0] for text in PROJECT["dependencies"]}
     assert not required & {"pyarrow", "matplotlib", "plotly", "viser", "dask", "distributed", "mujoco"}
+
+
+def test_the_files_that_start_first_are_files_of_tests() -> None:
+    text = (ROOT / "tests" / "conftest.py").read_text(encoding="utf-8")
+    long = re.findall(r'^    "(.+/test_.+\.py)",$', text, re.MULTILINE)
+    assert len(long) > 10
+    assert [name for name in long if not (ROOT / "tests" / name).is_file()] == []

@@ -13,6 +13,7 @@ from gtpin.data import Commands, Dataset
 from gtpin.errors import GtpinError
 from gtpin.kinematics.rotations import from_quaternions, log
 from gtpin.plant import Case, digest, draw_case, make_case
+from gtpin.plant.bulk import bulk_recipe
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.tracker import Noise
 
@@ -45,7 +46,8 @@ def test_energy_is_what_was_asked_and_what_the_whole_matrix_gives(effect: tuple[
 
 
 def test_energies_are_drawn_between_30_and_4000_uniformly_in_the_logarithm() -> None:
-    energies = [make_case(seed, effects=[("linearity", None)], poses=40).effects[0].energy for seed in range(60)]
+    small = {"poses": 40, "held_out": 1, "background": False}  # neither has a part in the energy
+    energies = [make_case(seed, effects=[("linearity", None)], **small).effects[0].energy for seed in range(60)]
     assert min(energies) > 29.9
     assert max(energies) < 4010.0
     uniform = stats.uniform(np.log(30.0), np.log(4000.0 / 30.0))
@@ -169,18 +171,29 @@ def test_the_plant_s_digest_is_that_of_its_sources() -> None:
 
 
 def test_bulk_draws_every_kind_of_case() -> None:
-    cases = [draw_case(seed) for seed in range(60)]
-    numbers = [len(case.effects) for case in cases]
-    assert {0, 1, 2} == set(numbers)
-    assert len({case.effects[0].effect for case in cases if case.effects}) > 15
-    assert all(140 <= len(set(case.dataset.pose)) <= 280 for case in cases)
+    recipes = [bulk_recipe(seed) for seed in range(60)]
+    assert {0, 1, 2} == {len(recipe.wanted) for recipe in recipes}
+    assert len({recipe.wanted[0].effect for recipe in recipes if recipe.wanted}) > 15
+    assert all(140 <= recipe.poses <= 280 for recipe in recipes)
 
 
 def test_rough_bulk_draws_small_datasets_with_columns_missing_and_undeclared_noise() -> None:
-    cases = [draw_case(seed, rough=True) for seed in range(30)]
-    assert all(70 <= len(set(case.dataset.pose)) <= 200 for case in cases)
-    assert {case.dataset.instrument.position_sigma is None for case in cases} == {True, False}
-    assert any("approach1" not in case.dataset.covariates for case in cases)
+    recipes = [bulk_recipe(seed, rough=True) for seed in range(30)]
+    assert all(70 <= recipe.poses <= 200 for recipe in recipes)
+    assert {recipe.noise.declared for recipe in recipes} == {True, False}
+    assert any("approach" in recipe.conditions.without for recipe in recipes)
+
+
+@pytest.mark.parametrize("rough", [False, True])
+def test_a_case_drawn_in_bulk_is_made_as_its_recipe_says(rough: bool) -> None:
+    for seed in range(0, 30, 3):
+        case, recipe = draw_case(seed, rough=rough), bulk_recipe(seed, rough=rough)
+        assert {(truth.effect, truth.site) for truth in case.effects} == {(w.effect, w.site) for w in recipe.wanted}
+        assert len(set(case.dataset.pose)) == recipe.poses
+        assert (case.dataset.instrument.position_sigma is not None) == recipe.noise.declared
+        lacking = recipe.conditions.without
+        assert not [name for name in case.dataset.covariates if lacking and name.startswith(lacking)]
+    assert rough == any(bulk_recipe(seed, rough=rough).conditions.without for seed in range(0, 30, 3))
 
 
 def test_too_few_poses_or_an_effect_at_no_site_of_its_own_are_one_line() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import sys
+import threading
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
@@ -259,6 +260,22 @@ def test_a_pose_that_is_chosen_by_its_id_is_gone_to(scene):
     scene.panel.chosen.value = "7 (row 4)"
     assert scene.panel.place.value == 3
     np.testing.assert_allclose(scene.posture.T, scene.gap.T[2], atol=1e-9)
+
+
+def test_poses_are_played_in_a_thread_that_lasts_as_long_as_the_box_is_ticked(scene):
+    def walking():
+        return [thread for thread in threading.enumerate() if thread.name == "poses played"]
+
+    assert walking() == []
+    came = threading.Event()
+    scene.panel.place.on_update(lambda _: came.set())
+    scene.panel.play.value = True
+    assert came.wait(SLOW / 1000.0)
+    assert scene.panel.index > 0
+    (thread,) = walking()
+    scene.panel.play.value = False
+    thread.join(SLOW / 1000.0)
+    assert walking() == []
 
 
 def test_names_move_with_the_parts_and_can_be_hidden(scene):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -63,11 +64,17 @@ def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
         return np.asarray((remaining[:, :, 3:] ** 2).sum(axis=(1, 2)))
 
     rotation = Rotation.from_matrix(some.R)
-    as_written = next(position_readings(turned=True))
-    known: list[RotationReading] = [*misread(), *orientation_readings(as_written, turned=True)]
-    readings = [reading for reading in known if reading.looks]
+    readings = _readings()
     now, *others = left([some.R, *(reading.read(rotation) for reading in readings)])
     least = min(others)
     if not (least < LEFT * now and least < now - GAIN):
         return []
     return [reading for value, reading in zip(others, readings, strict=True) if value <= AS_GOOD * least]
+
+
+@cache
+def _readings() -> tuple[RotationReading, ...]:
+    """All ways to read rotations otherwise than they are written."""
+    as_written = next(position_readings(turned=True))
+    known: list[RotationReading] = [*misread(), *orientation_readings(as_written, turned=True)]
+    return tuple(reading for reading in known if reading.looks)

@@ -77,9 +77,12 @@ class Scan:
         count = len(self.rows)
         allowed = [k for k in range(EDGE, count - EDGE + 1) if all(abs(k - step) >= EDGE for step in steps)]
         coarse = np.unique(np.linspace(0, len(allowed) - 1, GRID).astype(int))
-        place = allowed[min(coarse, key=lambda i: self.left((*steps, allowed[i])))]
-        near = [k for k in allowed if abs(k - place) <= 1 + count // GRID]
-        return min(near, key=lambda k: self.left((*steps, k)))
+        place = self._least(steps, [allowed[i] for i in coarse])
+        return self._least(steps, [k for k in allowed if abs(k - place) <= 1 + count // GRID])
+
+    def _least(self, steps: Sequence[int], places: Sequence[int]) -> int:
+        """The place of one more step that leaves the smallest residuals."""
+        return places[int(np.argmin(self._lefts(np.array([[*steps, k] for k in places]))))]
 
     def ratio(self, steps: Sequence[int]) -> float:
         """Sum of squares of the residuals without steps over that with ``steps``."""
@@ -105,7 +108,7 @@ class Scan:
 
     def size(self, steps: Sequence[int]) -> tuple[float, float]:
         """Size of the first step: in standard deviations of the remaining residuals, and in m at the median pose."""
-        b, inner = self._normal(steps)
+        (b,), (inner,) = self._normal(np.array([steps]))
         delta = SIZE * np.linalg.solve(inner, b)[:6]
         moved = np.linalg.norm(self.F @ delta, axis=1)
         left = np.sqrt(2.0 * self.left(steps) / self.y.size)
@@ -136,21 +139,25 @@ class Scan:
         absorbed = solve_triangular(factor, by_step.T, lower=True)
         return absorbed[:, :-1].reshape(len(s), -1, 6).swapaxes(0, 1), absorbed[:, -1]
 
-    def _normal(self, steps: Sequence[int]) -> tuple[Floats, Floats]:
-        """(6 k,) and (6 k, 6 k) scaled normal equations of k steps, after the geometry was fitted."""
+    def _normal(self, steps: npt.NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """(S, 6 k) and (S, 6 k, 6 k) scaled normal equations of S sets of k steps (S, k), after the geometry was fitted."""
+        sets, size = len(steps), 6 * steps.shape[1]
         absorbed, absorbed_y = self._absorbed
-        X = np.hstack([absorbed[k] for k in steps])
-        FF = np.block([[self._sums[1][max(a, b)] for b in steps] for a in steps])
-        b = np.concatenate([self._sums[2][k] for k in steps]) - X.T @ absorbed_y
-        return SIZE * b, np.eye(len(b)) + SIZE**2 * (FF - X.T @ X)
+        X = absorbed[steps].swapaxes(1, 2).reshape(sets, len(absorbed_y), size)
+        later = np.maximum(steps[:, :, None], steps[:, None])
+        FF = self._sums[1][later].swapaxes(2, 3).reshape(sets, size, size)
+        b = self._sums[2][steps].reshape(sets, size) - absorbed_y @ X
+        return SIZE * b, np.eye(size) + SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
 
     def left(self, steps: Sequence[int]) -> float:
         """Half the sum of squares of the residuals after geometry and steps were fitted, each with its prior."""
+        return float(self._lefts(np.array([steps], dtype=np.intp))[0])
+
+    def _lefts(self, steps: npt.NDArray[np.intp]) -> Floats:
+        """(S,) as :meth:`left`, for S sets of k steps (S, k)."""
         power = float((self.y**2).sum() - (self._absorbed[1] ** 2).sum())
-        if steps:
-            b, inner = self._normal(steps)
-            power -= float(b @ np.linalg.solve(inner, b))
-        return 0.5 * power
+        b, inner = self._normal(steps)
+        return np.asarray(0.5 * (power - (b * np.linalg.solve(inner, b[..., None])[..., 0]).sum(axis=1)))
 
 
 def nominal_problem(start: Model, measured: Measured, near: Poses, instrument: Instrument) -> tuple[Problem, Noise]:

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve_triangular
 
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, in_frame
 from gtpin.calibration.settled import Settled
@@ -116,12 +117,12 @@ class _Linear:
             shift = self._mean(variance)[own] * FRAME_UNIT
             size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
             yield Strain("frame", "frame", gain - base, size, turn)
-        for i, site in enumerate(problem.start.geometry.robot.sites):
-            gain, variance = self._best(prior, [p + 6 + i], SCALES)
-            yield Strain("zero", site, gain - base, float(self._mean(variance)[p + 6 + i]) * FRAME_UNIT)
-        for i, name in enumerate(names):
-            gain, variance = self._best(prior, [i], FACTORS)
-            yield Strain("part", name, gain - base, float(self._mean(variance)[i]))
+        zeros = self._alone(prior, slice(p + 6, None), SCALES)
+        for site, gain, mean in zip(problem.start.geometry.robot.sites, *zeros, strict=True):
+            yield Strain("zero", site, float(gain), float(mean) * FRAME_UNIT)
+        parts = self._alone(prior, slice(len(names)), FACTORS)
+        for name, gain, mean in zip(names, *parts, strict=True):
+            yield Strain("part", name, float(gain), float(mean))
         gains = [self._evidence(np.where(np.arange(len(prior)) < p, f**2, prior)) for f in FACTORS]
         best = int(np.argmax(gains))
         yield Strain("tolerances", "", gains[best] - base, FACTORS[best])
@@ -135,8 +136,31 @@ class _Linear:
             tried.append((self._evidence(variance), variance))
         return max(tried, key=lambda pair: pair[0])
 
+    def _alone(self, prior: Floats, own: slice, sizes: tuple[float, ...]) -> tuple[Floats, Floats]:
+        """For some unknowns, each with its variance alone larger: the largest gain in log marginal likelihood, and its mean
+        then.
+
+        With V = I + B P B' and e its column of the derivative, a variance larger by v changes V by v e e': all follows from
+        e' V^-1 e and e' V^-1 y.
+        """
+        s = np.sqrt(prior)
+        root, _ = self._root(s)
+        half = root @ (s[:, None] * self.A[:, own])
+        power = np.maximum(np.diag(self.A)[own] - (half**2).sum(axis=0), 0.0)
+        moment = self.b[own] - half.T @ (root @ (s * self.b))
+        more = np.square(sizes)[:, None] - prior[own]
+        shrunk = 1.0 / (1.0 + more * power)
+        gains = 0.5 * (more * shrunk * moment**2 + np.log(shrunk))
+        best, every = np.argmax(gains, axis=0), np.arange(len(power))
+        return gains[best, every], np.square(sizes)[best] * moment * shrunk[best, every]
+
     def _evidence(self, variance: Floats) -> float:
         s = np.sqrt(variance)
+        root, log_determinant = self._root(s)
+        return float(0.5 * ((root @ (s * self.b)) ** 2).sum() - 0.5 * log_determinant)
+
+    def _root(self, s: Floats) -> tuple[Floats, float]:
+        """K with K'K = (I + S A S)^-1, S the standard deviations, and the logarithm of the determinant of I + S A S."""
         inner = np.eye(len(s)) + s[:, None] * self.A * s
         try:
             lower = np.linalg.cholesky(inner)
@@ -145,9 +169,9 @@ class _Linear:
         ):  # a rounding error in a direction without a prior: without rounding, no eigenvalue is below 1
             values, vectors = np.linalg.eigh(inner)
             values = np.maximum(values, 1.0)
-            return float(0.5 * ((vectors.T @ (s * self.b)) ** 2 / values).sum() - 0.5 * np.log(values).sum())
-        half = np.linalg.solve(lower, s * self.b)
-        return float(0.5 * half @ half - np.log(np.diag(lower)).sum())
+            return (vectors / np.sqrt(values)).T, float(np.log(values).sum())
+        root = solve_triangular(lower, np.eye(len(s)), lower=True)
+        return np.asarray(root), 2.0 * float(np.log(np.diag(lower)).sum())
 
     def _mean(self, variance: Floats) -> Floats:
         s = np.sqrt(variance)

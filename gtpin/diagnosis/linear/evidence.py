@@ -44,6 +44,10 @@ class Marginal:
         """X' (I + B B')^-1 Z."""
         return np.asarray(X.T @ Z - self.half(X).T @ self.half(Z))
 
+    def past(self, X: Floats) -> Floats:
+        """(m, c) (I + B B')^-1 X: what the geometry does not absorb of X (m, c)."""
+        return np.asarray(X - self.B @ cho_solve(self._factor, self.B.T @ X))
+
     def deviation(self, residual: Floats) -> Floats:
         """(p,) deviation of the geometry that explains a residual (m,) best, in units of the tolerances."""
         return np.asarray(cho_solve(self._factor, self.B.T @ residual))
@@ -190,9 +194,9 @@ def gains_of_draws(
     gain -= 0.5 * (np.log(SCALES)[:, None] / priors.scale_spread) ** 2
     if len(core):
         part = vectors[list(core)]
-        mean = np.stack([(along * row) @ part.T for row in shrunk])
-        variance = shrunk @ (part**2).T
-        square = (mean**2 + variance[:, None]).mean(axis=2) / s2
+        mean = (shrunk[:, None] * part).reshape(-1, len(values)) @ along.T
+        variance = (shrunk @ (part**2).T).mean(axis=1)
+        square = ((mean**2).reshape(len(SCALES), len(part), -1).mean(axis=1) + variance[:, None]) / s2
         unsuited = square < priors.least_core**2
         unsuited[0] = False  # as in `best_scales`
         gain = np.where(unsuited, -np.inf, gain)

@@ -1,0 +1,65 @@
+"""The records of the pages' figures are what the code as it is measures."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "examples" / "pages"))
+
+import figures  # noqa: E402  (the scripts of examples are no package)
+
+AGAIN = {
+    "false_alarms": 3,
+    "missing_covariates": 3,
+    "mistakes": 8,
+    "next_experiment": 4,
+    "closed_loop": 2,
+    "noise_floor": 4,
+    "imitators": 1,
+    "priors": 4,
+    "instruments": 6,
+    "closed_circle": 1,
+    "health": 2,
+    "pairs": 2,
+    "forms": 2,
+}
+"""Jobs that are measured again, spread over all; a whole measurement takes minutes."""
+NEEDS = {"closed_circle": "mujoco"}
+"""Packages that the script of a figure needs and gtpin does not."""
+SAME = 0.75
+"""Share of the rows measured again that must be as recorded: rounding may tip a weak case, a change of the code tips many."""
+
+
+@pytest.mark.parametrize("figure", figures.FIGURES, ids=lambda figure: figure.name)
+def test_some_of_a_figures_records_are_measured_again_alike(figure: figures.Figure) -> None:
+    if figure.name in NEEDS:
+        pytest.importorskip(NEEDS[figure.name])
+    records = figure.records()
+    jobs = figure.module().jobs(figure.machines)
+    chosen = [jobs[i] for i in np.unique(np.linspace(0, len(jobs) - 1, AGAIN[figure.name]).astype(int))]
+    same = []
+    for job in chosen:
+        rows = records[np.logical_and.reduce([records[key].astype(str) == str(value) for key, value in job.items()])]
+        found = pd.DataFrame(figures.rows_of(figure, job))
+        assert len(rows) == len(found), f"{figure.name}: {job}"
+        same += [alike(a, b) for a, b in zip(rows.to_dict("records"), found.to_dict("records"), strict=True)]
+    assert np.mean(same) >= SAME, f"measure them again: python examples/pages/refresh.py --measure {figure.name}"
+
+
+def alike(recorded: dict[str, object], found: dict[str, object]) -> bool:
+    """Whether two rows agree: words to the letter but for sentences, numbers to 2 %."""
+    for name, value in found.items():
+        if name == "words":  # sentences, for people who read the record
+            continue
+        if isinstance(value, float):
+            if not np.isclose(float(str(recorded[name])), value, rtol=0.02, atol=0.01):
+                return False
+        elif str(recorded[name]) != str(value):
+            return False
+    return True
