@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.rotations import cross
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 
@@ -78,7 +77,9 @@ def rotation_axes(direction: Floats) -> Floats:
     least = np.eye(3)[int(np.argmin(np.abs(direction)))]
     a = least - (least @ direction) * direction
     a /= np.linalg.norm(a)
-    return np.array([a, cross(direction, a), direction])
+    # The cross product written out: numpy's own is made for arrays, and this is called often.
+    (x, y, z), (u, v, w) = direction, a
+    return np.array([a, [y * w - z * v, z * u - x * w, x * v - y * u], direction])
 
 
 def all_tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, float]:
