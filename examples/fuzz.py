@@ -41,7 +41,7 @@ def main(minutes: float, seed: int, kept: Path) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
-    parser.add_argument("--minutes", type=float, default=0.03)
+    parser.add_argument("--minutes", type=float, default=0.1)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kept", type=Path, default=Path("fuzz-faults"))
     chosen = parser.parse_args()
