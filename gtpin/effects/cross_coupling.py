@@ -40,8 +40,8 @@ class CrossCoupling(Effect):
     cosines over the ranges of travel. The orders of the cosines in a product add up to at most five with two other actuators
     (eight with one, two with more). At a robot without rods with three or more other joints, f is a sum of functions of one
     joint (orders up to five) and of two of the six nearest joints (orders that add up to at most four). Products of higher
-    order have smaller typical sizes, and so have those of far joints: the size is divided by each joint's distance, counted in
-    joints. The modulation: f also varies along the track of actuator j itself.
+    order have smaller typical sizes, and so have, without loops, those of far joints: the size is divided by each joint's
+    distance, counted in joints. The modulation: f also varies along the track of actuator j itself.
 
     Parameters: ``end_to_end[k]``, m (rad where the actuator turns): the mean of f at the upper end of the range of the k-th
     other actuator less its mean at the lower end. The other actuators are counted in the robot's order.
@@ -80,7 +80,7 @@ class CrossCoupling(Effect):
         )
         lower = np.array(chosen.along)
         size = chosen.sums**-chosen.decay
-        if not at.robot.rods:
+        if not at.robot.rods and not at.robot.constraints:  # in a loop the order of the actuators is no distance
             far = [_distance(k, j) for k in range(others.shape[1])]
             size = size / [np.prod([far[k] for k, order in enumerate(row) if order]) for row in chosen.rows]
         size = np.concatenate([size, MODULATION.own_track * size[lower]])

@@ -21,8 +21,9 @@ HOME_OFF = 0.1
 HOME_TURNED = 0.2
 """Angle, rad, from the home in the URDF, beyond which they count so too. Assumed: both are far larger than rounding errors,
 and smaller than the difference of assembly modes."""
-MOST_KEPT = 10_000
-"""Most postures that are kept of those that were reached from home: some 30 MB."""
+MOST_KEPT = 2_000
+"""Most postures that are kept of those that were reached from a home: 6 MB of a five-bar, 33 MB of a Gantry-Tau with its
+derivatives, for each geometry."""
 SMALLEST_STEP = 1.0 / 256.0
 """Smallest step as a fraction of the line to the target; where a smaller one is needed, the target is given up. Assumed."""
 SINGULAR = 1e3

@@ -30,7 +30,8 @@ RESTARTS = 5
 SETTLED = 1e-3
 """Gain in log likelihood by another start below which the maximisation has converged."""
 EXACT = 1e-6
-"""Slope of the log likelihood at which the last maximisation stops; the second derivative is about the number of residuals."""
+"""Slope of the log likelihood at which the last maximisation stops, or before that where rounding hides a smaller one; the
+second derivative is about the number of residuals."""
 
 
 def likeliest(

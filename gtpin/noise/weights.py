@@ -128,7 +128,9 @@ class Tails:
 @cache
 def _chi_squares(c: int) -> Floats:
     """2,000 values of chi-square with c degrees of freedom, at evenly spaced probabilities; they take longer than the rest."""
-    return np.asarray(chi2.ppf((np.arange(2000) + 0.5) / 2000, c))
+    values = np.asarray(chi2.ppf((np.arange(2000) + 0.5) / 2000, c))
+    values.flags.writeable = False
+    return values
 
 
 def t_likelihood(norms: Floats, freedom: float, c: int) -> tuple[float, float]:

@@ -85,11 +85,12 @@ class GapPanel:
 
     def _played(self, _: object) -> None:
         """Start to go from pose to pose where the box was ticked; a thread that still goes then ends."""
-        self._walking = (
-            threading.Thread(target=self._walk, daemon=True, name="poses played") if self.play.value else None
-        )
-        if self._walking is not None:
-            self._walking.start()
+        if not self.play.value:
+            self._walking = None
+            return
+        walking = threading.Thread(target=self._walk, daemon=True, name="poses played")
+        self._walking = walking
+        walking.start()
 
     def _walk(self) -> None:
         """Go from pose to pose while the box is ticked."""
@@ -98,6 +99,8 @@ class GapPanel:
             i = self.index
             j = (i + 1) % len(q)
             for s in np.linspace(0.0, 1.0, BETWEEN, endpoint=False)[1:]:
+                if self._walking is not threading.current_thread():
+                    return
                 self._go((1.0 - s) * q[i] + s * q[j])
                 rest.wait(STEP)
             self.place.value = j + 1

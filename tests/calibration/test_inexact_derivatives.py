@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import gtpin
-from gtpin.calibration.gauss_newton import fit
+from gtpin.calibration.gauss_newton import _by_differences, _cost, fit
 
 ROWS, UNKNOWNS = 4000, 5
 LEFT_OUT = 0.1
@@ -45,15 +45,47 @@ def equal(residual: np.ndarray) -> np.ndarray:
     return np.ones(len(residual))
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_a_fit_at_the_minimum_ends_by_differences_where_the_derivative_leaves_out_small_terms(seed: int) -> None:
-    problem = Leaving(seed)
+def best_of(problem: Leaving) -> tuple[np.ndarray, float]:
+    """The minimum by SciPy, and its cost."""
 
     def residuals(x: np.ndarray) -> np.ndarray:
         return np.concatenate([problem.residual(problem.point(x))[:, 0], x])
 
     best = least_squares(residuals, np.zeros(UNKNOWNS), xtol=1e-12, ftol=1e-14, gtol=1e-12)
+    return best.x, float(best.cost)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_fit_at_the_minimum_is_no_failure_where_the_derivative_leaves_out_small_terms(seed: int) -> None:
+    problem = Leaving(seed)
+    x, cost = best_of(problem)
     with pytest.raises(gtpin.GtpinError, match="no step lowers its cost"):
-        fit(problem, equal, best.x, left_out=LEFT_OUT)
-    found = fit(problem, equal, best.x, left_out=LEFT_OUT, inexact=1)
-    assert 0.5 * (residuals(found.point.x) ** 2).sum() < best.cost + LEFT_OUT
+        fit(problem, equal, x, left_out=LEFT_OUT)
+    found = fit(problem, equal, x, left_out=LEFT_OUT, inexact=1)
+    assert _cost(problem, found.point.x, found.residual, found.weight) < cost + LEFT_OUT
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_gradient_by_differences_is_that_of_the_cost(seed: int) -> None:
+    problem = Leaving(seed)
+    point = problem.point(np.random.default_rng(seed).uniform(-0.1, 0.1, UNKNOWNS))
+    residual = problem.residual(point)
+    J = np.exp(problem.A @ point.x)[:, None] * problem.A
+    exact = J.T @ residual[:, 0] - point.x
+    wrong = exact + np.eye(UNKNOWNS)[0] * (problem.wrong @ residual[:, 0])
+    assert abs(wrong - exact).max() > 1.0
+    found = _by_differences(problem, point, np.ones(ROWS), wrong, 1)
+    assert found == pytest.approx(exact, rel=1e-6, abs=1e-4)
+
+
+def test_steps_by_differences_go_on_where_those_of_the_derivative_end() -> None:
+    problem = Leaving(0)
+    x, cost = best_of(problem)
+    away = x.copy()
+    away[0] -= 0.02 * np.sign(
+        problem.wrong @ problem.residual(problem.point(x))[:, 0]
+    )  # where the derivative leads away
+    found = fit(problem, equal, away, left_out=LEFT_OUT, inexact=1)
+    before = problem.point(away)
+    assert _cost(problem, away, problem.residual(before), np.ones(ROWS)) > cost + LEFT_OUT
+    assert _cost(problem, found.point.x, found.residual, found.weight) < cost + LEFT_OUT

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.diagnosis.inference.chance_lines import FittedLines
+from gtpin.diagnosis.inference.chance_lines import FittedLines, _taken
 from gtpin.plant import simulate
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
@@ -64,6 +64,26 @@ def test_scatter_that_other_causes_fit_in_part_is_significant_no_more_often_than
         found = searched(shapes, errors, np.full(POSES, 1e-4), lines=6, taken=others)
         significant += found.chance() <= 0.05
     assert significant <= 14  # 6 are expected at most; more than 14 has a probability of 1 in 1,000
+
+
+@pytest.mark.parametrize("part", [0.5, 0.9])
+def test_scatter_is_not_significant_more_often_beside_causes_that_fit_a_part_of_it(part: float) -> None:
+    rng = np.random.default_rng(14)
+    significant = 0
+    for _ in range(DRAWS):
+        directions = np.linalg.qr(rng.standard_normal((POSES, 4 * POSES // 5)))[0]
+        H = part * directions @ directions.T
+        apart = np.eye(POSES) - H
+        shapes = np.einsum("ij,fjk->fik", apart, waves(rng.uniform(0.0, RANGE, POSES)))
+        found = searched(shapes, apart @ rng.standard_normal(POSES), np.full(POSES, 1e-4), 1, _taken(H))
+        significant += found.chance() <= 0.05
+    assert significant <= 14
+
+
+def test_errors_that_other_causes_fit_completely_show_no_line() -> None:
+    shapes = waves(np.linspace(0.0, RANGE, 4))
+    for taken in (4.0, 5.0):
+        assert searched(shapes, np.full(4, 1e-9), np.ones(4), 1, taken).chance() == 1.0
 
 
 def test_a_line_with_a_third_of_the_power_is_significant() -> None:

@@ -22,7 +22,7 @@ AGAIN = {
     "closed_loop": 2,
     "noise_floor": 4,
     "imitators": 1,
-    "priors": 4,
+    "priors": 8,
     "instruments": 6,
     "closed_circle": 1,
     "health": 2,

@@ -86,8 +86,7 @@ class FittedLines:
             variance=1.0 / total,
             lines=tuple(np.split(left[:, 1:], len(cause.values), axis=1)),
             tried=len(cause.effect.nonlinear_values(design.situation, cause.site)),
-            # The trace of the hat matrix on unit motions by the drive.
-            taken=float((fitted * np.linalg.solve(normal, fitted.T).T).sum()),
+            taken=_taken(np.linalg.solve(normal, fitted.T @ fitted)),
         )
 
     def chance(self) -> float:
@@ -102,6 +101,8 @@ class FittedLines:
         left, open_, least = self.errors, list(self.lines), 1.0
         freedom = len(self.errors) - self.taken
         for tested in range(1, len(self.lines) + 1):
+            if freedom <= 1.0:
+                break
             scatter = max(float((left**2).sum()) / freedom - float(self.variance.mean()), 0.0)
             root = 1.0 / np.sqrt(self.variance + scatter)
             whole = float(((left * root) ** 2).sum())
@@ -117,3 +118,11 @@ class FittedLines:
             )
             left, freedom = left - fits[best], freedom - width
         return least
+
+
+def _taken(hat: Floats) -> float:
+    """Number of a drive's independent errors that a fit with this hat matrix H takes: 2 tr H - tr H^2.
+
+    I - H of independent errors has tr (I - H)^2 degrees of freedom. ``hat`` is a matrix with the same traces.
+    """
+    return float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat))
