@@ -58,8 +58,10 @@ class FittedLines:
 
     @staticmethod
     def of(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> FittedLines:
-        """The errors of the drive of a periodic error that the geometry and the rest of a model leave, and its lines less what
-        these fit of them, so that flexible causes of the drive neither hide scatter nor make lines larger.
+        """The errors of a drive that the geometry and a model without one periodic error leave, and the lines of this error.
+
+        What the geometry and the other causes fit of the lines is subtracted. Flexible causes of the drive fit scatter, too;
+        without the subtraction, less scatter would be left, and the lines would look significant.
         """
         design = hypotheses.design
         along = design.by_command[:, :, design.situation.robot.sites.index(cause.site)]
