@@ -15,13 +15,13 @@ from gtpin.calibration.checks.doubts import check_convention, check_fit, check_u
 from gtpin.calibration.checks.failed_fit import explained
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
-from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, reach_of
+from gtpin.calibration.checks.usable_rows import check_freedom, check_size, plausible_rows, reach_of
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.paper_models import MEASURED, model_geometry
-from gtpin.calibration.problem import measured_poses, rough_frame
+from gtpin.calibration.problem import Problem, measured_poses, rough_frame
 from gtpin.calibration.result import Calibration
-from gtpin.calibration.reweighting import Progress, Reweighting
+from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.rounding import with_rounding
@@ -162,7 +162,7 @@ def calibrate_geometry(
     geometry
         The nominal geometry, with the parameters to identify.
     lacking
-        Whether the geometry leaves out known causes of deviations: see :class:`~gtpin.calibration.reweighting.Reweighting`.
+        Whether the geometry leaves out known causes of deviations: see :class:`~gtpin.calibration.robust_fit.RobustFit`.
     """
     return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking, kinematics=kinematics)
 
@@ -188,15 +188,20 @@ def _calibrated(
     kept, poses = dataset.take(reached), poses[plausible]
     measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
     instrument = dataset.instrument
-    check_size(dataset, measured, len(geometry.parameters) + (6 if instrument.frame == "free" else 0))
+    check_size(dataset, measured, 6 if instrument.frame == "free" else 0)
+
+    targets = np.array([p.kind == "platform" for p in geometry.parameters]) if instrument.target == "free" else None
 
     def started(instrument: Instrument, geometry: Geometry = geometry) -> Model:
         frame = rough_frame(poses, measured) if instrument.frame == "free" else Frame()
         return Model(geometry, frame, solver=kinematics)
 
     def settle(instrument: Instrument, geometry: Geometry = geometry) -> Settled:
-        start = started(instrument, geometry)
-        return Reweighting(start, measured, kept.visits, poses, instrument, progress, lacking).run()
+        sigmas = (instrument.position_sigma, instrument.orientation_sigma)
+        own, c = replace(measured, sigmas=sigmas, station=instrument.station), measured.components
+        unit = np.broadcast_to(np.eye(c), (len(own.T), c, c))
+        whole = Problem(started(instrument, geometry), own, unit, instrument.frame == "free")
+        return RobustFit(whole, kept.row, kept.visits, poses, progress, lacking, targets).run()
 
     start = started(instrument)
     seen = start.seen(poses)
@@ -215,6 +220,7 @@ def _calibrated(
         if doubt:
             settled, instrument = used_noise(dataset, settled, settle)
             settled, instrument = unstrained(settled, instrument, settle)
+    check_freedom(dataset, settled.fit.problem.count, settled.dof)
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))

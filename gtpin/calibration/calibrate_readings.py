@@ -12,12 +12,12 @@ from gtpin.calibration.checks.readable_readings import check_fitted, check_reada
 from gtpin.calibration.checks.readable_sockets import check_distances, check_sockets
 from gtpin.calibration.checks.rejected_rows import check_used, poses_of
 from gtpin.calibration.checks.strayed import warn_of_strayed
-from gtpin.calibration.checks.usable_rows import reach_of
+from gtpin.calibration.checks.usable_rows import check_freedom, reach_of
 from gtpin.calibration.instrument_unknowns import with_unknowns
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.readings_fit import RobustFit
+from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.calibration.readings_result import ReadingsCalibration, readings_calibration
-from gtpin.calibration.reweighting import Progress
+from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.calibration.unseen_remedies import remedies
 from gtpin.data import Dataset, check_commands
 from gtpin.data.duplicates import counted_once
@@ -35,8 +35,6 @@ from gtpin.robot.robot import Robot
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-FEWEST = 1.0
-"""Fewest degrees of freedom (readings less the effective number of parameters) of a fit that can be checked."""
 MISFIT = 10.0
 """Size of the residuals, in units of the noise, from which there is a warning."""
 
@@ -102,13 +100,11 @@ def calibrate_readings(
     fitted = with_unknowns(readings, near)
     check_readable(fitted, near, reach_of(geometry))
     with explained(fitted, near, reach_of(geometry)):
-        settled = settled_with_sigmas(RobustFit(nominal, fitted, kept.row, kept.visits, near, progress))
+        c = fitted.components
+        whole = ReadingsProblem(nominal, fitted, np.broadcast_to(np.eye(c), (len(kept), c, c)))
+        settled = settled_with_sigmas(RobustFit(whole, kept.row, kept.visits, near, progress))
     check_used(kept, fitted, settled.used)
-    if settled.dof < FEWEST:
-        what = f"{len(kept) * readings.components} readings leave {max(settled.dof, 0.0):.2g} degrees of freedom"
-        raise DatasetError(
-            what, file=dataset.file, hint="measure more: a fit needs more readings than it takes to fit them"
-        )
+    check_freedom(dataset, settled.fit.problem.count, settled.dof)
     problem, point = settled.fit.problem, settled.fit.point
     check_fitted(problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
     if settled.excess > MISFIT:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit
+from gtpin.calibration.marginal import Marginal
 from gtpin.calibration.problem import Measured, Problem
+from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.calibration.scatter import independent
 from gtpin.calibration.settled import LACK_OF_FIT
-from gtpin.data import Instrument
 from gtpin.distributions import f
 from gtpin.errors import DatasetError
 from gtpin.kinematics.chunks import chunks
-from gtpin.model.model import Model
-from gtpin.noise.noise import SMALLEST, Noise
+from gtpin.kinematics.poses import Poses
+from gtpin.noise.noise import SMALLEST
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 from gtpin.noise.sight import line_of_sight, range_ratio
 
@@ -33,118 +36,135 @@ NEAREST = 0.1
 
 @dataclass(frozen=True)
 class NoiseEstimator:
-    """Estimates the part of the noise that is not declared.
+    """Estimates the part of the noise that is not declared; the same for a tracker's poses and for all other readings.
 
     Parameters
     ----------
-    start
-        The nominal model.
-    measured, visits
-        The measured poses, and (N,) the index of each one's commands: equal for repeated visits.
-    instrument
-        The dataset's description of the instrument.
+    whole
+        The problem with all N rows.
+    near
+        (N) poses of its start, base frame.
+    visits
+        (N,) index of each row's commands: equal for repeated visits.
     lacking
         Whether the model leaves out known causes of deviations. Residuals of single visits then do not count as repeatability.
     """
 
-    start: Model
-    measured: Measured
+    whole: Problem | ReadingsProblem
+    near: Poses
     visits: npt.NDArray[np.intp]
-    instrument: Instrument
     lacking: bool
 
-    @property
-    def declared(self) -> tuple[bool, bool]:
-        """Whether the sigmas of positions and of orientations are declared, or not needed."""
-        positions_only = self.measured.components == 3
-        return (
-            self.instrument.position_sigma is not None,
-            positions_only or self.instrument.orientation_sigma is not None,
-        )
+    @cached_property
+    def first(self) -> ReadingNoise:
+        """The noise at the start: declared sigmas, and an instrument's usual values for the others."""
+        measured = self.whole.measured
+        group, by_row = measured.group, np.isfinite(measured.row_sigma)
+        usual, known = measured.usual.copy(), np.array([sigma is not None for sigma in measured.declared])
+        for one in np.setdiff1d(group[by_row], group[~by_row]):  # all of its rows declare their own
+            known[one] = True
+            usual[one] = np.sqrt((measured.row_sigma[by_row & (group == one)] ** 2).mean())
+        noise = ReadingNoise(usual, group, measured.row_sigma, ~known).at_least(SMALLEST)
+        if not isinstance(measured, Measured) or measured.station is None:
+            return noise
+        station = np.array(measured.station)
+        if np.linalg.norm(measured.T - station, axis=1).min() < NEAREST:
+            raise DatasetError(
+                "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
+            )
+        sight, reach = line_of_sight(measured.T, station)
+        return replace(noise, sight=sight, reach=reach)
 
-    def first(self) -> Noise:
-        """The noise at the start: declared sigmas, and a tracker's usual values for the others."""
-        sight = reach = None
-        if self.instrument.station is not None:
-            station = np.array(self.instrument.station)
-            if np.linalg.norm(self.measured.T - station, axis=1).min() < NEAREST:
-                raise DatasetError(
-                    "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
-                )
-            sight, reach = line_of_sight(self.measured.T, station)
-        # Undeclared sigmas start at a tracker's usual values; only their ratio matters until they are estimated.
-        return Noise(
-            self.instrument.position_sigma or 2e-5,
-            self.instrument.orientation_sigma or 5e-5,
-            sight=sight,
-            reach=reach,
-            estimated=(not self.declared[0], not self.declared[1]),
-        ).at_least(SMALLEST)
+    @cached_property
+    def by_command(self) -> Floats:
+        """(N, c, n) derivative of the measured numbers by the commands, of the start."""
+        model, measured = self.whole.start, self.whole.measured
+        J = model.kinematics.command_jacobian(measured.q, self.near)
+        return np.asarray(measured.scatter(J, model, self.near)[:, : measured.components])
 
-    def estimate(self, noise: Noise, outcome: Fit[Problem], used: Mask, still: Mask, left: Floats, J: Floats) -> Noise:
+    @cached_property
+    def stops(self) -> npt.NDArray[np.intp]:
+        """(N,) index of each row's commands and of what was read there: rows of one index repeat one measurement."""
+        kinds = np.column_stack([self.whole.measured.read, self.visits])
+        return np.asarray(np.unique(kinds, axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
+
+    def derivative(self, noise: ReadingNoise, rows: npt.NDArray[np.generic] | slice = slice(None)) -> Floats:
+        """(M, c, n) ``by_command`` of some rows; zeros, which are not computed, where the noise has no part of the drives."""
+        if noise.along_drives > 0.0:
+            return self.by_command[rows]
+        count = len(self.near.T[rows])
+        return np.broadcast_to(0.0, (count, self.whole.measured.components, 1))
+
+    def estimate(
+        self, noise: ReadingNoise, outcome: Fit[Problem] | Fit[ReadingsProblem], fitted: Mask, used: Mask, left: Floats
+    ) -> ReadingNoise:
         """The noise, with its undeclared part estimated from repeated visits, or otherwise from the residuals.
 
         Parameters
         ----------
         noise, outcome
             The previous estimate, and the last fit.
-        used
-            (N,) True for the poses that are not gross errors.
-        still
-            The same for the poses to which ``outcome`` was fitted.
+        fitted, used
+            (N,) the rows of this fit, and those that are not gross errors.
         left
-            (N, c) residuals of all poses, m and rad, instrument's frame.
-        J
-            (N, 6, n) derivative of the measured poses by the commands, instrument's frame.
+            (N, c) residuals of all rows, m and rad.
         """
-        if noise.sight is not None:
-            noise = replace(noise, range_ratio=range_ratio(noise.take(used), left[used, :3]))
-        contrast, rows = contrasts(self.visits[used], left[used])
+        if noise.sight is not None and noise.reach is not None:
+            ratio = range_ratio(noise.sight[used], noise.reach[used], left[used, :3])
+            noise = replace(noise, range_ratio=ratio)
+        contrast, rows = contrasts(self.stops[used], left[used])
         rows = np.flatnonzero(used)[rows]
-        if len(contrast) >= LEAST_CONTRASTS:
-            repeated = from_repeats(noise.take(rows), contrast, J[rows], self.declared)
-            repeated = replace(repeated, sight=noise.sight, reach=noise.reach)
-            if all(self.declared) or repeated.repeatability > 0.0:
-                return repeated
+        open_ = noise.estimated.any()
+        if len(contrast) < LEAST_CONTRASTS:
+            if not open_:
+                return noise
+            found = self._from_residuals(noise, outcome, fitted, used)
+            # With positions only, or with one declared sigma, repeatability and the instrument's noise look much alike.
+            several = noise.estimated.all() and self.whole.measured.components > 3
+            return self._with_repeatability(found, outcome, used, left) if several and not self.lacking else found
+        repeated = replace(
+            from_repeats(noise.take(rows), contrast, self.by_command[rows]),
+            group=noise.group,
+            row_sigma=noise.row_sigma,
+            sight=noise.sight,
+            reach=noise.reach,
+        )
+        if not open_ :
+            return repeated
+        found = self._from_residuals(noise, outcome, fitted, used)
+        shown = np.bincount(noise.group[rows].ravel(), minlength=len(noise.sigma)) >= LEAST_CONTRASTS
+        if repeated.repeatability > 0.0:
+            taken = noise.estimated & shown
+        else:
             # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless it is larger.
-            fitted = self._from_residuals(noise, outcome, still)
-            return repeated if _larger(fitted, repeated) else fitted
-        if all(self.declared):
-            return noise
-        fitted = self._from_residuals(noise, outcome, still)
-        # With positions only, or with one declared sigma, repeatability and the instrument's noise look much alike.
-        if any(self.declared) or self.lacking:
-            return fitted
-        return self._with_repeatability(fitted, outcome, used, left[used], J[used])
+            taken = noise.estimated & shown & _larger(found, repeated)
+        if not taken.any():
+            return found
+        return replace(repeated, sigma=np.where(taken | ~noise.estimated, repeated.sigma, found.sigma))
 
-    def _from_residuals(self, noise: Noise, outcome: Fit[Problem], still: Mask) -> Noise:
-        """Undeclared sigmas from the residuals' squares and the degrees of freedom in each kind of component.
+    def _from_residuals(
+        self, noise: ReadingNoise, outcome: Fit[Problem] | Fit[ReadingsProblem], fitted: Mask, used: Mask
+    ) -> ReadingNoise:
+        """Undeclared sigmas of largest marginal likelihood, about a fit, from where they are.
 
-        Only poses that are ``still`` used count. With a gross error, the noise would be so large that the error is accepted in
-        the next iteration, and rejected in the one after that.
+        Only rows that are still used count. With a gross error, the noise would be so large that the error is accepted in the
+        next iteration, and rejected in the one after that.
         """
-        weight = outcome.weight * still
-        taken, covariance = np.zeros(self.measured.components), outcome.covariance
-        for rows in outcome.problem.chunks():
-            J = outcome.problem.jacobian(outcome.point, rows, weight[rows])
-            taken += np.einsum("nci,ij,ncj->c", J, covariance, J, optimize=True)
-        squares = (weight[:, None] * outcome.residual**2).sum(axis=0)
-        factors = [1.0, 1.0]
-        for i, kind in enumerate((slice(0, 3), slice(3, 6))):
-            freedoms = weight.sum() * len(taken[kind]) - taken[kind].sum()
-            if not self.declared[i]:
-                factors[i] = float(np.sqrt(squares[kind].sum() / max(freedoms, 1.0)))
+        weight = outcome.weight * used[fitted]
+        marginal = Marginal.of(outcome, noise.take(fitted), weight, np.zeros(outcome.problem.size, dtype=bool))
+        sigma = marginal.best(noise.sigma, widen=False).noise.sigma
         return replace(
             noise,
-            position_sigma=max(noise.position_sigma * factors[0], SMALLEST),
-            orientation_sigma=max(noise.orientation_sigma * factors[1], SMALLEST),
+            sigma=sigma,
             repeatability=0.0,
             lack=0.0,
             source="residuals",
-            dof=outcome.residual.size / 2.0,
+            dof=outcome.residual.size / max(len(noise.sigma), 1.0),
         )
 
-    def _with_repeatability(self, noise: Noise, outcome: Fit[Problem], used: Mask, left: Floats, J: Floats) -> Noise:
+    def _with_repeatability(
+        self, noise: ReadingNoise, outcome: Fit[Problem] | Fit[ReadingsProblem], used: Mask, left: Floats
+    ) -> ReadingNoise:
         """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits.
 
         An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
@@ -152,49 +172,31 @@ class NoiseEstimator:
         are independent from pose to pose. Where neighbouring poses have similar residuals, they are a model error (``lack``),
         which enters the covariance in the same way.
         """
-        some = np.arange(len(left))[:: 1 + len(left) // ENOUGH]
-        whole = left[some] * np.sqrt(left.size / max(left.size - outcome.taken, 1.0))
-        estimate = from_repeats(noise.take(used).take(some), whole, J[some], self.declared)
+        rows = np.flatnonzero(used)[:: 1 + np.count_nonzero(used) // ENOUGH]
+        size = np.count_nonzero(used) * left.shape[1]
+        whole = left[rows] * np.sqrt(size / max(size - outcome.taken, 1.0))
+        estimate = from_repeats(noise.take(rows), whole, self.by_command[rows])
         if estimate.repeatability == 0.0:
             return noise
-        measured, free = self.measured.take(used), self.instrument.frame == "free"
-        shown = replace(
-            estimate, sight=noise.sight, reach=noise.reach, source="residuals", dof=outcome.residual.size / 2.0
-        )
-        if independent(self.start, outcome.point, measured, shown.take(used), J, free):
+        shown = replace(noise, sigma=estimate.sigma, repeatability=estimate.repeatability)
+        if independent(self.whole, outcome.point, shown, used, self.by_command):
             return shown
         return replace(shown, repeatability=0.0, lack=shown.repeatability)
 
-    def volume(self, noise: Noise, J: Floats) -> float:
+    def volume(self, noise: ReadingNoise) -> float:
         """The mean log determinant of a noise's covariance."""
-        logs = [
-            np.linalg.slogdet(noise.take(rows).covariance(J[rows], self.measured.components))[1]
-            for rows in chunks(len(J))
-        ]
+        J, c = self.derivative(noise), self.whole.measured.components
+        logs = [np.linalg.slogdet(noise.take(rows).covariance(J[rows], c))[1] for rows in chunks(len(J))]
         return float(np.concatenate(logs).mean())
 
 
-def whitened(noise: Noise, J: Floats, values: Floats) -> Floats:
-    """(N, c) values in units of the noise."""
-    whitened = np.empty_like(values)
-    for rows in chunks(len(values)):
-        whitening = noise.take(rows).whitening(J[rows], values.shape[1])
-        whitened[rows] = np.einsum("nij,nj->ni", whitening, values[rows])
-    return whitened
-
-
-def same(one: Noise, two: Noise) -> bool:
+def same(one: ReadingNoise, two: ReadingNoise) -> bool:
     """Whether two successive estimates of the noise are equal, so that the iteration has converged."""
-    pairs = (
-        (one.position_sigma, two.position_sigma),
-        (one.orientation_sigma, two.orientation_sigma),
-        (one.position_sigma + one.along_drives, two.position_sigma + two.along_drives),
-        (one.range_ratio, two.range_ratio),
-    )
-    return all(abs(a - b) <= SETTLED * abs(b) for a, b in pairs)
+    close = np.abs(one.sigma - two.sigma) <= SETTLED * two.sigma
+    drives = abs(one.along_drives - two.along_drives) <= SETTLED * (two.sigma.min(initial=1.0) + two.along_drives)
+    return bool(close.all() and drives and abs(one.range_ratio - two.range_ratio) <= SETTLED * two.range_ratio)
 
 
-def _larger(one: Noise, two: Noise) -> bool:
-    """Whether one estimate of the noise is significantly larger than another (F test of each sigma)."""
-    ratios = (one.position_sigma / two.position_sigma, one.orientation_sigma / two.orientation_sigma)
-    return any(float(f.sf(ratio**2, one.dof, two.dof)) < LACK_OF_FIT for ratio in ratios)
+def _larger(one: ReadingNoise, two: ReadingNoise) -> Mask:
+    """(G,) whether one estimate of each sigma is significantly larger than another (F test)."""
+    return np.array([float(f.sf(r**2, one.dof, two.dof)) < LACK_OF_FIT for r in one.sigma / two.sigma])

@@ -19,17 +19,25 @@ Floats = npt.NDArray[np.float64]
 
 FARTHEST = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
+USUAL = (2e-5, 5e-5)
+"""Usual noise of a tracker, m and rad: undeclared sigmas start here; only their ratio matters until they are estimated."""
 FRAME_UNIT = 1e-3
 """Unit, m and rad, of the instrument's pose in the fit's unknowns x: about a tolerance, so that all unknowns have one scale."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """N measured poses: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in the instrument's frame."""
+    """N measured poses: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in the instrument's frame.
+
+    ``sigmas``: the declared noise of a position, m, and of an orientation, rad, per axis; None where it is to be estimated.
+    ``station``: where the instrument stands, in its frame, m; None where that is not known.
+    """
 
     q: Floats
     T: Floats
     R: Floats | None
+    sigmas: tuple[float | None, float | None] = (None, None)
+    station: tuple[float, float, float] | None = None
 
     @property
     def components(self) -> int:
@@ -40,7 +48,42 @@ class Measured:
         """The poses that a mask, indices or a slice select."""
         if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.all():
             return self
-        return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
+        return replace(self, q=self.q[rows], T=self.T[rows], R=None if self.R is None else self.R[rows])
+
+    @property
+    def declared(self) -> tuple[float | None, ...]:
+        """The declared sigma of each group of numbers: of positions, and of orientations where they are measured."""
+        return self.sigmas[: self.components // 3]
+
+    @property
+    def usual(self) -> Floats:
+        """(G,) declared sigmas, m and rad, or a tracker's usual ones, at which their estimation starts."""
+        return np.array([sigma or usual for sigma, usual in zip(self.declared, USUAL, strict=False)])
+
+    @property
+    def group(self) -> npt.NDArray[np.intp]:
+        """(N, c) index of each number's sigma."""
+        return np.broadcast_to(np.array([0, 0, 0, 1, 1, 1])[: self.components], (len(self.T), self.components))
+
+    @property
+    def row_sigma(self) -> Floats:
+        """(N, c) NaN: no row declares its own sigma."""
+        return np.broadcast_to(np.full(self.components, np.nan), (len(self.T), self.components))
+
+    @property
+    def counted(self) -> Floats:
+        """(N, c) degrees of freedom that each number counts as: 1."""
+        return np.broadcast_to(np.ones(self.components), (len(self.T), self.components))
+
+    @property
+    def alike(self) -> list[npt.NDArray[np.intp]]:
+        """Groups of rows whose residuals are compared with each other: all rows."""
+        return [np.arange(len(self.T))]
+
+    @property
+    def read(self) -> npt.NDArray[np.intp]:
+        """(N,) what a row reads at its commands: the same in all rows."""
+        return np.zeros(len(self.T), dtype=np.intp)
 
     def left(self, model: Model, poses: Poses) -> Floats:
         """(N, c) measured less ``poses`` (base frame) as the model's instrument reads them; m and rad, instrument's frame."""
@@ -67,7 +110,7 @@ class Measured:
     def at_trials(self, _: npt.NDArray[np.intp], q: Floats, seen: Poses) -> Measured:
         """Poses at commands q that would be measured as these: ``seen`` are all of them, instrument's frame."""
         R = None if self.R is None else np.concatenate([self.R, seen.R])
-        return Measured(q, np.vstack([self.T, seen.T]), R)
+        return replace(self, q=q, T=np.vstack([self.T, seen.T]), R=R)
 
     @property
     def deviation(self) -> Floats:
@@ -164,6 +207,23 @@ class Problem:
             return replace(self, whitening=np.broadcast_to(self.whitening[0] / factor, self.whitening.shape))
         return replace(self, whitening=self.whitening / factor)
 
+    @property
+    def count(self) -> float:
+        """Number of independent measured numbers."""
+        return float(len(self.measured.T) * self.measured.components)
+
+    def take(self, rows: npt.NDArray[np.generic], whitening: Floats) -> Problem:
+        """The problem of some of the rows, with their whitening matrices."""
+        return replace(self, measured=self.measured.take(rows), whitening=whitening)
+
+    def whitened(self, whitening: Floats) -> Problem:
+        """The same problem with other whitening matrices."""
+        return replace(self, whitening=whitening)
+
+    def left(self, point: Point, poses: Poses) -> Floats:
+        """(N, c) measured less ``poses`` (base frame), m and rad, with the instrument's pose at the point."""
+        return self.measured.left(point.model, poses)
+
     def at_commands(self, q: Floats) -> Problem:
         """The same problem with its derivatives at other commands q (N, n), m or rad."""
         return replace(self, measured=replace(self.measured, q=q))
@@ -211,7 +271,9 @@ class Problem:
 def measured_poses(dataset: Dataset) -> Measured:
     """A dataset's poses, with rotations as matrices."""
     R = None if dataset.orientation is None else from_quaternions(dataset.orientation)
-    return Measured(dataset.q, dataset.position, R)
+    instrument = dataset.instrument
+    sigmas = (instrument.position_sigma, instrument.orientation_sigma)
+    return Measured(dataset.q, dataset.position, R, sigmas, instrument.station)
 
 
 def in_frame(J: Floats, frame: Frame) -> Floats:

@@ -90,6 +90,32 @@ class ReadingsProblem:
         """(N, c) values in units of the noise."""
         return np.asarray(np.clip(np.einsum("nij,nj->ni", self.whitening, values), -FARTHEST, FARTHEST))
 
+    @property
+    def measured(self) -> Readings:
+        """The readings."""
+        return self.readings
+
+    @property
+    def count(self) -> float:
+        """Number of independent measured numbers."""
+        return float(self.readings.counted.sum())
+
+    def take(self, rows: npt.NDArray[np.generic], whitening: Floats) -> ReadingsProblem:
+        """The problem of some of the rows, with their whitening matrices."""
+        return replace(self, readings=self.readings.take(rows), whitening=whitening)
+
+    def whitened(self, whitening: Floats) -> ReadingsProblem:
+        """The same problem with other whitening matrices."""
+        return replace(self, whitening=whitening)
+
+    def noisier(self, factor: float) -> ReadingsProblem:
+        """The same problem with the noise multiplied by a factor."""
+        return replace(self, whitening=self.whitening / factor)
+
+    def left(self, point: Point, poses: Poses) -> Floats:
+        """(N, c) measured less predicted at ``poses`` (base frame), m and rad, with the unknowns at the point."""
+        return self.readings.at(self.unknowns(point.x)).minus(poses)
+
     def chunks(self) -> list[slice]:
         """Slices of rows that fit in memory with their derivatives."""
         return chunks(len(self.whitening))

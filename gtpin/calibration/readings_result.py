@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.observability import UNSEEN, observability
-from gtpin.calibration.readings_fit import SettledReadings
+from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.result_json import fit_json
+from gtpin.calibration.settled import Settled
 from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.data import Dataset, Instrument
 from gtpin.estimate import Estimate
@@ -112,7 +113,7 @@ class ReadingsCalibration(Calibration):
                 for name, sigma, estimated in zip(self._groups, self.noise.sigma, self.noise.estimated, strict=True)
             ],
             "repeatability": self.noise.repeatability,
-            "source": "residuals" if self.noise.estimated.any() else "declared",
+            "source": self.noise.source,
         }
         content = fit_json(self, errors, noise)
         content["parameters"] += [self._parameter(i) for i in range(len(self.unknowns))]
@@ -147,7 +148,7 @@ class ReadingsCalibration(Calibration):
 
 
 def readings_calibration(
-    settled: SettledReadings,
+    settled: Settled[ReadingsProblem],
     before: Floats,
     readings: Readings,
     rejected: tuple[str, ...],
@@ -170,8 +171,7 @@ def readings_calibration(
         The input data.
     """
     enlarged = settled.excess
-    heavy = any(tails.heavy for tails in settled.tails)
-    final = settled.refit(enlarged) if settled.wide > 1.0 or (enlarged > 1.0 and not heavy) else settled.fit
+    final = settled.refit(enlarged) if settled.wide > 1.0 or (enlarged > 1.0 and not settled.heavy) else settled.fit
     problem, point = final.problem, final.point
     p, geometry = problem.n_geometry, point.model.geometry
     whole = final.covariance

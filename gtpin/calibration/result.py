@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.result_json import calibration_json
+from gtpin.calibration.problem import Problem
 from gtpin.calibration.settled import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
@@ -102,7 +103,7 @@ class Calibration(Shown):
 
     @staticmethod
     def of(
-        settled: Settled,
+        settled: Settled[Problem],
         before: Poses,
         rejected: tuple[str, ...],
         rejected_rows: tuple[int, ...],
@@ -125,11 +126,9 @@ class Calibration(Shown):
             The data.
         """
         judged, enlarged = settled.fit, settled.excess
-        final = settled.refit(enlarged) if enlarged > 1.0 and not settled.tails.heavy else judged
+        final = settled.refit(enlarged) if settled.wide > 1.0 or (enlarged > 1.0 and not settled.heavy) else judged
         problem, geometry = final.problem, final.point.model.geometry
-        components = problem.measured.components
-        information = final.information * settled.tails.kept(components)
-        x_covariance = np.linalg.inv(information + np.diag(problem.prior))
+        x_covariance, noise = final.covariance, settled.noise.as_poses()
         p, tolerance = problem.n_geometry, geometry.tolerance
         covariance = x_covariance[:p, :p] * np.outer(tolerance, tolerance)
         return Calibration(
@@ -137,13 +136,13 @@ class Calibration(Shown):
                 final.point.model,
                 covariance=covariance,
                 solver="arrays",
-                fit=FitConditions.of(settled.noise, settled.chi2, settled.dof, dataset.covariates),
+                fit=FitConditions.of(noise, settled.chi2, settled.dof, dataset.covariates),
             ),
             covariance=covariance,
-            observability=observability(np.sqrt(settled.tails.kept(components)) * final.factor, p, final.residual.size),
-            noise=settled.noise,
+            observability=observability(final.factor, p, final.residual.size),
+            noise=noise,
             enlarged=enlarged,
-            freedom=settled.tails.freedom,
+            freedom=min(tails.freedom for tails in settled.tails),
             poses=len(final.residual),
             rejected=rejected,
             rejected_rows=rejected_rows,

@@ -10,16 +10,14 @@ autocorrelation among regression residuals", Geographical Analysis 4 (1972) 267-
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
-from gtpin.calibration.problem import Measured, Point, Problem
+from gtpin.calibration.problem import Point, Problem
+from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.distributions import norm
-from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 
 Floats = npt.NDArray[np.float64]
 
@@ -30,38 +28,35 @@ CHANCE = 0.025
 Assumed."""
 
 
-def independent(start: Model, point: Point, measured: Measured, noise: Noise, J: Floats, free_frame: bool) -> bool:
+def independent(
+    whole: Problem | ReadingsProblem, point: Point, noise: ReadingNoise, used: npt.NDArray[np.bool_], by_command: Floats
+) -> bool:
     """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.
 
     Parameters
     ----------
-    start
-        The nominal model.
+    whole
+        The problem with all N rows.
     point
         Result of a fit.
-    measured, noise
-        The poses, and their noise including the repeatability to be tested.
-    J
-        (N, 6, n) derivative of the measured poses by the commands.
-    free_frame
-        Whether the instrument's pose was identified too.
+    noise
+        The noise of all rows, including the repeatability to be tested.
+    used
+        (N,) the rows that are not gross errors.
+    by_command
+        (N, c, n) derivative of the measured numbers by the commands.
     """
-    some = np.arange(len(J))[:: 1 + (len(J) - 1) // ENOUGH]
-    measured, J = measured.take(some), J[some]
-    # Frame from the fit, without a prior; geometry from nominal.
-    problem = Problem(
-        replace(start, frame=point.model.frame),
-        measured,
-        noise.take(some).whitening(J, measured.components),
-        free_frame,
-    )
+    rows = np.flatnonzero(used)
+    some = rows[:: 1 + (len(rows) - 1) // ENOUGH]
+    J = by_command[some]
+    problem = whole.take(some, noise.take(some).whitening(J, J.shape[1]))
     x = point.x.copy()
-    x[problem.n_geometry :] = 0.0
+    x[: problem.n_geometry] = 0.0  # unknowns of the instruments from the fit; geometry from nominal
     z = _scores(problem, problem.point(x), J)
     return max(z) < float(norm.isf(CHANCE / len(z)))
 
 
-def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
+def _scores(problem: Problem | ReadingsProblem, point: Point, J: Floats) -> list[float]:
     """Standard scores of the correlation of the drives' errors at neighbouring poses, one for each kind of neighbour."""
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
     c, k = B.shape[1:]
@@ -69,7 +64,7 @@ def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
     flat = B.reshape(-1, k)
     C = np.linalg.inv(flat.T @ flat + np.diag(problem.prior))
     left = y - B @ (C @ (flat.T @ y.ravel()))  # of covariance I - B C B' where the errors are independent
-    D = problem.whitening @ J[:, :c]
+    D = problem.whitening @ J
     score = np.einsum("nci,nc->ni", D, left)
     S, G = np.swapaxes(D, 1, 2) @ B, np.swapaxes(D, 1, 2) @ D
     found = []

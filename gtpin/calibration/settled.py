@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Problem
+from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.distributions import chi2, f
 from gtpin.noise import weights
-from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.robot.geometry import Geometry
 
 Mask = npt.NDArray[np.bool_]
 
@@ -20,53 +23,81 @@ CORE = 1.2
 LACK_OF_FIT = 1e-3
 """p-value of chi-square below which the model counts as incomplete. Assumed."""
 
+P = TypeVar("P", Problem, ReadingsProblem)
+
 
 @dataclass(frozen=True)
-class Settled:
+class Settled(Generic[P]):
     """The converged state of the iterations.
 
     Parameters
     ----------
     fit
-        The last fit.
+        The last fit, of the rows that are used.
     used
-        (N,) the poses that are not gross errors.
-    noise, tails
-        Noise that the fit assumes, and the tails of its distribution.
+        (N,) the rows that are not gross errors.
+    noise
+        Noise of all rows, used or not.
+    tails
+        Tails of the noise, for each group of rows that are compared with each other (``alike`` of the measurement).
     steps
         Number of steps of all fits.
+    geometry
+        The nominal geometry with the tolerances that were given; those of the fit are wider where the data demanded it.
+    wide
+        Factor by which the noise was multiplied in the last fit. It is larger than 1 where the fit would otherwise not
+        converge.
     """
 
-    fit: Fit[Problem]
+    fit: Fit[P]
     used: Mask
-    noise: Noise
-    tails: weights.Tails
+    noise: ReadingNoise
+    tails: tuple[weights.Tails, ...]
     steps: int
+    geometry: Geometry
+    wide: float = 1.0
 
     @property
     def chi2(self) -> float:
         """Sum of squares of the whitened residuals, without robust weights."""
-        return float((self.fit.residual**2).sum())
+        return float((self.fit.residual**2).sum()) * self.wide**2
 
     @property
     def dof(self) -> float:
-        """Measured components minus the effective number of parameters."""
-        return self.fit.residual.size - self.fit.taken
+        """Number of independent measured numbers less the effective number of parameters."""
+        return self.fit.problem.count - self.fit.taken
+
+    @property
+    def heavy(self) -> bool:
+        """Whether any tails are heavier than Gaussian."""
+        return any(tails.heavy for tails in self.tails)
 
     @property
     def excess(self) -> float:
-        """Ratio of residuals to noise if chi-square shows a lack of fit; else 1.
+        """Ratio of residuals to noise where chi-square or heavy tails show a lack of fit; else ``wide``.
 
         Heavy tails have their own scale, which the fit's weights include.
         """
-        if self.tails.heavy:
-            return self.tails.scale if self.tails.scale > CORE else 1.0
+        if self.heavy:
+            return max([self.wide, *(tails.scale for tails in self.tails if tails.heavy and tails.scale > CORE)])
         known = np.isinf(self.noise.dof)
         chance = chi2.sf(self.chi2, self.dof) if known else f.sf(self.chi2 / self.dof, self.dof, self.noise.dof)
         if chance >= LACK_OF_FIT:
-            return 1.0
-        return float(np.sqrt(self.chi2 / self.dof))
+            return self.wide
+        return max(self.wide, float(np.sqrt(self.chi2 / self.dof)))
 
-    def refit(self, factor: float) -> Fit[Problem]:
+    def refit(self, factor: float) -> Fit[P]:
         """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""
-        return fit(self.fit.problem.noisier(factor), self.tails.weigh, self.fit.point.x)
+        weight = self.fit.weight
+        return fit(self.fit.problem.noisier(factor / self.wide), lambda _: weight, self.fit.point.x)
+
+    @property
+    def deviation(self) -> npt.NDArray[np.float64]:
+        """(p,) deviations of the fitted geometry from nominal, in units of the tolerances that were given."""
+        fitted = self.fit.problem.start.geometry
+        return np.asarray(self.fit.point.x[: len(fitted.parameters)] * fitted.tolerance / self.geometry.tolerance)
+
+    @property
+    def widened(self) -> float:
+        """Largest factor by which the tolerances of the fit are wider than those that were given; 1 where they are equal."""
+        return float((self.fit.problem.start.geometry.tolerance / self.geometry.tolerance).max(initial=1.0))

@@ -8,7 +8,7 @@ from gtpin.calibration.checks.actuators import check_actuators
 from gtpin.calibration.checks.known_noise import known_noise
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.usable_rows import plausible_rows
-from gtpin.calibration.reweighting import Progress
+from gtpin.calibration.robust_fit import Progress
 from gtpin.certificate.budget import budget
 from gtpin.certificate.evaluate import Evaluation
 from gtpin.certificate.held_against import HeldAgainst

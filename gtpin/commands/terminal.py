@@ -15,7 +15,7 @@ from rich.progress import Progress as RichProgress
 from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from gtpin.calibration.reweighting import Progress
+from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
 from gtpin.output.json_text import json_text

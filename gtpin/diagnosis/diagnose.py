@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE
-from gtpin.calibration.reweighting import Progress
+from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.candidates import considered

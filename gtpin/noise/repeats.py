@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.distributions import chi2
-from gtpin.noise.estimate import likeliest
-from gtpin.noise.noise import SMALLEST, Noise
+from gtpin.noise.noise import SMALLEST
+from gtpin.noise.reading_noise import ReadingNoise, likeliest_readings
 
 Floats = npt.NDArray[np.float64]
 
@@ -46,36 +46,35 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
     return np.concatenate(found), np.concatenate(rows)
 
 
-def from_repeats(noise: Noise, contrast: Floats, command_jacobian: Floats, declared: tuple[bool, bool]) -> Noise:
+def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> ReadingNoise:
     """Noise from the scatter between visits: repeatability, and the sigmas that were not declared.
 
-    Maximum likelihood over contrasts (k, c), with the derivative (k, 6, n) of the pose by the commands. Repeatability is zero
-    where the scatter does not show it. Contrasts far larger than the others are shortened to a limit.
-
-    Parameters
-    ----------
-    declared
-        Whether the position's and the orientation's sigma are known.
+    Maximum likelihood over contrasts (k, c), with the derivative (k, c, n) of the readings by the commands; ``noise`` is that of
+    the contrasts' rows. Repeatability is zero where the scatter does not show it. Contrasts far larger than the others are
+    shortened to a limit. Sigmas of groups with fewer than ``LEAST_CONTRASTS`` contrasts stay as they are.
     """
-    components = contrast.shape[1]
-    contrast = _tamed(contrast)
-    spread = np.median(np.abs(contrast), axis=0) / 0.6745
-    rough = np.maximum([np.median(spread[:3]), np.median(spread[3:]) if components == 6 else 1.0], SMALLEST)
-    base = replace(
-        noise,
-        position_sigma=noise.position_sigma if declared[0] else rough[0],
-        orientation_sigma=noise.orientation_sigma if declared[1] else rough[1],
-    )
-    found = likeliest(base, contrast, command_jacobian, declared)
-    if all(declared):
+    contrast = _tamed(contrast, noise.group)
+    sigma, open_ = noise.sigma.copy(), noise.estimated.copy()
+    for group in np.flatnonzero(open_):
+        own = np.abs(contrast[(noise.group == group) & ~np.isfinite(noise.row_sigma)])
+        open_[group] = len(own) >= LEAST_CONTRASTS
+        if open_[group]:
+            sigma[group] = max(float(np.median(own)) / 0.6745, SMALLEST)
+    start = replace(noise, sigma=sigma, estimated=open_, repeatability=0.0, lack=0.0)
+    found = likeliest_readings(start, contrast, by_command, np.ones(len(contrast)))
+    found = replace(found, estimated=noise.estimated, sigma=np.maximum(found.sigma, SMALLEST))
+    if not noise.estimated.any():
         return replace(found, source="declared")
-    return replace(found, source="repeats", dof=float(3 * len(contrast))).at_least(SMALLEST)
+    return replace(found, source="repeats", dof=float(3 * len(contrast)))
 
 
-def _tamed(contrast: Floats) -> Floats:
-    """Contrasts (k, c), shortened to the 97.5 % point of a Gaussian with the median of their sizes."""
-    scaled = contrast / np.maximum(np.median(np.abs(contrast), axis=0), SMALLEST)
-    norms = (scaled**2).sum(axis=1)
-    c = contrast.shape[1]
-    limit = chi2.ppf(0.975, c) * np.median(norms) / chi2.median(c)
-    return np.asarray(contrast * np.sqrt(np.minimum(1.0, limit / np.maximum(norms, 1e-300)))[:, None])
+def _tamed(contrast: Floats, group: npt.NDArray[np.intp]) -> Floats:
+    """Contrasts (k, c), shortened to the 97.5 % point of a Gaussian with the median of the sizes of those alike."""
+    found, c = contrast.copy(), contrast.shape[1]
+    for first in np.unique(group[:, 0]):
+        rows = group[:, 0] == first
+        scaled = contrast[rows] / np.maximum(np.median(np.abs(contrast[rows]), axis=0), SMALLEST)
+        norms = (scaled**2).sum(axis=1)
+        limit = chi2.ppf(0.975, c) * np.median(norms) / chi2.median(c)
+        found[rows] = contrast[rows] * np.sqrt(np.minimum(1.0, limit / np.maximum(norms, 1e-300)))[:, None]
+    return found

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
-from gtpin.noise.noise import Noise
+from gtpin.noise.noise import sight_shape
 
 Floats = npt.NDArray[np.float64]
 
@@ -32,15 +30,15 @@ def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
     return unit / length[:, None], np.minimum(distance / near, FARTHEST)
 
 
-def range_ratio(noise: Noise, residual: Floats) -> float:
+def range_ratio(sight: Floats, reach: Floats, residual: Floats) -> float:
     """Noise along the line of sight divided by noise across it, by maximum likelihood from residuals (N, 3), m.
 
-    ``position_sigma`` is not changed: only the ratio is estimated, on which an unmodelled effect has little influence.
+    Only the ratio is estimated, on which an unmodelled effect has little influence. ``sight`` (N, 3) and ``reach`` (N,) as in
+    :class:`~gtpin.noise.noise.Noise`.
     """
 
     def cost(log_ratio: float) -> float:
-        trial = replace(noise, range_ratio=float(np.exp(log_ratio)))
-        shape = trial.shape(len(residual))
+        shape = sight_shape(sight, reach, float(np.exp(log_ratio)))
         mahalanobis = np.einsum("ni,nij,nj->n", residual, np.linalg.inv(shape), residual).sum()
         # The overall size is maximised out, so that a lack of fit does not change the ratio.
         return float(1.5 * len(residual) * np.log(mahalanobis) + 0.5 * np.linalg.slogdet(shape)[1].sum())

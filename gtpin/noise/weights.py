@@ -15,8 +15,9 @@ Floats = npt.NDArray[np.float64]
 
 REJECTION = 1e-3
 """Probability that any good pose of a dataset is set aside, for Gaussian noise. Assumed."""
-ABSURD = 10.0
-"""Norm of a residual, in units of the residuals' robust scale, beyond which a pose has weight zero. Assumed."""
+ABSURD = 15.0
+"""Norm of a residual, in units of the residuals' robust scale, beyond which a row is a gross error however heavy the tails are: a
+few gross errors of a single number look like tails that explain them. Assumed; as ``absurd`` of a diagnosis."""
 TAIL_Z = 4.0
 """Standard errors by which the fourth moment must be larger than a Gaussian's for tails to count as heavy. Assumed."""
 FREEDOMS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0)
@@ -59,11 +60,14 @@ def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.in
     heaviest
         Upper limit of the degrees of freedom of the t distribution that is assumed for good poses.
     """
-    components = residual.shape[1]
-    norms = square_norms(residual)
+    return np.asarray(square_norms(residual) > gross_limit(residual, used, heaviest))
+
+
+def gross_limit(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> float:
+    """Squared length of a whitened residual from which :func:`gross` rejects its row."""
     tails = Tails(min(Tails.of(residual[used]).freedom, heaviest))
-    limit = tails.quantile(REJECTION / max(1, len(norms)), components) * robust_scale(residual[used]) ** 2
-    return np.asarray(norms > limit)
+    limit = min(tails.quantile(REJECTION / max(1, len(residual)), residual.shape[1]), ABSURD**2)
+    return limit * robust_scale(residual[used]) ** 2
 
 
 @dataclass(frozen=True)

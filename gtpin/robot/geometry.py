@@ -62,6 +62,11 @@ class Geometry:
         frozen.flags.writeable = False
         object.__setattr__(self, "values", frozen)
 
+    def with_tolerances(self, factors: Floats) -> Geometry:
+        """The same geometry with its tolerances multiplied by factors (p,)."""
+        parameters = tuple(p.with_tolerance(p.tolerance * f) for p, f in zip(self.parameters, factors, strict=True))
+        return replace(self, parameters=parameters)
+
     def __repr__(self) -> str:
         return f"Geometry of {self.robot.name}: {len(self.parameters)} parameters"
 

@@ -143,7 +143,7 @@ def test_an_iteration_limit_that_is_hit_is_an_error(monkeypatch):
 
 def test_rounds_that_do_not_settle_are_an_error(monkeypatch):
     _, dataset = case()
-    monkeypatch.setattr("gtpin.calibration.reweighting.MAX_ITERATIONS", 1)
+    monkeypatch.setattr("gtpin.calibration.robust_fit.MAX_ITERATIONS", 1)
     with pytest.raises(ConvergenceError, match="converged in 1"):
         gtpin.calibrate(dataset)
 

@@ -25,7 +25,7 @@ only saves a second fit in clear cases."""
 TWICE = 2.0
 """Declared noise over the noise that the data show from which the declared value is not used. Assumed: data
 sheets give limits of two standard deviations as often as one, and less than that changes no verdict."""
-ABSURD = 10.0
+OVERSTATED = 10.0
 """Declared noise over the noise that the data show from which the data are refused: no data sheet overstates the noise so much.
 Assumed."""
 NO_NOISE = 0.01
@@ -68,7 +68,7 @@ def used_noise(dataset: Dataset, settled: Settled, settle: Settle) -> tuple[Sett
     for key in sorted(wrong, key=lambda k: -ratios[k]):
         declared, seen = getattr(instrument, key), shown(again, key)
         text = f"{key} is {declared:.2g}, but these data show a noise of {seen:.2g}, {declared / seen:.2g} times less"
-        if declared > ABSURD * seen:
+        if declared > OVERSTATED * seen:
             like = unit_like(key, declared / seen)
             hint = f"{f'it looks like {like}: ' if like else ''}give metres and radians, or leave the line out"
             raise DatasetError(text, file=_toml(dataset), column=f"instrument.{key}", hint=hint)
@@ -100,7 +100,7 @@ def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled:
             again = settle(instrument.model_copy(update=dict.fromkeys(declared)))
         except ConvergenceError:
             raise error from None
-        small = [key for key in declared if getattr(instrument, key) * ABSURD < shown(again, key)]
+        small = [key for key in declared if getattr(instrument, key) * OVERSTATED < shown(again, key)]
         if not small:
             raise
         key = small[0]

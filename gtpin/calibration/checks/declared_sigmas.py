@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.declared_noise import ABSURD, CHANCE, NO_NOISE, SUSPECT, TWICE
-from gtpin.calibration.readings_fit import RobustFit, SettledReadings
+from gtpin.calibration.checks.declared_noise import CHANCE, NO_NOISE, OVERSTATED, SUSPECT, TWICE
+from gtpin.calibration.readings_problem import ReadingsProblem
+from gtpin.calibration.robust_fit import RobustFit
+from gtpin.calibration.settled import Settled
 from gtpin.data.read_instruments import SIGMAS
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
@@ -42,7 +44,7 @@ class Declared:
     by_row: bool = False
 
 
-def settled_with_sigmas(fit: RobustFit) -> SettledReadings:
+def settled_with_sigmas(fit: RobustFit) -> Settled[ReadingsProblem]:
     """The robust fit with credible noise: a declared sigma that is too large is estimated instead, with a warning.
 
     Raises
@@ -52,7 +54,8 @@ def settled_with_sigmas(fit: RobustFit) -> SettledReadings:
     ConvergenceError
         If the fit does not converge for another reason.
     """
-    declared = _declared(fit.readings)
+    readings = _readings(fit)
+    declared = _declared(readings)
     try:
         settled = fit.run()
     except ConvergenceError as error:
@@ -63,16 +66,26 @@ def settled_with_sigmas(fit: RobustFit) -> SettledReadings:
     suspects = [one for one in declared if _ratio(settled, one) < SUSPECT and _chance(settled, one) < CHANCE]
     if not suspects:
         return settled
-    again = replace(fit, readings=_without(fit.readings, suspects)).run()
+    again = _undeclared(fit, suspects).run()
     wrong = [one for one in suspects if one.value > TWICE * again.noise.sigma[one.group]]
     for one in sorted(wrong, key=lambda one: again.noise.sigma[one.group] / one.value):
         seen = float(again.noise.sigma[one.group])
-        if one.value > ABSURD * seen:
-            raise _error(fit.readings, one, seen)
-        warn(f"{_text(fit.readings, one, seen)}: the data's own is used")
+        if one.value > OVERSTATED * seen:
+            raise _error(_readings(fit), one, seen)
+        warn(f"{_text(readings, one, seen)}: the data's own is used")
     if not wrong:
         return settled
-    return again if wrong == suspects else replace(fit, readings=_without(fit.readings, wrong)).run()
+    return again if wrong == suspects else _undeclared(fit, wrong).run()
+
+
+def _readings(fit: RobustFit) -> Readings:
+    assert isinstance(fit.whole, ReadingsProblem)
+    return fit.whole.readings
+
+
+def _undeclared(fit: RobustFit, declared: Collection[Declared]) -> RobustFit:
+    """The fit without some of the declared sigmas."""
+    return replace(fit, whole=replace(fit.whole, readings=_without(_readings(fit), declared)))
 
 
 def _declared(readings: Readings) -> list[Declared]:
@@ -110,16 +123,16 @@ def _without(readings: Readings, declared: Collection[Declared]) -> Readings:
 def _explain(fit: RobustFit, declared: list[Declared], error: ConvergenceError) -> None:
     """Raise where the fit converges only with noise that is estimated, far larger than what is declared."""
     try:
-        again = replace(fit, readings=_without(fit.readings, declared)).run()
+        again = _undeclared(fit, declared).run()
     except ConvergenceError:
         raise error from None
     for one in declared:
         seen = float(again.noise.sigma[one.group])
-        if one.value * ABSURD < seen < NO_NOISE:
-            raise _error(fit.readings, one, seen) from None
+        if one.value * OVERSTATED < seen < NO_NOISE:
+            raise _error(_readings(fit), one, seen) from None
 
 
-def _own(settled: SettledReadings, one: Declared) -> Floats:
+def _own(settled: Settled[ReadingsProblem], one: Declared) -> Floats:
     """Residuals of the numbers with this declared sigma, in units of it."""
     problem, point = settled.fit.problem, settled.fit.point
     readings = problem.readings.at(problem.unknowns(point.x))
@@ -130,13 +143,13 @@ def _own(settled: SettledReadings, one: Declared) -> Floats:
     return np.asarray(readings.minus(point.poses)[own] / sigma[own])
 
 
-def _ratio(settled: SettledReadings, one: Declared) -> float:
+def _ratio(settled: Settled[ReadingsProblem], one: Declared) -> float:
     """Root mean square of the residuals over a declared sigma."""
     left = _own(settled, one)
     return float(np.sqrt((left**2).mean())) if left.size else np.inf
 
 
-def _chance(settled: SettledReadings, one: Declared) -> float:
+def _chance(settled: Settled[ReadingsProblem], one: Declared) -> float:
     """Probability, by chi-square, of residuals as small as these if the declared sigma is true."""
     fit, left = settled.fit, _own(settled, one)
     taken = 0.0

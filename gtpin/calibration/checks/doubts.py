@@ -102,10 +102,17 @@ def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., S
     A warning names what was assumed wrongly.
     """
     found = strain(settled)
-    strayed = np.abs(settled.fit.point.x[: settled.fit.problem.n_geometry]).max(initial=0.0) > STRAYED
+    strayed = np.abs(settled.deviation).max(initial=0.0) > STRAYED
     # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
-    if found is None or (found.what != "frame" and not strayed):
+    if settled.widened == 1.0 and (found is None or (found.what != "frame" and not strayed)):
         return settled, instrument
+    if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
+        warn(
+            f"the nominal model is not this machine: its parameters are off by {settled.widened:.2g} times their "
+            "tolerances; tolerances are widened to admit it"
+        )
+        return settled, instrument
+    assert found is not None
     if found.what == "frame":
         instrument = instrument.model_copy(update={"frame": "free"})
         warn(
@@ -163,7 +170,7 @@ def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
         coarse = coarse_commands(model, measured, point.poses)
         why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
         warn(f"residuals are {size:.0f} times the noise: {why}")
-    x = point.x[: problem.n_geometry]
+    x = settled.deviation
     # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
     rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])
     far = np.flatnonzero((np.abs(x) > STRAYED) & ~rolled)

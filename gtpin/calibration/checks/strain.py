@@ -70,12 +70,9 @@ def strain(settled: Settled) -> Strain | None:
 
 def relieved(settled: Settled, found: Strain) -> Geometry:
     """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
-    geometry = settled.fit.problem.start.geometry
-    x = np.abs(settled.fit.point.x[: len(geometry.parameters)])
+    x = np.abs(settled.deviation)
     whole = found.size if found.what == "tolerances" else 1.0
-    factors = np.maximum(whole, np.where(x > FAR, x, 1.0))
-    parameters = tuple(p.with_tolerance(p.tolerance * f) for p, f in zip(geometry.parameters, factors, strict=True))
-    return Geometry(geometry.robot, parameters, geometry.values, geometry.tracks)
+    return settled.geometry.with_tolerances(np.maximum(whole, np.where(x > FAR, x, 1.0)))
 
 
 @dataclass(frozen=True)
@@ -90,13 +87,15 @@ class _Linear:
     def of(settled: Settled) -> _Linear:
         fit, problem = settled.fit, settled.fit.problem
         p = problem.n_geometry
+        wider = problem.start.geometry.tolerance / settled.geometry.tolerance
         whole = np.zeros((0, 0))
         moment: Floats = np.zeros(0)
         for rows in problem.chunks():
             weight = np.sqrt(fit.weight[rows])
-            J = np.concatenate([problem.jacobian(fit.point, rows)[:, :, :p], motions(problem, fit.point, rows)], axis=2)
+            own = problem.jacobian(fit.point, rows)[:, :, :p] / wider
+            J = np.concatenate([own, motions(problem, fit.point, rows)], axis=2)
             flat = (J * weight[:, None, None]).reshape(-1, J.shape[2])
-            y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :p] @ fit.point.x[:p]
+            y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :p] @ settled.deviation
             whole = flat.T @ flat + (whole if whole.size else 0.0)
             moment = flat.T @ y + (moment if moment.size else 0.0)
         # Residuals that the fit leaves beyond the noise count as noise too: they do not come from wrong tolerances.

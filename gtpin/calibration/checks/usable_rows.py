@@ -18,6 +18,9 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
+FEWEST = 1.0
+"""Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit that can be checked."""
+
 Mask = npt.NDArray[np.bool_]
 
 
@@ -85,11 +88,21 @@ def reach_of(geometry: Geometry) -> float:
 
 
 def check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:
-    """Raise `DatasetError` if there are fewer measured numbers than parameters and unknowns of the instrument."""
+    """Raise `DatasetError` if there are fewer measured numbers than unknowns without a prior: those of a free frame."""
     numbers = len(measured.T) * measured.components
     if numbers <= unknowns:
         raise DatasetError(
-            f"{len(measured.T)} usable rows give {numbers} numbers for {unknowns} parameters",
+            f"{len(measured.T)} usable rows give {numbers} numbers for {unknowns} unknowns of the instrument alone",
             file=dataset.file,
-            hint=f"measure at least {unknowns // measured.components + 1} poses, or leave parameters out",
+            hint="measure more poses",
+        )
+
+
+def check_freedom(dataset: Dataset, numbers: float, dof: float) -> None:
+    """Raise `DatasetError` if a fit leaves less than one degree of freedom: nothing could be said of its noise or its error."""
+    if dof < FEWEST:
+        raise DatasetError(
+            f"{numbers:g} measured numbers leave {max(dof, 0.0):.2g} degrees of freedom",
+            file=dataset.file,
+            hint="measure more: a fit needs more numbers than it takes to fit them",
         )

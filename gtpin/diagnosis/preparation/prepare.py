@@ -10,7 +10,7 @@ from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.result import Calibration
-from gtpin.calibration.reweighting import Progress
+from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.data.duplicates import counted_once
 from gtpin.data.extremes import check_extremes

@@ -1,0 +1,359 @@
+"""Robust fit of geometry and instruments' unknowns: gross errors are rejected and noise is estimated until both converge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.gauss_newton import Fit, fit
+from gtpin.calibration.marginal import Found, Marginal
+from gtpin.calibration.noise_estimator import NoiseEstimator, same
+from gtpin.calibration.problem import Problem
+from gtpin.calibration.readings_problem import ReadingsProblem
+from gtpin.calibration.settled import Settled
+from gtpin.errors import ConvergenceError
+from gtpin.kinematics.poses import Poses
+from gtpin.noise import weights
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.robot.geometry import Geometry
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Progress = Callable[[str, int, float], None]
+Tails = tuple[weights.Tails, ...]
+
+MAX_ITERATIONS = 30
+FREE_ITERATIONS = 8
+"""Iterations after which no more rows are rejected, and tails and noise only grow, so that the iteration can't oscillate."""
+ROUGH = 5e-6
+"""Smallest sigma of the rough fit, m and rad: with less, the cost is a narrow curved valley far from its minimum."""
+ROUGHLY = 1e-4
+"""Relative decrease of the cost at which the rough fit is good enough: its weights may oscillate below that."""
+ROUGH_STEPS = 15
+"""Steps after which the rough fit is good enough to detect gross errors: reweighting can converge slowly."""
+PART = 20_000
+"""Size of a random subset of rows that is fitted first if there are twice as many: its standard errors are less than a
+hundredth of a tolerance, so that one step on all rows is enough afterwards. Measured: docs/speed.md.
+"""
+LOST = 100.0
+"""Ratio of residuals to noise above which a rough fit has failed: 1.5 mm for a tracker. Assumed."""
+COARSE = (1e-2, 1e-3)
+"""Sigmas, m and rad, of the coarse fits that are made before a second rough fit: first those of the largest tolerances, then
+those of usual ones."""
+ENTRIES = 6
+"""Most fits by which the larger of the two maxima of the marginal likelihood is found: each is linear about the last."""
+NEAR = 0.1
+"""Relative change of noise and tolerances from one of these fits to the next, below which the maximum is found."""
+DEMANDED = 7.0
+"""Gain in log marginal likelihood, nats, from which tolerances are wider than given: as ``STRAINED`` of the strain's check."""
+STRAYED = 4.0
+"""Deviation of a parameter in units of its given tolerance, which at least one has where tolerances are wider. Assumed: with
+less, the given tolerances lead to the same fit, and effects that the geometry lacks look the same."""
+LACKING_FREEDOM = 7.0
+"""Degrees of freedom of the t distribution by which gross errors are judged if the model is incomplete by design: the tails of
+its residuals are unknown, and longest at the workspace's edge. Assumed; of 50 poses, one whose residual is 14 times
+(positions alone) or 18 times the core's sigma is a gross error then. ``examples/dressler2010/seeds.py`` counts the good poses
+that are rejected nevertheless.
+"""
+WIDE = 1.5
+"""Size of residuals, in units of the noise, from which a fit that does not converge is repeated with noise of that size.
+Assumed."""
+
+
+@dataclass(frozen=True)
+class RobustFit:
+    """The robust fit of a calibration, with its input: the same for a tracker's poses and for readings of any instruments.
+
+    Parameters
+    ----------
+    whole
+        The problem with all N rows; its whitening is not used.
+    rows, visits
+        (N,) line number of each row in its file, and index of its commands: equal for repeated visits.
+    near
+        (N) nominal poses, base frame.
+    progress
+        Called with the name of the step, the iteration, and the RMS residual in units of the noise.
+    lacking
+        Whether the model leaves out known causes of deviations, as the paper's models do. Then residuals of single visits do
+        not count as repeatability, gross errors are judged by heavier tails, and tolerances are never widened.
+    found
+        Parameters whose tolerances are no statement on the machine: (p,) True for those of a free target. None: there are none.
+    """
+
+    whole: Problem | ReadingsProblem
+    rows: npt.NDArray[np.int64]
+    visits: npt.NDArray[np.intp]
+    near: Poses
+    progress: Progress | None = None
+    lacking: bool = False
+    found: Mask | None = None
+
+    def run(self) -> Settled:
+        """Iterate until rejected rows and noise do not change.
+
+        Raises
+        ------
+        ConvergenceError
+            If a fit or the iteration does not converge.
+        """
+        part = self._of_a_part()
+        if part is None:
+            outcome, fit_, noise, x0, steps = self._entered()
+        else:
+            fit_ = self._with_geometry(part.fit.problem.start.geometry)
+            first = self.estimator.first
+            noise = replace(first, sigma=part.noise.sigma, repeatability=part.noise.repeatability, lack=part.noise.lack)
+            noise = replace(noise, range_ratio=part.noise.range_ratio, source=part.noise.source, dof=part.noise.dof)
+            outcome, x0, steps = part.fit, None, part.steps
+        settled = fit_._iterated(outcome, noise, x0, steps, None if part is None else part)
+        return replace(settled, geometry=self.whole.start.geometry)
+
+    def _iterated(
+        self, outcome: Fit, noise: ReadingNoise, x0: Floats | None, steps: int, part: Settled | None
+    ) -> Settled:
+        """Reject rows, estimate the noise and its tails, and fit, until nothing changes."""
+        used = np.ones(len(self.rows), dtype=bool)
+        tails: Tails = tuple(weights.Tails() for _ in self.alike) if part is None else part.tails
+        wide = 1.0
+        for number in range(1, MAX_ITERATIONS + 1):
+            left, here = self._left(outcome, used)
+            whitened = noise.whitened(self.estimator.derivative(noise), left)
+            now_used = ~self._gross(whitened, used, outcome, here, noise)
+            if number > FREE_ITERATIONS:
+                now_used |= used
+            fitted = used if len(outcome.residual) == np.count_nonzero(used) else self._fitted_part(part)
+            now_noise = self.estimator.estimate(noise, outcome, fitted, now_used, left)
+            # With the previous noise: a sigma from unweighted squares would hide heavy tails.
+            now_tails = self._tails(whitened, now_used)
+            if number > FREE_ITERATIONS:
+                now_tails = tuple(min(pair, key=lambda t: t.freedom) for pair in zip(now_tails, tails, strict=True))
+                now_noise = max(noise, now_noise, key=self.estimator.volume)
+            freedoms = [t.freedom for t in now_tails] == [t.freedom for t in tails]
+            if number > 1 and same(noise, now_noise) and freedoms and (now_used == used).all():
+                return Settled(outcome, used, noise, tails, steps, self.whole.start.geometry, wide)
+            used, noise, tails = now_used, now_noise, now_tails
+            # Gross errors may have given a wrong rough fit; without them, its start is a good start.
+            anew = number == 1 and part is None and not used.all()
+            x, near = (x0, self.near) if anew else (outcome.point.x, here)
+            try:
+                outcome = self._fit(used, noise, self._weigher(tails, wide), x, f"fit {number}", near=near, wide=wide)
+            except ConvergenceError:
+                wide = weights.robust_scale(whitened[used])
+                if wide < WIDE:
+                    raise
+                weigh = self._weigher(tails, wide)
+                outcome = self._fit(used, noise, weigh, outcome.point.x, f"fit {number}", near=here, wide=wide)
+            steps += outcome.iterations
+        raise ConvergenceError(
+            f"noise and gross errors have not converged in {MAX_ITERATIONS} iterations",
+            hint="declare the noise in dataset.toml",
+        )
+
+    def _entered(self) -> tuple[Fit, RobustFit, ReadingNoise, Floats | None, int]:
+        """A rough fit next to the larger maximum of the marginal likelihood, with its noise and tolerances.
+
+        Gives the fit, this fit with the tolerances, the noise, the x from which a fit can start anew, and the steps.
+        """
+        noise, used = self.estimator.first, np.ones(len(self.rows), dtype=bool)
+        nominal = None
+        outcome = self._rough(noise.at_least(ROUGH), None)
+        steps = outcome.iterations
+        if self._scale(outcome.residual, used) > LOST:
+            for sigma in COARSE:
+                nominal = self._rough(noise.at_least(sigma), nominal, "coarse fit").point.x
+            outcome = self._rough(noise.at_least(ROUGH), nominal)
+            steps += outcome.iterations
+        if not noise.estimated.any():
+            return outcome, self, noise, nominal, steps
+        at, given = self, self.whole.start.geometry
+        for _ in range(ENTRIES):
+            best = at._larger_maximum(outcome, noise, given)
+            factor = best.factor / at._factor(given)
+            settled = np.abs(best.noise.sigma / noise.sigma - 1.0).max(initial=0.0) < NEAR and abs(factor - 1.0) < NEAR
+            noise = replace(noise, sigma=best.noise.sigma)
+            if settled:
+                break
+            x = outcome.point.x.copy()
+            own = at._widenable
+            x[: len(own)][own] /= factor
+            at = self._with_geometry(given.with_tolerances(np.where(own, best.factor, 1.0)))
+            outcome = at._rough(noise.at_least(ROUGH), x)
+            steps += outcome.iterations
+        return outcome, at, noise, nominal if at is self else outcome.point.x, steps
+
+    def _larger_maximum(self, outcome: Fit, noise: ReadingNoise, given: Geometry) -> Found:
+        """The noise, and the factor on the given tolerances, at the larger maximum of the marginal likelihood."""
+        n = len(given.parameters)
+        factor, size = self._factor(given), outcome.problem.size
+        own = np.zeros(size, dtype=bool)
+        own[:n] = self._widenable
+        marginal = Marginal.of(outcome, noise, self._huber(outcome.residual), own)
+        # In units of the given tolerances.
+        scale = np.where(own, factor, 1.0)
+        marginal = marginal.in_units(scale)
+        starts = (np.maximum(noise.sigma, ROUGH), np.minimum(noise.sigma, self.estimator.first.sigma), marginal.scatter)
+        narrow = max((marginal.best(s, widen=False) for s in starts), key=lambda found: found.log_likelihood)
+        if self.lacking or not own.any():
+            return narrow
+        wide = max((marginal.best(s, widen=True) for s in starts), key=lambda found: found.log_likelihood)
+        strayed = np.abs(marginal.x[own]).max() > STRAYED
+        if strayed and wide.log_likelihood - narrow.log_likelihood > DEMANDED:
+            return wide
+        return narrow
+
+    @property
+    def _widenable(self) -> Mask:
+        """(p,) parameters whose tolerances are a statement on the machine."""
+        count = len(self.whole.start.geometry.parameters)
+        return np.ones(count, dtype=bool) if self.found is None else ~self.found
+
+    def _factor(self, given: Geometry) -> float:
+        """The factor by which the tolerances of this fit are wider than given."""
+        ratio = self.whole.start.geometry.tolerance / given.tolerance
+        return float(ratio[self._widenable].max(initial=1.0))
+
+    def _with_geometry(self, geometry: Geometry) -> RobustFit:
+        """The same fit with other tolerances."""
+        return replace(self, whole=replace(self.whole, start=replace(self.whole.start, geometry=geometry)))
+
+    @cached_property
+    def estimator(self) -> NoiseEstimator:
+        """Estimates the noise."""
+        return NoiseEstimator(self.whole, self.near, self.visits, self.lacking)
+
+    @cached_property
+    def alike(self) -> list[npt.NDArray[np.intp]]:
+        """Groups of rows whose residuals are compared with each other."""
+        return self.whole.measured.alike
+
+    def _of_a_part(self) -> Settled | None:
+        """The result for a random subset of the rows, each with all its visits; None for few rows.
+
+        Steps on a subset are cheap, and few steps on all rows remain.
+        """
+        rows = self._part_rows
+        if rows is None:
+            return None
+        whole = self.whole.take(rows, self.whole.whitening[rows])
+        return replace(
+            self, whole=whole, rows=self.rows[rows], visits=self.visits[rows], near=self.near[rows]
+        ).run()
+
+    @cached_property
+    def _part_rows(self) -> npt.NDArray[np.intp] | None:
+        if len(self.near) < 2 * PART:
+            return None
+        order = np.random.default_rng(0).permutation(int(self.visits.max()) + 1)
+        taken = order[np.cumsum(np.bincount(self.visits)[order]) <= PART]
+        rows = np.flatnonzero(np.isin(self.visits, taken))
+        return None if len(rows) < PART / 2 else rows  # few poses of very many visits
+
+    def _fitted_part(self, part: Settled | None) -> Mask:
+        """(N,) the rows of a part's fit."""
+        assert part is not None
+        assert self._part_rows is not None
+        fitted = np.zeros(len(self.rows), dtype=bool)
+        fitted[self._part_rows[part.used]] = True
+        return fitted
+
+    def _rough(self, noise: ReadingNoise, x: Floats | None, what: str = "rough fit") -> Fit:
+        """A fit of all rows that is good enough to detect gross errors."""
+        used = np.ones(len(self.rows), dtype=bool)
+        return self._fit(used, noise, self._huber, x, what, rough=True)
+
+    def _fit(
+        self,
+        used: Mask,
+        noise: ReadingNoise,
+        weigh: Callable[..., Floats],
+        x: Floats | None,
+        what: str,
+        *,
+        rough: bool = False,
+        near: Poses | None = None,
+        wide: float = 1.0,
+    ) -> Fit:
+        def report(iteration: int, rms: float) -> None:
+            if self.progress is not None:
+                self.progress(what, iteration, rms)
+
+        near, own, J = self.near if near is None else near, noise.scaled(wide), self.estimator.derivative(noise)
+        if not used.all():
+            near, own, J = near[used], own.take(used), J[used]
+        problem = self.whole.take(used, own.whitening(J, self.whole.measured.components))
+        x = problem.first if x is None else x
+        if rough:
+            return fit(problem, lambda r: weigh(r, used), x, report, near=near, decrease=ROUGHLY, enough=ROUGH_STEPS)
+        return fit(problem, lambda r: weigh(r, used), x, report, near=near)
+
+    def _left(self, outcome: Fit, used: Mask) -> tuple[Floats, Poses]:
+        """(N, c) residuals of a fit at all rows, including rejected ones, and the model's poses, base frame."""
+        point, poses = outcome.point, outcome.point.poses
+        q = self.whole.measured.q
+        if len(poses) != np.count_nonzero(used):  # those of a part
+            poses = point.model.kinematics.forward(q, self.near)
+        elif len(poses) < len(used):
+            others = point.model.kinematics.forward(q[~used], self.near[~used])
+            poses = Poses.merged(used, poses, others)
+        return self.whole.left(point, poses), poses
+
+    def _in_used(self, used: Mask) -> list[npt.NDArray[np.intp]]:
+        """The groups of ``alike``, as indices among the used rows."""
+        place = np.cumsum(used) - 1
+        return [place[rows[used[rows]]] for rows in self.alike]
+
+    def _huber(self, residual: Floats, used: Mask | None = None) -> Floats:
+        used = np.ones(len(self.rows), dtype=bool) if used is None else used
+        weight = np.ones(len(residual))
+        for rows in self._in_used(used):
+            if len(rows):
+                weight[rows] = weights.huber(residual[rows])
+        return weight
+
+    def _weigher(self, tails: Tails, wide: float) -> Callable[[Floats, Mask], Floats]:
+        def weigh(residual: Floats, used: Mask) -> Floats:
+            weight, residual = np.ones(len(residual)), residual * wide
+            for rows, of in zip(self._in_used(used), tails, strict=True):
+                # The information of the data is less than that of the weighted squares that fit them.
+                weight[rows] = of.weigh(residual[rows]) * of.kept(residual.shape[1])
+            return weight
+
+        return weigh
+
+    def _scale(self, residual: Floats, used: Mask) -> float:
+        return max(weights.robust_scale(residual[rows]) for rows in self._in_used(used) if len(rows))
+
+    def _tails(self, whitened: Floats, used: Mask) -> Tails:
+        some = whitened[used]
+        return tuple(weights.Tails.of(some[rows]) if len(rows) else weights.Tails() for rows in self._in_used(used))
+
+    def _gross(self, whitened: Floats, used: Mask, outcome: Fit, poses: Poses, noise: ReadingNoise) -> Mask:
+        """(N,) rows with a gross error in any number, or with a pose that the model can't reach; a table's row is rejected as
+        a whole.
+
+        The prediction of a row that the fit hardly used is uncertain itself: with H = B C B' the covariance of a prediction in
+        units of the noise and w the row's weight, its residual has the covariance I + (1 - 2 w) H. It is used where w < 1/2.
+        """
+        found: Mask = np.asarray(~np.isfinite(whitened).all(axis=1))
+        finite, heaviest = ~found, LACKING_FREEDOM if self.lacking else np.inf
+        weight = np.zeros(len(used))
+        if len(outcome.weight) == np.count_nonzero(used):
+            weight[used] = outcome.weight
+        for rows in self.alike:
+            if not used[rows].any():
+                continue
+            limit = weights.gross_limit(whitened[rows], used[rows], heaviest)
+            far = rows[(weights.square_norms(whitened[rows]) > limit) & finite[rows]]
+            if len(far):
+                problem = self.whole.take(far, noise.take(far).whitening(self.estimator.derivative(noise, far), whitened.shape[1]))
+                B = problem.jacobian(replace(outcome.point, poses=poses[far]), slice(None))
+                H = np.einsum("nci,ij,ndj->ncd", B, outcome.covariance, B, optimize=True)
+                spread = np.eye(whitened.shape[1]) + np.maximum(1.0 - 2.0 * weight[far], 0.0)[:, None, None] * H
+                norms = np.einsum("nc,nc->n", whitened[far], np.linalg.solve(spread, whitened[far][..., None])[..., 0])
+                found[far] |= norms > limit
+        return np.isin(self.rows, self.rows[found])
