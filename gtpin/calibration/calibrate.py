@@ -196,7 +196,7 @@ def _calibrated(
         frame = rough_frame(poses, measured) if instrument.frame == "free" else Frame()
         return Model(geometry, frame, solver=kinematics)
 
-    def settle(instrument: Instrument, geometry: Geometry = geometry) -> Settled:
+    def settle(instrument: Instrument, geometry: Geometry = geometry) -> Settled[Problem]:
         sigmas = (instrument.position_sigma, instrument.orientation_sigma)
         own, c = replace(measured, sigmas=sigmas, station=instrument.station), measured.components
         unit = np.broadcast_to(np.eye(c), (len(own.T), c, c))

@@ -101,8 +101,8 @@ def calibrate_readings(
     check_readable(fitted, near, reach_of(geometry))
     with explained(fitted, near, reach_of(geometry)):
         c = fitted.components
-        whole = ReadingsProblem(nominal, fitted, np.broadcast_to(np.eye(c), (len(kept), c, c)))
-        settled = settled_with_sigmas(RobustFit(whole, kept.row, kept.visits, near, progress))
+        problem = ReadingsProblem(nominal, fitted, np.broadcast_to(np.eye(c), (len(kept), c, c)))
+        settled = settled_with_sigmas(RobustFit(problem, kept.row, kept.visits, near, progress))
     check_used(kept, fitted, settled.used)
     check_freedom(dataset, settled.fit.problem.count, settled.dof)
     problem, point = settled.fit.problem, settled.fit.point

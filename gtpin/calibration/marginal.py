@@ -1,4 +1,4 @@
-"""The marginal likelihood of a fit: how probable its data are with some noise, and with tolerances that are some factor too small.
+"""The marginal likelihood of a fit: how probable its data are with some noise, and with tolerances wider by some factor.
 
 About a fit at x, the residuals in m and rad are r - B (x' - x), with x' the unknowns. Geometry and instruments' unknowns have
 Gaussian priors, so they integrate out in closed form, and what is left is a function of the noise's sigmas and of the factor on
@@ -71,7 +71,10 @@ class Marginal:
 
     @staticmethod
     def of(
-        outcome: Fit[Problem] | Fit[ReadingsProblem], noise: ReadingNoise, weight: Floats, widened: npt.NDArray[np.bool_]
+        outcome: Fit[Problem] | Fit[ReadingsProblem],
+        noise: ReadingNoise,
+        weight: Floats,
+        widened: npt.NDArray[np.bool_],
     ) -> Marginal:
         """Sum over a fit's rows, with weights (N,); ``noise`` is that of these rows."""
         problem, groups, k = outcome.problem, len(noise.sigma), outcome.problem.size
@@ -105,7 +108,7 @@ class Marginal:
         return Marginal(noise, squares, counts, moments, grams, known, x, problem.prior, widened)
 
     def in_units(self, scale: Floats) -> Marginal:
-        """The same for unknowns in other units: each is ``scale`` (k,) times as large; the priors then hold in the new units."""
+        """The same for unknowns in other units: each is ``scale`` (k,) times as large; the priors hold in the new units."""
         A = np.outer(scale, scale)
         of_known, b, gram = self.known
         return replace(
@@ -125,7 +128,7 @@ class Marginal:
     def scatter(self) -> Floats:
         """(G,) sigmas that the data would have at x = 0, with the nominal geometry: the noise of the other start."""
         at = self.squares + 2.0 * self.moments @ self.x + np.einsum("i,gij,j->g", self.x, self.grams, self.x)
-        return np.sqrt(np.maximum(at, 0.0) / np.maximum(self.counts, 1.0))
+        return np.asarray(np.sqrt(np.maximum(at, 0.0) / np.maximum(self.counts, 1.0)))
 
     def best(self, sigma: Floats, *, widen: bool) -> Found:
         """The maximum that is found from some sigmas (G,); ``widen``: whether the factor on the tolerances is open too."""

@@ -129,15 +129,14 @@ class NoiseEstimator:
             sight=noise.sight,
             reach=noise.reach,
         )
-        if not open_ :
+        if not open_:
             return repeated
         found = self._from_residuals(noise, outcome, fitted, used)
         shown = np.bincount(noise.group[rows].ravel(), minlength=len(noise.sigma)) >= LEAST_CONTRASTS
-        if repeated.repeatability > 0.0:
-            taken = noise.estimated & shown
-        else:
+        taken = noise.estimated & shown
+        if repeated.repeatability == 0.0:
             # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless it is larger.
-            taken = noise.estimated & shown & _larger(found, repeated)
+            taken &= _larger(found, repeated)
         if not taken.any():
             return found
         return replace(repeated, sigma=np.where(taken | ~noise.estimated, repeated.sigma, found.sigma))

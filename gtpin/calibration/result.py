@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.observability import Direction, Observability, observability
-from gtpin.calibration.result_json import calibration_json
 from gtpin.calibration.problem import Problem
+from gtpin.calibration.result_json import calibration_json
 from gtpin.calibration.settled import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument

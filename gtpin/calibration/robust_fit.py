@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -93,7 +94,7 @@ class RobustFit:
     lacking: bool = False
     found: Mask | None = None
 
-    def run(self) -> Settled:
+    def run(self) -> Settled[Any]:
         """Iterate until rejected rows and noise do not change.
 
         Raises
@@ -114,8 +115,8 @@ class RobustFit:
         return replace(settled, geometry=self.whole.start.geometry)
 
     def _iterated(
-        self, outcome: Fit, noise: ReadingNoise, x0: Floats | None, steps: int, part: Settled | None
-    ) -> Settled:
+        self, outcome: Fit[Any], noise: ReadingNoise, x0: Floats | None, steps: int, part: Settled[Any] | None
+    ) -> Settled[Any]:
         """Reject rows, estimate the noise and its tails, and fit, until nothing changes."""
         used = np.ones(len(self.rows), dtype=bool)
         tails: Tails = tuple(weights.Tails() for _ in self.alike) if part is None else part.tails
@@ -154,7 +155,7 @@ class RobustFit:
             hint="declare the noise in dataset.toml",
         )
 
-    def _entered(self) -> tuple[Fit, RobustFit, ReadingNoise, Floats | None, int]:
+    def _entered(self) -> tuple[Fit[Any], RobustFit, ReadingNoise, Floats | None, int]:
         """A rough fit next to the larger maximum of the marginal likelihood, with its noise and tolerances.
 
         Gives the fit, this fit with the tolerances, the noise, the x from which a fit can start anew, and the steps.
@@ -186,7 +187,7 @@ class RobustFit:
             steps += outcome.iterations
         return outcome, at, noise, nominal if at is self else outcome.point.x, steps
 
-    def _larger_maximum(self, outcome: Fit, noise: ReadingNoise, given: Geometry) -> Found:
+    def _larger_maximum(self, outcome: Fit[Any], noise: ReadingNoise, given: Geometry) -> Found:
         """The noise, and the factor on the given tolerances, at the larger maximum of the marginal likelihood."""
         n = len(given.parameters)
         factor, size = self._factor(given), outcome.problem.size
@@ -231,7 +232,7 @@ class RobustFit:
         """Groups of rows whose residuals are compared with each other."""
         return self.whole.measured.alike
 
-    def _of_a_part(self) -> Settled | None:
+    def _of_a_part(self) -> Settled[Any] | None:
         """The result for a random subset of the rows, each with all its visits; None for few rows.
 
         Steps on a subset are cheap, and few steps on all rows remain.
@@ -240,9 +241,7 @@ class RobustFit:
         if rows is None:
             return None
         whole = self.whole.take(rows, self.whole.whitening[rows])
-        return replace(
-            self, whole=whole, rows=self.rows[rows], visits=self.visits[rows], near=self.near[rows]
-        ).run()
+        return replace(self, whole=whole, rows=self.rows[rows], visits=self.visits[rows], near=self.near[rows]).run()
 
     @cached_property
     def _part_rows(self) -> npt.NDArray[np.intp] | None:
@@ -253,7 +252,7 @@ class RobustFit:
         rows = np.flatnonzero(np.isin(self.visits, taken))
         return None if len(rows) < PART / 2 else rows  # few poses of very many visits
 
-    def _fitted_part(self, part: Settled | None) -> Mask:
+    def _fitted_part(self, part: Settled[Any] | None) -> Mask:
         """(N,) the rows of a part's fit."""
         assert part is not None
         assert self._part_rows is not None
@@ -261,7 +260,7 @@ class RobustFit:
         fitted[self._part_rows[part.used]] = True
         return fitted
 
-    def _rough(self, noise: ReadingNoise, x: Floats | None, what: str = "rough fit") -> Fit:
+    def _rough(self, noise: ReadingNoise, x: Floats | None, what: str = "rough fit") -> Fit[Any]:
         """A fit of all rows that is good enough to detect gross errors."""
         used = np.ones(len(self.rows), dtype=bool)
         return self._fit(used, noise, self._huber, x, what, rough=True)
@@ -277,7 +276,7 @@ class RobustFit:
         rough: bool = False,
         near: Poses | None = None,
         wide: float = 1.0,
-    ) -> Fit:
+    ) -> Fit[Any]:
         def report(iteration: int, rms: float) -> None:
             if self.progress is not None:
                 self.progress(what, iteration, rms)
@@ -291,7 +290,7 @@ class RobustFit:
             return fit(problem, lambda r: weigh(r, used), x, report, near=near, decrease=ROUGHLY, enough=ROUGH_STEPS)
         return fit(problem, lambda r: weigh(r, used), x, report, near=near)
 
-    def _left(self, outcome: Fit, used: Mask) -> tuple[Floats, Poses]:
+    def _left(self, outcome: Fit[Any], used: Mask) -> tuple[Floats, Poses]:
         """(N, c) residuals of a fit at all rows, including rejected ones, and the model's poses, base frame."""
         point, poses = outcome.point, outcome.point.poses
         q = self.whole.measured.q
@@ -332,7 +331,7 @@ class RobustFit:
         some = whitened[used]
         return tuple(weights.Tails.of(some[rows]) if len(rows) else weights.Tails() for rows in self._in_used(used))
 
-    def _gross(self, whitened: Floats, used: Mask, outcome: Fit, poses: Poses, noise: ReadingNoise) -> Mask:
+    def _gross(self, whitened: Floats, used: Mask, outcome: Fit[Any], poses: Poses, noise: ReadingNoise) -> Mask:
         """(N,) rows with a gross error in any number, or with a pose that the model can't reach; a table's row is rejected as
         a whole.
 
@@ -350,7 +349,9 @@ class RobustFit:
             limit = weights.gross_limit(whitened[rows], used[rows], heaviest)
             far = rows[(weights.square_norms(whitened[rows]) > limit) & finite[rows]]
             if len(far):
-                problem = self.whole.take(far, noise.take(far).whitening(self.estimator.derivative(noise, far), whitened.shape[1]))
+                problem = self.whole.take(
+                    far, noise.take(far).whitening(self.estimator.derivative(noise, far), whitened.shape[1])
+                )
                 B = problem.jacobian(replace(outcome.point, poses=poses[far]), slice(None))
                 H = np.einsum("nci,ij,ndj->ncd", B, outcome.covariance, B, optimize=True)
                 spread = np.eye(whitened.shape[1]) + np.maximum(1.0 - 2.0 * weight[far], 0.0)[:, None, None] * H

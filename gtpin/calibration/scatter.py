@@ -59,7 +59,7 @@ def independent(
 def _scores(problem: Problem | ReadingsProblem, point: Point, J: Floats) -> list[float]:
     """Standard scores of the correlation of the drives' errors at neighbouring poses, one for each kind of neighbour."""
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
-    c, k = B.shape[1:]
+    k = B.shape[2]
     y = problem.residual(point) + B @ point.x
     flat = B.reshape(-1, k)
     C = np.linalg.inv(flat.T @ flat + np.diag(problem.prior))

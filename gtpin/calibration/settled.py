@@ -23,7 +23,7 @@ CORE = 1.2
 LACK_OF_FIT = 1e-3
 """p-value of chi-square below which the model counts as incomplete. Assumed."""
 
-P = TypeVar("P", Problem, ReadingsProblem)
+P = TypeVar("P", bound=Problem | ReadingsProblem)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,8 @@ class Settled(Generic[P]):
     def refit(self, factor: float) -> Fit[P]:
         """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""
         weight = self.fit.weight
-        return fit(self.fit.problem.noisier(factor / self.wide), lambda _: weight, self.fit.point.x)
+        noisier: P = self.fit.problem.noisier(factor / self.wide)  # type: ignore[assignment]
+        return fit(noisier, lambda _: weight, self.fit.point.x)
 
     @property
     def deviation(self) -> npt.NDArray[np.float64]:

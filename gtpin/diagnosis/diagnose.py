@@ -115,7 +115,7 @@ def diagnose(
     prepared = prepare(dataset, nominal, progress, priors)
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
-        prepared = prepare(prepared.undeclared(small), nominal, progress, priors)
+        prepared = prepared.undeclared(small, nominal, progress, priors)
     check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
     if dataset.drivers:
         scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
@@ -137,6 +137,7 @@ def diagnose(
         classes=classes(fitted.conclusion, fitted.causes, settled.hypotheses),
         untestable=settled.proposal.untested,
         unknown=next(((d.site, ",".join(d.over)) for d in fitted.conclusion.doubts if d.over), None),
+        unseen_noise=any(d.reason == "excess" for d in fitted.conclusion.doubts),
         rng=rng,
     )
     return replace(_diagnosis(prepared, settled, fitted, experiments, scope), dataset=dataset, seed=seed)
@@ -157,6 +158,7 @@ def _diagnosis(
         candidates=considered(hypotheses, found, settled.proposal.untested, fitted.unexplained.could_be),
         where=where(design, left, found.alone, regions),
         gap=fitted.gap,
+        noise_source=fitted.noise_source,
         unexplained=fitted.unexplained,
         baseline=prepared.baseline,
         model=fitted.model,

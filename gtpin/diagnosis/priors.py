@@ -141,8 +141,11 @@ class Priors:
     examples/diagnosis/noise_floor.py."""
     named: float = 2.0
     """The same ratio, where causes are named. Measured by the same script."""
+    excess: float = 1.2
+    """Ratio of the residuals to the declared or repeated noise, above which the verdict ``none`` becomes ``unknown``.
+    Assumed: data sheets and calibrations state a sigma to some 20 %."""
     chance: float = 1e-6
-    """P-value of the chi-square of the residuals. The two ratios above count only where the p-value is not larger. Assumed."""
+    """P-value of the chi-square of the residuals. The three ratios above count only where it is not larger. Assumed."""
     scatters: float = 0.5
     """Ratio of the repeatability to the instrument's sigma, from which part of the repeatability may be an effect. Assumed."""
     two_groups: float = 5.0

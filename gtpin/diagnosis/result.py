@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Unexplained, Verdict
+from gtpin.diagnosis.inference.shown_noise import Source
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
@@ -38,6 +39,8 @@ class Diagnosis(Shown):
         Where the gap lies: by rod, site, axis, covariate and region.
     gap
         Errors on left-out poses, of the geometry alone and with the causes, and the noise floor.
+    noise_source
+        Where the noise floor comes from: ``declared``, ``repeats`` (repeated visits), or ``residuals``: an assumption.
     unexplained
         What the causes do not explain.
     baseline
@@ -91,6 +94,7 @@ class Diagnosis(Shown):
     effects: tuple[Effect, ...] = field(default_factory=catalogue)
     seed: int = 0
     doubts: tuple[Doubt, ...] = ()
+    noise_source: Source = "declared"
 
     def effect(self, name: str) -> Effect:
         """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""

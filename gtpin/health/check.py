@@ -227,6 +227,7 @@ def _gaps(tried: _Tried, rng: np.random.Generator) -> tuple[Gap, dict[tuple[str,
     design, floor = tried.design, _floor(tried)
     blocks = list(np.eye(len(floor), dtype=bool))
     if not design.tracked:
+        floor = np.ones((len(floor), design.components))  # whitened numbers
         blocks = [tried.data.dataset.visits == visit for visit in np.unique(tried.data.dataset.visits)]
     places = [c.place for c in tried.conclusion.classes]
     whole = gap(design, tried.columns(), floor, blocks, rng)

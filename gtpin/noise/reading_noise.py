@@ -1,4 +1,4 @@
-"""The noise of measured numbers: a sigma for each group of numbers, or one that a row declares, and the drives' repeatability."""
+"""The noise of measured numbers: a sigma for each group of numbers or declared by a row, and the drives' repeatability."""
 
 from __future__ import annotations
 
@@ -113,7 +113,14 @@ class ReadingNoise:
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> ReadingNoise:
         """The noise of some of the rows."""
-        some = replace(self, group=_rows(self.group, rows), row_sigma=_rows(self.row_sigma, rows))
+        count = len(np.empty(len(self.group), dtype=np.int8)[rows])
+        # Views of one row for all stay views.
+        group, own = self.group, self.row_sigma
+        some = replace(
+            self,
+            group=group[rows] if group.strides[0] else np.broadcast_to(group[0], (count, group.shape[1])),
+            row_sigma=own[rows] if own.strides[0] else np.broadcast_to(own[0], (count, own.shape[1])),
+        )
         if self.sight is None or self.reach is None:
             return some
         return replace(some, sight=self.sight[rows], reach=self.reach[rows])
@@ -192,11 +199,3 @@ def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, 
         return replace(noise, sigma=np.maximum(sigma, SMALLEST), repeatability=unit * float(x[0]))
 
     return likeliest_of(trial, len(open_), errors, by_command, weight)
-
-
-def _rows(values: npt.NDArray[np.generic], rows: npt.NDArray[np.generic] | slice) -> npt.NDArray[np.generic]:
-    """Some of the rows; a view of one row for all stays a view."""
-    if values.strides[0]:
-        return values[rows]
-    count = len(np.empty(len(values), dtype=np.int8)[rows])
-    return np.broadcast_to(values[0], (count, values.shape[1]))

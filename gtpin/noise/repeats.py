@@ -49,11 +49,11 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
 def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> ReadingNoise:
     """Noise from the scatter between visits: repeatability, and the sigmas that were not declared.
 
-    Maximum likelihood over contrasts (k, c), with the derivative (k, c, n) of the readings by the commands; ``noise`` is that of
-    the contrasts' rows. Repeatability is zero where the scatter does not show it. Contrasts far larger than the others are
+    Maximum likelihood over contrasts (k, c), with the derivative (k, c, n) of the readings by the commands; ``noise`` is that
+    of the contrasts' rows. Repeatability is zero where the scatter does not show it. Contrasts far larger than the others are
     shortened to a limit. Sigmas of groups with fewer than ``LEAST_CONTRASTS`` contrasts stay as they are.
     """
-    contrast = _tamed(contrast, noise.group)
+    contrast = tamed(contrast, noise.group)
     sigma, open_ = noise.sigma.copy(), noise.estimated.copy()
     for group in np.flatnonzero(open_):
         own = np.abs(contrast[(noise.group == group) & ~np.isfinite(noise.row_sigma)])
@@ -68,7 +68,7 @@ def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> R
     return replace(found, source="repeats", dof=float(3 * len(contrast)))
 
 
-def _tamed(contrast: Floats, group: npt.NDArray[np.intp]) -> Floats:
+def tamed(contrast: Floats, group: npt.NDArray[np.intp]) -> Floats:
     """Contrasts (k, c), shortened to the 97.5 % point of a Gaussian with the median of the sizes of those alike."""
     found, c = contrast.copy(), contrast.shape[1]
     for first in np.unique(group[:, 0]):

@@ -16,8 +16,8 @@ Floats = npt.NDArray[np.float64]
 REJECTION = 1e-3
 """Probability that any good pose of a dataset is set aside, for Gaussian noise. Assumed."""
 ABSURD = 15.0
-"""Norm of a residual, in units of the residuals' robust scale, beyond which a row is a gross error however heavy the tails are: a
-few gross errors of a single number look like tails that explain them. Assumed; as ``absurd`` of a diagnosis."""
+"""Norm of a residual, in units of the residuals' robust scale, beyond which a row is a gross error however heavy the tails
+are: a few gross errors of a single number look like tails that explain them. Assumed; as ``absurd`` of a diagnosis."""
 TAIL_Z = 4.0
 """Standard errors by which the fourth moment must be larger than a Gaussian's for tails to count as heavy. Assumed."""
 FREEDOMS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0)

@@ -88,17 +88,24 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
 def _errors(gap: Gap) -> dict[str, Any]:
     """Position errors, those of the first tracker where there are several instruments, and errors of each instrument."""
     if not gap.by_instrument:
-        return {"position_rms_before": gap.before, "position_rms_after": gap.after, "noise_floor": gap.floor}
+        return {
+            "position_rms_before": gap.before,
+            "position_rms_after": gap.after,
+            "noise_floor": gap.floor,
+            "noise_inferred": gap.inferred,
+        }
     tracker = next((one for one in gap.by_instrument if one.kind == "tracker"), None)
     return {
         "position_rms_before": tracker.before if tracker else None,
         "position_rms_after": tracker.after if tracker else None,
         "noise_floor": tracker.floor if tracker else None,
+        "noise_inferred": tracker.inferred if tracker else None,
         "by_instrument": {
             one.name: {
                 "rms_before": one.before,
                 "rms_after": one.after,
                 "noise_floor": one.floor,
+                "noise_inferred": one.inferred,
                 "unit": one.unit,
             }
             for one in gap.by_instrument

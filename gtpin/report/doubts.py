@@ -9,7 +9,18 @@ from gtpin.report.words import joined, site_words
 
 WORDS = {
     "restless": "{site} errs from pose to pose by more than repeated visits let it scatter.",
-    "held_out": "Poses that were left out of the fit are much farther off than noise, or no nearer with causes than without.",
+    "held_out": (
+        "Poses that were left out of the fit are farther off than the noise that was declared or that repeated visits show, "
+        "or no nearer with causes than without."
+    ),
+    "excess": (
+        "The residuals are larger than the declared noise, no effect explains the difference, and too few poses were visited "
+        "twice to tell whether it repeats."
+    ),
+    "visits": (
+        "Visits to the same commands differ otherwise than the declared noise and the drives' repeatability allow: something "
+        "changes between them."
+    ),
     "two_valued": (
         "The errors of {site} take two values, as play does whose direction of approach is not known: check {columns}, which "
         "may belong to other rows."

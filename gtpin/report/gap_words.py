@@ -44,6 +44,17 @@ def gap_words(gap: Gap) -> GapWords:
     )
 
 
+def beyond(gap: Gap) -> str:
+    """What is left beyond the noise floor with the causes, sqrt(after^2 - floor^2), with units; for each instrument."""
+    if not gap.by_instrument:
+        return length(float(np.sqrt(max(gap.after**2 - gap.floor**2, 0.0))))
+    parts = [
+        (one.name, quantity(float(np.sqrt(max(one.after**2 - one.floor**2, 0.0))), one.unit))
+        for one in gap.by_instrument
+    ]
+    return joined([f"{size} ({name})" if len(parts) > 1 else size for name, size in parts])
+
+
 def beyond_noise(gap: Gap) -> str:
     """What goes away with the causes, in lengths, where the gap beyond noise is smaller than noise; empty otherwise.
 

@@ -92,6 +92,8 @@ def _visits(e: Experiment, visits: Visits, robot: Robot) -> str:
         (site,), there = visits.actuators, e.poses[: len(e.poses) // 2]
         first, last = there[[0, -1], robot.sites.index(site)]
         return f"Move {site} alone, in {len(there)} equal steps from {first:.3f} to {last:.3f}, and back"
+    if visits.pattern == "again":
+        return f"Visit {visits.stations} of the measured poses twice more each, with all other conditions unchanged"
     return f"Visit the same {visits.stations} poses {_repeated(visits, robot)}"
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from gtpin.diagnosis.inference.findings import Cause, Question
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.doubts import doubt_words
-from gtpin.report.gap_words import beyond_noise, gap_words
+from gtpin.report.gap_words import beyond, beyond_noise, gap_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
 from gtpin.report.phrases import clause, remedy, sentence
 from gtpin.report.quality import scatters
@@ -57,6 +57,12 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
         f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to; the noise of "
         f"instrument and repeatability alone is {size.floor}."
     )
+    if d.noise_source == "residuals":
+        gap = (
+            f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to. That this is noise is an "
+            f"assumption: no sigma was declared and no pose was visited repeatedly. An error of up to {size.before} that "
+            "differs from pose to pose could hide in it; declare the instrument's sigma, or visit ten poses again."
+        )
     scatter, hidden = scatters(d.baseline), may_hide(d)
     if scatter and hidden:
         headline = (
@@ -112,7 +118,10 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
         if d.unexplained.could_be
         else "something that is not in the catalogue"
     )
-    if d.unexplained.correlates:
+    if any(doubt.reason == "excess" for doubt in d.doubts):
+        headline = f"Scatter of {beyond(d.gap)} that these data can't separate from noise: repeat visits tell."
+        look = "Where a pose is measured several times, differences between its visits are noise, and all else is an error."
+    elif d.unexplained.correlates:
         site, coordinates, _ = d.unexplained.correlates[0]
         moved = "everything that the instrument measures" if site == "frame" else site_words(site)
         headline = sentence(f"{what} moves {moved} with {coordinate_words(coordinates)}: don't compensate it by name")

@@ -18,7 +18,7 @@ from virtual_gantry import Gantry, draw
 from virtual_instruments import LASER, LEVEL, SEAT, TOUCH, WIRE, Seen, bed, camera, cup, laser, level, read, spare, wire
 
 import gtpin
-from gtpin.calibration.readings_fit import RobustFit
+from gtpin.calibration.robust_fit import RobustFit
 from gtpin.noise.weights import Tails
 
 Floats = np.ndarray

@@ -18,6 +18,7 @@ from gtpin.calibration.problem import Point, Problem
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 
 Floats = npt.NDArray[np.float64]
 
@@ -33,7 +34,7 @@ motions in proportion to time (to its third power), temperatures, payload or ano
 Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
 
 
-def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise) -> None:
+def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise | ReadingNoise) -> None:
     """Refuse data during which the instrument moved by much more than its noise.
 
     Parameters

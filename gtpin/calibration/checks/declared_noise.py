@@ -15,7 +15,7 @@ from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 
 Sigma = Literal["position_sigma", "orientation_sigma"]
-Settle = Callable[[Instrument], Settled]
+Settle = Callable[[Instrument], Settled[Problem]]
 
 SIGMAS: tuple[tuple[Sigma, slice], ...] = (("position_sigma", slice(0, 3)), ("orientation_sigma", slice(3, 6)))
 """Keys of the noise, and the components of a pose that each is of."""
@@ -40,7 +40,7 @@ UNITS: dict[Sigma, tuple[tuple[float, float, str], ...]] = {
 """Ratios (a factor of four to either side of a unit's own, less for degrees) and the unit that they look like."""
 
 
-def used_noise(dataset: Dataset, settled: Settled, settle: Settle) -> tuple[Settled, Instrument]:
+def used_noise(dataset: Dataset, settled: Settled[Problem], settle: Settle) -> tuple[Settled[Problem], Instrument]:
     """The calibration with credible noise: a declared sigma that is too large is estimated instead, with a warning.
 
     Parameters
@@ -79,7 +79,7 @@ def used_noise(dataset: Dataset, settled: Settled, settle: Settle) -> tuple[Sett
     return settle(kept), kept
 
 
-def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled:
+def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled[Problem]:
     """Calibrate; if the fit does not converge, find out whether the reason is a declared noise that is far too small.
 
     Raises
@@ -115,7 +115,7 @@ def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled:
         ) from None
 
 
-def shown(settled: Settled, key: Sigma) -> float:
+def shown(settled: Settled[Problem], key: Sigma) -> float:
     """Noise per axis, m or rad, of a calibration: that of the instrument and the scatter of the machine together."""
     problem: Problem = settled.fit.problem
     point, components = settled.fit.point, problem.measured.components
@@ -132,7 +132,7 @@ def unit_like(key: Sigma, ratio: float) -> str:
     return next((unit for low, high, unit in UNITS[key] if low <= ratio <= high), "")
 
 
-def _residual_ratio(settled: Settled, instrument: Instrument, key: Sigma) -> float:
+def _residual_ratio(settled: Settled[Problem], instrument: Instrument, key: Sigma) -> float:
     """Root mean square of the residuals per axis over a declared sigma; infinite where none is declared or measured."""
     declared = getattr(instrument, key)
     problem, point = settled.fit.problem, settled.fit.point
@@ -143,7 +143,7 @@ def _residual_ratio(settled: Settled, instrument: Instrument, key: Sigma) -> flo
     return float(np.sqrt((left**2).mean())) / float(declared)
 
 
-def _overstated(again: Settled, instrument: Instrument, key: Sigma) -> bool:
+def _overstated(again: Settled[Problem], instrument: Instrument, key: Sigma) -> bool:
     """Whether a declared sigma is larger than the estimate by more than `TWICE` and by more than chance.
 
     Half of the degrees of freedom are counted for each of the two sigmas.

@@ -85,7 +85,8 @@ def _readings(fit: RobustFit) -> Readings:
 
 def _undeclared(fit: RobustFit, declared: Collection[Declared]) -> RobustFit:
     """The fit without some of the declared sigmas."""
-    return replace(fit, whole=replace(fit.whole, readings=_without(_readings(fit), declared)))
+    assert isinstance(fit.whole, ReadingsProblem)
+    return replace(fit, whole=replace(fit.whole, readings=_without(fit.whole.readings, declared)))
 
 
 def _declared(readings: Readings) -> list[Declared]:

@@ -15,7 +15,7 @@ from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
 from gtpin.calibration.checks.usable_rows import reach_of
-from gtpin.calibration.problem import Measured
+from gtpin.calibration.problem import Measured, Problem
 from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.names import ORIENTATION
@@ -39,8 +39,8 @@ STRAYED = 6.0
 
 
 def settled_in_doubt(
-    dataset: Dataset, start: Model, measured: Measured, near: Poses, settle: Callable[[Instrument], Settled]
-) -> Settled:
+    dataset: Dataset, start: Model, measured: Measured, near: Poses, settle: Callable[[Instrument], Settled[Problem]]
+) -> Settled[Problem]:
     """Calibrate, and raise an error if the instrument moved, or if a declared sigma keeps the fit from converging.
 
     Parameters
@@ -70,7 +70,7 @@ def settled_in_doubt(
     return settled
 
 
-def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
+def check_used(kept: Dataset, measured: Measured, settled: Settled[Problem]) -> None:
     """Raise `DatasetError` if the fit set aside a sequence of rows, or a large part of them.
 
     The fit then does not describe the whole machine.
@@ -96,7 +96,9 @@ def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
     )
 
 
-def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., Settled]) -> tuple[Settled, Instrument]:
+def unstrained(
+    settled: Settled[Problem], instrument: Instrument, settle: Callable[..., Settled[Problem]]
+) -> tuple[Settled[Problem], Instrument]:
     """The calibration; if the priors contradict the data, repeated with a wider tolerance or a free frame.
 
     A warning names what was assumed wrongly.
@@ -130,7 +132,7 @@ def unstrained(settled: Settled, instrument: Instrument, settle: Callable[..., S
     return settle(instrument, relieved(settled, found)), instrument
 
 
-def check_convention(dataset: Dataset, settled: Settled) -> None:
+def check_convention(dataset: Dataset, settled: Settled[Problem]) -> None:
     """Raise `DatasetError` for orientations that fit far better when they are read by another convention."""
     found = other_convention(settled.fit)
     if found:
@@ -138,7 +140,7 @@ def check_convention(dataset: Dataset, settled: Settled) -> None:
         raise DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
 
 
-def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:
+def check_fit(dataset: Dataset, settled: Settled[Problem], nominal: Poses) -> None:
     """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise."""
     problem, point = settled.fit.problem, settled.fit.point
     model, measured = point.model, problem.measured

@@ -17,6 +17,7 @@ from gtpin.data import Instrument
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 
 Floats = npt.NDArray[np.float64]
 
@@ -55,7 +56,7 @@ class Scan:
     lengths: Floats
 
     @staticmethod
-    def of(problem: Problem, point: Point, noise: Noise) -> Scan:
+    def of(problem: Problem, point: Point, noise: Noise | ReadingNoise) -> Scan:
         """Linearise a problem about a point, for all rows."""
         parts = problem.chunks()
         J = np.concatenate([problem.jacobian(point, part) for part in parts])

@@ -61,14 +61,14 @@ class Strain:
     turn: float = 0.0
 
 
-def strain(settled: Settled) -> Strain | None:
+def strain(settled: Settled[Problem]) -> Strain | None:
     """The assumption that a fitted geometry contradicts; None where the geometry agrees with its tolerances."""
     linear = _Linear.of(settled)
     found = max(linear.suspects(), key=lambda s: s.gain)
     return found if found.gain > STRAINED else None
 
 
-def relieved(settled: Settled, found: Strain) -> Geometry:
+def relieved(settled: Settled[Problem], found: Strain) -> Geometry:
     """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
     x = np.abs(settled.deviation)
     whole = found.size if found.what == "tolerances" else 1.0
@@ -79,12 +79,12 @@ def relieved(settled: Settled, found: Strain) -> Geometry:
 class _Linear:
     """The normal equations about a fit: A = J'J and b = J'y over the geometry, the frame (6) and the actuators' zeros."""
 
-    settled: Settled
+    settled: Settled[Problem]
     A: Floats
     b: Floats
 
     @staticmethod
-    def of(settled: Settled) -> _Linear:
+    def of(settled: Settled[Problem]) -> _Linear:
         fit, problem = settled.fit, settled.fit.problem
         p = problem.n_geometry
         wider = problem.start.geometry.tolerance / settled.geometry.tolerance

@@ -134,7 +134,16 @@ class Unexplained:
 
 
 Reason = Literal[
-    "smooth_term", "restless", "impossible", "held_out", "two_groups", "two_valued", "scatter", "chi_square"
+    "smooth_term",
+    "restless",
+    "impossible",
+    "held_out",
+    "excess",
+    "visits",
+    "two_groups",
+    "two_valued",
+    "scatter",
+    "chi_square",
 ]
 """Why something unknown is inferred:
 
@@ -145,8 +154,12 @@ Reason = Literal[
 ``impossible``
     A cause would need a parameter that physics does not allow (``questions.py``).
 ``held_out``
-    Errors on left-out poses are much larger than noise (``held_out.py``), or no smaller with the causes than without
-    (``predictive.py``).
+    Residuals or errors on left-out poses are larger than the noise that repeated visits show (``held_out.py``), or the
+    errors are no smaller with the causes than without (``predictive.py``).
+``excess``
+    They are larger than the declared noise, and no visits tell whether the difference repeats (``held_out.py``).
+``visits``
+    Visits to the same commands differ by more than the declared noise and the drives' repeatability (``shown_noise.py``).
 ``two_groups``
     What looks like noise comes from two groups of rows (``two_groups.py``).
 ``two_valued``

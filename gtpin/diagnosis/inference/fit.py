@@ -19,6 +19,7 @@ from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_id
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
+from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of, readings_noise
 from gtpin.diagnosis.inference.strongest_line import strongest_first
 from gtpin.diagnosis.inference.two_groups import with_one_measurement
 from gtpin.diagnosis.inference.two_valued import with_two_valued
@@ -53,6 +54,8 @@ class Fitted:
         What the causes do not explain.
     questions
         Parameters whose values are not plausible or not usual.
+    noise_source
+        Where the noise floor comes from.
     """
 
     conclusion: Conclusion
@@ -61,6 +64,7 @@ class Fitted:
     gap: Gap
     unexplained: Unexplained
     questions: tuple[Question, ...]
+    noise_source: Source
 
 
 def fit(
@@ -93,13 +97,14 @@ def fit(
         other = infer(settled, {(q.effect, q.site) for q in asked.impossible})
         found = without_impossible(hypotheses, found, asked.impossible, {c.place for c in other.sure()})
         model, causes = _fitted(prepared, settled, found)
-    whole, shares = _gaps(settled, found, "region", rng)
+    shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
+    whole, shares = _gaps(settled, found, shown, "region", rng)
     checked = whole
     if hold_out != "region":
-        whole, shares = _gaps(settled, found, hold_out, rng)
+        whole, shares = _gaps(settled, found, shown, hold_out, rng)
     takes = {place: (whole.shrinkage or 0.0) - (share.shrinkage or 0.0) for place, share in shares.items()}
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
-    found = held_out(found, hypotheses, checked)
+    found = held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.situation
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), hypotheses.untestable, at, hypotheses.priors)
     found = with_scatter(found, hidden)
@@ -112,6 +117,7 @@ def fit(
         gap=whole,
         unexplained=replace(remaining, could_be=could_be),
         questions=(*asked.impossible, *asked.unusual),
+        noise_source=shown.source,
     )
 
 
@@ -146,10 +152,12 @@ def _floor(settled: Settled) -> Floats:
 
 
 def _gaps(
-    settled: Settled, found: Conclusion, hold_out: HoldOut, rng: np.random.Generator
+    settled: Settled, found: Conclusion, shown: ShownNoise, hold_out: HoldOut, rng: np.random.Generator
 ) -> tuple[Gap, dict[Place, Gap]]:
     """The gap with all causes; and, by cause, with all causes but this one."""
-    hypotheses, searched, floor = settled.hypotheses, settled.searched, _floor(settled)
+    hypotheses, searched = settled.hypotheses, settled.searched
+    floor, inferred = shown.floor(hypotheses.design), readings_noise(settled.observed.noise, hypotheses.design)
+    inferred_floor = floor_of(inferred, hypotheses.design)
     design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
     columns = {c.place: hypotheses.groups.columns(c) * found.scale[c] for c in found.classes}
     unseen = {
@@ -161,7 +169,14 @@ def _gaps(
         none = np.zeros((len(design.y), 0))
         causes, seen = (np.hstack([none, *(some[p] for p in places)]) for some in (columns, unseen))
         said = gap(
-            design, causes, floor, blocks, rng, None if np.array_equal(causes, seen) else seen, hold_out == "session"
+            design,
+            causes,
+            floor,
+            blocks,
+            rng,
+            None if np.array_equal(causes, seen) else seen,
+            hold_out == "session",
+            inferred_floor,
         )
         return replace(said, hold_out=hold_out, blocks=len(blocks), sessions=n_sessions(searched))
 

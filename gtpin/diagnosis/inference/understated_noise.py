@@ -13,6 +13,7 @@ from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise
 from gtpin.diagnosis.inference.search import rough_guess
+from gtpin.diagnosis.inference.shown_noise import readings_noise
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.preparation.prepare import Prepared
@@ -72,7 +73,8 @@ def warn_of_noise(small: dict[Sigma, tuple[float, float]]) -> None:
     for key, (declared, seen) in small.items():
         ratio = seen / declared
         warn(
-            f"{key} is {declared:.2g}, but these data show a noise of {seen:.2g}, {ratio:.2g} times more, which is used"
+            f"{key} is {declared:.2g}, but these data scatter by {seen:.2g}, {ratio:.2g} times more: the search for causes "
+            "assumes this scatter, the verdict does not"
         )
 
 
@@ -85,5 +87,6 @@ def _of_repeats(observed: Observed, baseline: Calibration) -> Noise | None:
     scatter, rows = contrasts(visits, left)
     if len(scatter) < LEAST_CONTRASTS or not isinstance(observed.noise, Noise):
         return None
-    J = observed.design(model).command_jacobian[rows]
-    return from_repeats(observed.noise.take(rows), scatter, J, (False, False))
+    design = observed.design(model)
+    noise = replace(readings_noise(observed.noise, design), estimated=np.ones(design.components // 3, dtype=bool))
+    return from_repeats(noise.take(rows), scatter, design.by_command_seen[rows]).as_poses()

@@ -34,7 +34,7 @@ class Turns:
 class InstrumentGap:
     """Root mean square errors of an instrument's left-out readings, in ``unit``: without causes, with causes, and noise floor.
 
-    ``name`` and ``kind``: of the instrument.
+    ``name`` and ``kind``: of the instrument. ``inferred``: the noise that the search for causes assumed.
     """
 
     name: str
@@ -43,6 +43,7 @@ class InstrumentGap:
     after: float
     floor: float
     unit: str
+    inferred: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,8 @@ class Gap:
     before, after
         Root mean square length of the position error, m: with the geometry alone, and with the causes.
     floor
-        Noise floor, m.
+        Noise floor, m: what a perfect model would leave by the noise that was declared or that repeated visits show; by
+        the inferred one where neither exists.
     shrinkage
         Explained fraction of the gap, 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there are no causes.
     interval
@@ -80,6 +82,8 @@ class Gap:
     sessions: int = 1
     turns: Turns | None = None
     by_instrument: tuple[InstrumentGap, ...] = ()
+    inferred: float = np.nan
+    """The same by the noise that the search for causes assumed, m: it is estimated from residuals, where no cause is found."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +163,7 @@ def gap(
     rng: np.random.Generator,
     unseen: Floats | None = None,
     of_blocks: bool = False,
+    inferred: Floats | None = None,
 ) -> Gap:
     """Compare a geometry alone with geometry and causes on poses that were left out.
 
@@ -169,23 +174,28 @@ def gap(
     causes
         (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
     floor
-        (N,) expected squared length of each pose's position noise, m^2; not used for readings, whose noise is 1 per number.
+        (N,) expected squared length of each pose's position noise, m^2; for readings (N, c) that of each whitened number.
     blocks
         (N,) masks of the poses left out together, a partition.
     unseen
         As for :func:`leave_out`.
     of_blocks
         True: the interval is for another block, from the differences between blocks. False: it is for other poses.
+    inferred
+        As ``floor``, by the noise that the search assumed; None: the same.
     """
+    inferred = floor if inferred is None else inferred
     alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
     b2 = (alone.errors**2).sum(axis=1)
+    of_numbers = (floor, inferred)
     if not design.tracked:
-        floor = alone.kept.sum(axis=1)
+        floor, inferred = ((some * alone.kept).sum(axis=1) for some in of_numbers)
+    assumed = _root(np.minimum(inferred.mean(), b2.mean()))
     if not causes.shape[1]:
         turns = _turns(design, alone, alone)
-        of = instrument_gaps(design, alone, alone)
+        of = instrument_gaps(design, alone, alone, *of_numbers)
         least = _root(np.minimum(floor.mean(), b2.mean()))
-        return Gap(_root(b2), _root(b2), least, None, None, turns=turns, by_instrument=of)
+        return Gap(_root(b2), _root(b2), least, None, None, turns=turns, by_instrument=of, inferred=assumed)
     whole = leave_out(design, causes, blocks, unseen)
     a2 = (whole.errors**2).sum(axis=1)
     # The noise of these poses as the fit shows it, but at most two standard deviations of chance above the known noise.
@@ -197,26 +207,30 @@ def gap(
         reach = _reach(np.array([[b2[block].mean(), a2[block].mean()] for block in blocks]) - least, shrinkage)
         low, high = min(low, max(shrinkage - reach, -1.0)), max(high, min(shrinkage + reach, 1.0))
     interval = (min(low, shrinkage), max(high, shrinkage))
-    turns, of = _turns(design, alone, whole), instrument_gaps(design, alone, whole)
-    return Gap(_root(b2), _root(a2), float(np.sqrt(least)), shrinkage, interval, turns=turns, by_instrument=of)
+    turns, of = _turns(design, alone, whole), instrument_gaps(design, alone, whole, *of_numbers)
+    floor_ = float(np.sqrt(least))
+    return Gap(_root(b2), _root(a2), floor_, shrinkage, interval, turns=turns, by_instrument=of, inferred=assumed)
 
 
-def instrument_gaps(design: Design, alone: LeftOut, whole: LeftOut) -> tuple[InstrumentGap, ...]:
-    """Errors of each instrument's left-out readings; empty where poses were measured."""
+def instrument_gaps(
+    design: Design, alone: LeftOut, whole: LeftOut, floor: Floats, inferred: Floats
+) -> tuple[InstrumentGap, ...]:
+    """Errors of each instrument's left-out readings; empty where poses were measured. ``floor``, ``inferred``: as for `gap`."""
     readings = design.measured
     if not isinstance(readings, Readings):
         return ()
     colour = np.linalg.inv(design.whitening)
     before, after = (np.einsum("nij,nj->ni", colour, part.errors) for part in (alone, whole))
-    noise = np.sqrt((colour**2).sum(axis=2) * alone.kept)
+    size = (colour**2).sum(axis=2) * alone.kept
+    noise, assumed = (np.sqrt(size * some) for some in (floor, inferred))
     found = []
     for i, one in enumerate(readings.instruments):
         mine = readings.rows.of == i
         if not mine.any():
             continue
-        b, a, n = (readings.rms(i, part) for part in (before, after, noise))
+        b, a, n, m = (readings.rms(i, part) for part in (before, after, noise, assumed))
         unit = next(c.unit for c in one.components if c.shown)
-        found.append(InstrumentGap(one.name, one.kind, b, a, min(n, b), unit))
+        found.append(InstrumentGap(one.name, one.kind, b, a, min(n, b), unit, min(m, b)))
     return tuple(found)
 
 

@@ -45,11 +45,11 @@ class Visits:
         Site and coordinates of the smooth nonparametric term that explains the unknown effect best.
     pattern
         ``line``: one actuator alone, there and back. ``net``: two actuators alone. ``spread``: poses all over the workspace.
-        ``repeated``: the same few poses at each level of some covariates.
+        ``repeated``: the same few poses at each level of some covariates. ``again``: measured poses, each twice more.
     actuators
         For ``line`` and ``net``: sites of the actuators that move.
     stations
-        For ``repeated``: number of poses that are visited at each level.
+        For ``repeated``: number of poses that are visited at each level; for ``again``: number of poses.
     varied, levels
         For ``repeated``: names of the covariates, all of one kind, and (R,) the value to which all of them are set in each
         round of visits.
@@ -57,7 +57,7 @@ class Visits:
 
     site: str
     coordinates: str
-    pattern: Literal["line", "net", "spread", "repeated"]
+    pattern: Literal["line", "net", "spread", "repeated", "again"]
     actuators: tuple[str, ...] = ()
     stations: int = 0
     varied: tuple[str, ...] = ()

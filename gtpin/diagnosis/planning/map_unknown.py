@@ -17,6 +17,8 @@ Floats = npt.NDArray[np.float64]
 
 STATIONS = 5
 """Number of poses, far from each other, that are visited repeatedly."""
+AGAIN = 10
+"""Number of poses that are visited twice more, to measure the noise: twenty visits determine a sigma to some 10 %."""
 SPEEDS = (-1.0, -0.5, 0.5, 1.0)
 """Speeds to set, as multiples of the highest recorded one."""
 FINE = 60
@@ -44,6 +46,13 @@ def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experi
     """
     plan = _plan(known, site, coordinates, poses)
     return Experiment("map_unknown", known.robot, (), plan.q, plan.covariates, visits=plan.visits)
+
+
+def visit_again(known: Known) -> Experiment:
+    """Visits to some of the measured poses again: they show which part of the residuals is noise."""
+    stations = _apart(known, min(AGAIN, len(known.observed.measured.q)))
+    visits = Visits("", "", "again", stations=len(stations))
+    return Experiment("map_unknown", known.robot, (), np.tile(stations, (2, 1)), visits=visits)
 
 
 def _plan(known: Known, site: str, coordinates: str, poses: int) -> _Plan:

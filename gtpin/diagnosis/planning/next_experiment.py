@@ -16,7 +16,7 @@ from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.discrimination import RIVALS, CauseClass, discriminate
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.make_testable import make_testable
-from gtpin.diagnosis.planning.map_unknown import map_unknown
+from gtpin.diagnosis.planning.map_unknown import map_unknown, visit_again
 from gtpin.diagnosis.planning.trials import Known
 from gtpin.diagnosis.priors import SURE
 from gtpin.effects.situation import References
@@ -57,6 +57,7 @@ def plan(
     classes: Sequence[CauseClass],
     untestable: Sequence[Untested],
     unknown: tuple[str, str] | None,
+    unseen_noise: bool = False,
     rng: np.random.Generator,
     poses: int = POSES,
 ) -> tuple[Experiment, ...]:
@@ -75,6 +76,8 @@ def plan(
         Effects that these data can't show.
     unknown
         Site and coordinates of the smooth term that best explains the unknown; None where nothing unknown is assumed.
+    unseen_noise
+        Whether residuals exceed the declared noise, and no visits tell whether the excess repeats.
     rng
         Source of the random rows among which an experiment is chosen; the same state gives the same plan.
     poses
@@ -87,4 +90,6 @@ def plan(
     found = [discriminate(known, classes, i, poses, rng) for i in open_]
     if unknown is not None:
         found.append(map_unknown(known, *unknown, poses))
+    if unseen_noise:
+        found.append(visit_again(known))
     return (*found, *make_testable(known, classes, untestable, poses, rng))

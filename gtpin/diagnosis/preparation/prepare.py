@@ -9,6 +9,7 @@ from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.free_target import with_free_target
+from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
@@ -19,7 +20,7 @@ from gtpin.diagnosis.preparation.contradictions import without_contradictions
 from gtpin.diagnosis.preparation.filled_in import without_filled_in
 from gtpin.diagnosis.preparation.frozen import without_frozen
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.instruments.readings import single
+from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -37,16 +38,22 @@ class Prepared:
         The usable rows and columns, in an order that does not depend on the order of the file.
     baseline
         The calibration of ``dataset``.
+    declared
+        Declared sigma of each group of numbers, m or rad; None where none is declared, or where the data show less noise.
     """
 
     recorded: Dataset
     dataset: Dataset
     baseline: Calibration
+    declared: tuple[float | None, ...]
 
-    def undeclared(self, sigmas: Collection[str]) -> Dataset:
-        """The recorded rows; the instrument's keys that ``sigmas`` names count as not declared."""
+    def undeclared(
+        self, sigmas: Collection[str], nominal: Robot, progress: Progress | None, priors: Priors
+    ) -> Prepared:
+        """The same, with a calibration that estimates the sigmas of the instrument's keys ``sigmas``; ``declared`` stays."""
         instrument = self.recorded.instrument.model_copy(update=dict.fromkeys(sigmas))
-        return replace(self.recorded, instrument=instrument)
+        again = prepare(replace(self.recorded, instrument=instrument), nominal, progress, priors)
+        return replace(again, declared=self.declared)
 
 
 def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
@@ -65,7 +72,10 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
     )
     baseline = calibrate(usable, nominal, progress=progress)
     # Random draws of rows must not depend on the order of the file.
-    return Prepared(recorded, replace(usable, instrument=baseline.instrument).in_order(), baseline)
+    instrument = baseline.instrument
+    turning = (instrument.orientation_sigma,) if usable.orientation is not None else ()
+    dataset = replace(usable, instrument=instrument).in_order()
+    return Prepared(recorded, dataset, baseline, (instrument.position_sigma, *turning))
 
 
 def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | None, priors: Priors) -> Prepared:
@@ -76,4 +86,7 @@ def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | No
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )
     baseline = calibrate(usable, nominal, progress=progress)
-    return Prepared(recorded, single(usable, nominal).in_order(), baseline)
+    own = single(usable, nominal).in_order()
+    assert isinstance(baseline, ReadingsCalibration)
+    sigmas = zip(Readings.of(own, baseline.model.robot).declared, baseline.noise.estimated, strict=True)
+    return Prepared(recorded, own, baseline, tuple(None if estimated else sigma for sigma, estimated in sigmas))

@@ -1,0 +1,148 @@
+"""The noise that a declaration or repeated visits show, against which a verdict is judged.
+
+A search estimates its noise from residuals, so that what it leaves does not become a cause. What is left is not noise for that
+reason: only what was declared, and what visits to the same commands show of the drives, can be. Where neither exists, the noise
+is an assumption.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.problem import Measured
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
+from gtpin.diagnosis.inference.reestimate_noise import left_over
+from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.priors import Priors
+from gtpin.distributions import chi2, f
+from gtpin.instruments.readings import Readings
+from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats, tamed
+
+Floats = npt.NDArray[np.float64]
+Source = Literal["declared", "repeats", "residuals"]
+
+
+@dataclass(frozen=True)
+class ShownNoise:
+    """The noise of a diagnosis's rows by declaration and visits.
+
+    Parameters
+    ----------
+    noise
+        The noise: declared sigmas, and repeatability and undeclared sigmas from visits.
+    most
+        The same with the largest repeatability that the visits allow.
+    source
+        ``declared``, ``repeats``, or ``residuals`` where a sigma was neither declared nor shown by visits: an assumption.
+    visits
+        Number of repeated visits, beyond the first of each pose.
+    contradicted
+        Whether the visits scatter otherwise than the declared noise and drives do: with other sigmas, a fifth larger at least,
+        their scatter is much likelier. Something then changes between visits.
+    """
+
+    noise: ReadingNoise
+    most: ReadingNoise
+    source: Source
+    visits: int
+    contradicted: bool = False
+
+    @staticmethod
+    def of(
+        observed: Observed, hypotheses: HypothesisSet, guess: Model, declared: tuple[float | None, ...], priors: Priors
+    ) -> ShownNoise:
+        """The noise of the rows of a search.
+
+        Parameters
+        ----------
+        guess
+            A model of everything that is not noise, for the scatter between visits.
+        declared
+            Declared sigma of each group of numbers, m or rad; None where none is declared, or the data show less.
+        """
+        design, inferred = hypotheses.design, readings_noise(observed.noise, hypotheses.design)
+        known = np.array([sigma is not None for sigma in declared])
+        sigma = np.array([own if own is not None else s for own, s in zip(declared, inferred.sigma, strict=True)])
+        if not known.any() and not np.isfinite(inferred.row_sigma).any():
+            base = replace(inferred, estimated=~known)
+        else:
+            base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0, lack=0.0)
+        rows_open = np.unique(base.group[~np.isfinite(base.row_sigma)])
+        assumed = bool((~known)[rows_open].any())
+        errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, guess)[0])
+        contrast, rows = contrasts(_stops(design.measured), errors)
+        if len(contrast) < LEAST_CONTRASTS:
+            return ShownNoise(base, base, "residuals" if assumed else "declared", len(contrast))
+        J = design.by_command_seen[rows]
+        found = from_repeats(replace(base, repeatability=0.0, lack=0.0).take(rows), contrast, J)
+        shown = np.bincount(base.group[rows].ravel(), minlength=len(sigma)) >= LEAST_CONTRASTS
+        noise = replace(base, sigma=found.sigma, repeatability=found.repeatability, lack=0.0, dof=found.dof)
+        most = replace(noise, repeatability=_most(found, contrast, J, priors))
+        unseen = bool((~known & ~shown)[rows_open].any())
+        source: Source = "residuals" if unseen else "repeats" if assumed else "declared"
+        free = from_repeats(replace(base, estimated=shown).take(rows), contrast, J)
+        larger = bool((free.sigma > priors.excess * found.sigma)[known & shown].any())
+        gain = _misfit(found, contrast, J) - _misfit(free, contrast, J)
+        contradicted = larger and float(chi2.sf(gain, max(int((known & shown).sum()), 1))) <= priors.chance
+        return ShownNoise(noise, most, source, len(contrast), contradicted)
+
+    def floor(self, design: Design) -> Floats:
+        """What a perfect model would leave: (N,) squared lengths of positions, m^2; (N, c) for readings, whitened."""
+        return floor_of(self.noise, design)
+
+    def excess(self, observed: Observed, hypotheses: HypothesisSet, model: Model) -> tuple[float, float]:
+        """Size of a model's residuals over this noise, with the largest repeatability that visits allow; and its p-value.
+
+        The weights of the search count: heavy tails are no excess.
+        """
+        design = hypotheses.design
+        left, taken = left_over(hypotheses, model)
+        whitening = self.most.whitening(design.by_command_seen, design.components)
+        errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left)
+        power = float((observed.weight * (np.einsum("nij,nj->ni", whitening, errors) ** 2).sum(axis=1)).sum())
+        dof = max(design.count - taken, 1.0)
+        chance = chi2.sf(power, dof) if np.isinf(self.noise.dof) else f.sf(power / dof, dof, self.noise.dof)
+        return float(np.sqrt(power / dof)), float(chance)
+
+
+def readings_noise(noise: Noise | ReadingNoise, design: Design) -> ReadingNoise:
+    """The noise of a search as that of numbers, for poses too."""
+    if isinstance(noise, Noise):
+        return ReadingNoise.of_poses(noise, len(design.whitening), design.components)
+    return noise
+
+
+def floor_of(noise: ReadingNoise, design: Design) -> Floats:
+    """As :meth:`ShownNoise.floor`, of any noise."""
+    covariance = noise.covariance(design.by_command_seen, design.components)
+    if design.tracked:
+        return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
+    return np.asarray(np.einsum("nij,njk,nik->ni", design.whitening, covariance, design.whitening))
+
+
+def _stops(measured: Measured | Readings) -> npt.NDArray[np.intp]:
+    """(N,) index of each row's commands and of what it reads there."""
+    kinds = np.column_stack([measured.read, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel()])
+    return np.asarray(np.unique(kinds, axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
+
+
+def _most(noise: ReadingNoise, contrast: Floats, J: Floats, priors: Priors) -> float:
+    """The largest repeatability that the scatter (k, c) between visits allows."""
+    unit = max(noise.repeatability, float(np.median(noise.each) / max(np.sqrt((J**2).sum(axis=2)).mean(), 1e-12)))
+    grid = unit * np.linspace(0.0, 3.0, 61)
+    costs = np.array([_misfit(replace(noise, repeatability=float(value)), contrast, J) for value in grid])
+    return float(grid[costs <= costs.min() + priors.disbelieved].max())
+
+
+def _misfit(noise: ReadingNoise, contrast: Floats, J: Floats) -> float:
+    """Minus twice the log likelihood of the scatter (k, c) between visits, but for a constant; large scatter is shortened."""
+    some, covariance = tamed(contrast, noise.group), noise.covariance(J, contrast.shape[1])
+    solved = np.linalg.solve(covariance, some[..., None])[..., 0]
+    return float(np.linalg.slogdet(covariance)[1].sum() + (some * solved).sum())
