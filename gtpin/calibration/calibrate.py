@@ -12,7 +12,7 @@ from gtpin.calibration.calibrate_readings import calibrate_readings
 from gtpin.calibration.checks.actuators import check_actuators
 from gtpin.calibration.checks.declared_noise import used_noise
 from gtpin.calibration.checks.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
-from gtpin.calibration.checks.failed_fit import explained
+from gtpin.calibration.checks.failed_fit import check_poor, explained
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
 from gtpin.calibration.checks.usable_rows import check_freedom, check_size, plausible_rows, reach_of
@@ -212,6 +212,8 @@ def _calibrated(
         else:
             settled = settle(instrument)
             check_convention(dataset, settled)
+        left = settled.fit.problem.left(settled.fit.point, settled.fit.point.poses)[:, :3]
+        check_poor(kept, start, measured, poses, float(np.sqrt((left**2).sum(axis=1).mean())))
         check_used(kept, measured, settled)
         if not settled.used.all():
             named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))

@@ -19,6 +19,7 @@ from gtpin.calibration.settled import Settled
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
 from gtpin.noise import weights
+from gtpin.noise.noise import SMALLEST
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
 
@@ -185,7 +186,18 @@ class RobustFit:
             at = self._with_geometry(given.with_tolerances(np.where(own, best.factor, 1.0)))
             outcome = at._rough(noise.at_least(ROUGH), x)
             steps += outcome.iterations
+        noise = replace(noise, sigma=np.minimum(noise.sigma, at._cores(outcome, noise)))
         return outcome, at, noise, nominal if at is self else outcome.point.x, steps
+
+    def _cores(self, outcome: Fit[Any], noise: ReadingNoise) -> Floats:
+        """(G,) sigmas by medians of a fit's residuals: larger ones, which tails enlarge, would hide the tails."""
+        left, sigma = self.whole.left(outcome.point, outcome.point.poses), noise.sigma.copy()
+        shrunk = np.sqrt(max(1.0 - outcome.taken / self.whole.count, 1e-3))
+        for group in np.flatnonzero(noise.estimated):
+            own = np.abs(left[(noise.group == group) & ~np.isfinite(noise.row_sigma)])
+            if len(own):
+                sigma[group] = max(float(np.median(own)) / 0.6745 / shrunk, SMALLEST)
+        return sigma
 
     def _larger_maximum(self, outcome: Fit[Any], noise: ReadingNoise, given: Geometry) -> Found:
         """The noise, and the factor on the given tolerances, at the larger maximum of the marginal likelihood."""
@@ -233,7 +245,7 @@ class RobustFit:
         return self.whole.measured.alike
 
     def _of_a_part(self) -> Settled[Any] | None:
-        """The result for a random subset of the rows, each with all its visits; None for few rows.
+        """The result for a random subset of the rows; None for few rows.
 
         Steps on a subset are cheap, and few steps on all rows remain.
         """
@@ -247,10 +259,7 @@ class RobustFit:
     def _part_rows(self) -> npt.NDArray[np.intp] | None:
         if len(self.near) < 2 * PART:
             return None
-        order = np.random.default_rng(0).permutation(int(self.visits.max()) + 1)
-        taken = order[np.cumsum(np.bincount(self.visits)[order]) <= PART]
-        rows = np.flatnonzero(np.isin(self.visits, taken))
-        return None if len(rows) < PART / 2 else rows  # few poses of very many visits
+        return np.sort(np.random.default_rng(0).permutation(len(self.near))[:PART])
 
     def _fitted_part(self, part: Settled[Any] | None) -> Mask:
         """(N,) the rows of a part's fit."""
@@ -336,7 +345,8 @@ class RobustFit:
         a whole.
 
         The prediction of a row that the fit hardly used is uncertain itself: with H = B C B' the covariance of a prediction in
-        units of the noise and w the row's weight, its residual has the covariance I + (1 - 2 w) H. It is used where w < 1/2.
+        units of the noise and w the row's weight, its residual has the covariance I + (1 - 2 w) H. It is used where w < 1/2, with
+        H of the noise's size at most: a row whose prediction is not known at all is not admitted for that.
         """
         found: Mask = np.asarray(~np.isfinite(whitened).all(axis=1))
         finite, heaviest = ~found, LACKING_FREEDOM if self.lacking else np.inf
@@ -354,7 +364,8 @@ class RobustFit:
                 )
                 B = problem.jacobian(replace(outcome.point, poses=poses[far]), slice(None))
                 H = np.einsum("nci,ij,ndj->ncd", B, outcome.covariance, B, optimize=True)
+                H /= np.maximum(np.trace(H, axis1=1, axis2=2) / H.shape[1], 1.0)[:, None, None]
                 spread = np.eye(whitened.shape[1]) + np.maximum(1.0 - 2.0 * weight[far], 0.0)[:, None, None] * H
                 norms = np.einsum("nc,nc->n", whitened[far], np.linalg.solve(spread, whitened[far][..., None])[..., 0])
-                found[far] |= norms > limit
+                found[far] |= ~(norms <= limit)  # also where the square of a gross error overflows
         return np.isin(self.rows, self.rows[found])

@@ -18,6 +18,9 @@ REJECTION = 1e-3
 ABSURD = 15.0
 """Norm of a residual, in units of the residuals' robust scale, beyond which a row is a gross error however heavy the tails
 are: a few gross errors of a single number look like tails that explain them. Assumed; as ``absurd`` of a diagnosis."""
+FEW = 0.1
+"""Largest share of the rows that can be absurd: more of them are no gross errors, but something that acts on a part of the
+poses. Assumed."""
 TAIL_Z = 4.0
 """Standard errors by which the fourth moment must be larger than a Gaussian's for tails to count as heavy. Assumed."""
 FREEDOMS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0)
@@ -66,8 +69,13 @@ def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.in
 def gross_limit(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> float:
     """Squared length of a whitened residual from which :func:`gross` rejects its row."""
     tails = Tails(min(Tails.of(residual[used]).freedom, heaviest))
-    limit = min(tails.quantile(REJECTION / max(1, len(residual)), residual.shape[1]), ABSURD**2)
-    return limit * robust_scale(residual[used]) ** 2
+    limit, scale = (
+        tails.quantile(REJECTION / max(1, len(residual)), residual.shape[1]),
+        robust_scale(residual[used]) ** 2,
+    )
+    if limit > ABSURD**2 and (square_norms(residual) > ABSURD**2 * scale).mean() <= FEW:
+        limit = ABSURD**2
+    return limit * scale
 
 
 @dataclass(frozen=True)

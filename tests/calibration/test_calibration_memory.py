@@ -11,7 +11,7 @@ import pytest
 
 import gtpin
 from gtpin import memory
-from gtpin.calibration import reweighting
+from gtpin.calibration import robust_fit
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.effects.active import with_effects
 from gtpin.errors import GtpinError
@@ -65,7 +65,7 @@ def test_what_is_said_beforehand_is_what_a_process_takes(robot, tmp_path):
 def test_a_fit_that_starts_from_a_part_ends_where_the_fit_of_all_ends(robot, monkeypatch):
     dataset = simulate(robot, "gantry_tau", poses=600, seed=3).dataset
     whole = gtpin.calibrate(dataset)
-    monkeypatch.setattr(reweighting, "PART", 250)
+    monkeypatch.setattr(robust_fit, "PART", 250)
     found = gtpin.calibrate(dataset)
     assert found.iterations > whole.iterations  # those of the part are counted too
     # Both end where a step promises less than 1e-10 of the cost, which is half of some 3600 squares: 6e-4 of a sigma.

@@ -100,13 +100,10 @@ def test_a_tolerance_of_unknown_kind_is_refused():
         gtpin.calibrate(replace(dataset, tolerance={"belt_length": 1e-3}))
 
 
-def test_fewer_numbers_than_parameters_are_refused():
-    _, dataset = case(count=8)
-    with pytest.raises(DatasetError, match="at least 9 poses"):
-        gtpin.calibrate(dataset)
-    gtpin.calibrate(case(count=9)[1])
-    with pytest.raises(DatasetError, match="at least 17 poses"):
-        gtpin.calibrate(case(count=16, orientation=False)[1])
+def test_fewer_numbers_than_parameters_are_fitted_within_tolerances_or_refused_for_that():
+    assert gtpin.calibrate(case(count=8)[1]).dof > 1.0
+    with pytest.raises(DatasetError, match="6 measured numbers leave"):
+        gtpin.calibrate(case(count=2, orientation=False)[1])
 
 
 @pytest.mark.parametrize("count", [9, 12, 20])
@@ -128,7 +125,7 @@ def test_poses_of_another_machine_do_not_converge_in_silence():
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
         try:
             found = gtpin.calibrate(shuffled)
-        except ConvergenceError:
+        except (ConvergenceError, DatasetError):
             return
     # What comes out all the same says that it does not fit.
     assert found.chi2_per_dof > 100 or len(found.rejected) > 10

@@ -83,6 +83,7 @@ def off(model, data):
     return float(np.sqrt(((model.predict(data.q).T - data.position) ** 2).sum(axis=1).mean()))
 
 
+@pytest.mark.filterwarnings("ignore:set aside as gross errors")
 def test_a_deviation_that_ends_where_the_fit_ended_is_not_extrapolated(robot):
     data = measured(robot, lambda q: curve(q) if q < HIGH else 0.0, np.random.default_rng(5))
     with pytest.warns(gtpin.GtpinWarning, match=f"rack_periodic@{SITE} count as zero"):

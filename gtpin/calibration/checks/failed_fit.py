@@ -10,9 +10,12 @@ from gtpin.calibration.checks.frame_scan import nominal_problem
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
 from gtpin.calibration.problem import Measured
 from gtpin.data import Dataset
-from gtpin.errors import ConvergenceError, DatasetError
+from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+
+POOR = 1e-3
+"""Position error, m, that no effect of the catalogue leaves after a calibration. Assumed."""
 
 
 @contextlib.contextmanager
@@ -33,3 +36,15 @@ def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses) 
         hint = f"give commands with more digits; if they are exact: {error.what}"
         columns = f"q1 .. q{measured.q.shape[1]}"
         raise DatasetError(coarse, file=dataset.file, column=columns, hint=hint) from None
+
+
+def check_poor(dataset: Dataset, start: Model, measured: Measured, poses: Poses, left: float) -> None:
+    """As :func:`explained`, for a fit that leaves more than any effect: sessions are refused, coarse commands are warned of.
+
+    ``left``: root mean square position error, m.
+    """
+    if left <= POOR:
+        return
+    check_sessions_linear(dataset, *nominal_problem(start, measured, poses, dataset.instrument), poses)
+    if coarse := coarse_commands(start, measured, poses):
+        warn(f"{coarse}; give commands with more digits")
