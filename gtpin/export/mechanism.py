@@ -157,7 +157,8 @@ class Drive:
 class Mechanism:
     """Bodies, parents before children; loops by name, each two coincident points; drives; gravity, m/s^2; size ``reach``, m.
 
-    ``couplings``: joints that follow others. ``guides``: friction. ``plays``: joints whose play varies.
+    ``tcp``: name of the body, or of the link on a body, that is the TCP. ``couplings``: joints that follow others. ``guides``:
+    friction. ``plays``: joints whose play varies.
     """
 
     name: str
@@ -166,6 +167,7 @@ class Mechanism:
     drives: tuple[Drive, ...]
     gravity: tuple[float, ...]
     reach: float
+    tcp: str
     couplings: tuple[Coupling, ...] = ()
     guides: tuple[Guide, ...] = ()
     plays: tuple[Play, ...] = ()
@@ -270,7 +272,7 @@ def mechanism(robot: Robot) -> Mechanism:
         {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)},
     )
     mimics = tuple(Coupling(names[f.index_v], names[f.master_v], SAME.times(f.multiplier)) for f in robot.followers)
-    return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, mimics)
+    return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, robot.tcp_frame, mimics)
 
 
 def _massless(robot: Robot) -> set[int]:

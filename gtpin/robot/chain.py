@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import ModelError, RobotError
+from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, Description
 from gtpin.robot.followers import folded, followers, put
 from gtpin.robot.planar_loops import in_planes, normal_of, postures
@@ -101,6 +101,11 @@ class Chain:
     ------
     RobotError
         If the URDF does not make a robot.
+
+    Warns
+    -----
+    GtpinWarning
+        If nothing names the TCP, and there are several ends of chains that it can be.
     """
 
     def __init__(self, description: Description, tcp: str | None = None) -> None:
@@ -130,6 +135,12 @@ class Chain:
         passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
         self.passive, self.n_passive = _as_slice(passive), len(passive)
         self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
+        if tcp is None and description.tcp_guessed:
+            others = [link for link in description.tree.ends if link != self.tcp_frame]
+            shown = f"{', '.join(others[:6])}{' ...' if len(others) > 6 else ''}"
+            warn(
+                f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {shown}; name it (tcp, --tcp)"
+            )
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
         self.load_placement = self.tcp_placement
         home = description.home.link if description.home else None

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from gtpin.data.files import read_text
 from gtpin.errors import RobotError
-from gtpin.robot.mjcf import mjcf_to_urdf, with_includes
-from gtpin.robot.tree import Tree
+from gtpin.robot.mjcf import mjcf_to_urdf
+from gtpin.robot.mjcf_includes import with_includes
+from gtpin.robot.tree import TOOL, Tree
 
 Vector = tuple[float, ...]
 Kind = Literal["urdf", "mjcf"]
@@ -96,6 +97,8 @@ class Description:
         By loop, the normal of the plane in which it closes, in the frame of its first anchor, where ``<plane>`` names it.
     tree
         Its joints and links in document order.
+    tcp_guessed
+        Whether nothing names the TCP, and there are several ends of chains that it can be.
     link_compliance
         Typical compliance of such a machine's links, m/N: the typical size of the effect ``link_compliance``.
     """
@@ -115,6 +118,7 @@ class Description:
     link_compliance: float
     planes: Mapping[str, NDArray[np.float64]]
     tree: Tree
+    tcp_guessed: bool
 
     def __reduce__(self) -> tuple[Callable[[str, str, Kind], Description], tuple[str, str, Kind]]:
         return Description.parse, (self.xml, self.source, self.kind)  # read-only mappings don't pickle
@@ -136,7 +140,7 @@ class Description:
         """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind``: format of the file that the text came from."""
         root = parse_xml(xml, source)
         if root.tag == "mujoco":
-            with_includes(root, Path(source).parent, parse_xml)
+            with_includes(root, Path(source), parse_xml)
             return Description.parse(mjcf_to_urdf(root, source), source, "mjcf")
         if root.tag != "robot":
             hint = "a URDF's is <robot>, an MJCF's <mujoco>"
@@ -155,6 +159,8 @@ class Description:
         gravity = own.find("gravity")
         tolerance = own.find("tolerance")
         compliance = own.find("compliance")
+        tree = Tree.of(root, source)
+        several = len(tree.ends) > 1 and tree.tip != TOOL
         return Description(
             kind=kind,
             xml=xml,
@@ -180,7 +186,8 @@ class Description:
             tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
             link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
             planes=MappingProxyType(reader.planes(own, {loop.name for loop in loops})),
-            tree=Tree.of(root, source),
+            tree=tree,
+            tcp_guessed=several if platform is None else platform.get("guessed") == "true",
         )
 
 
