@@ -15,7 +15,7 @@ import numpy as np
 
 from gtpin.data.csv_file import read_csv
 from gtpin.data.table import Column, Table
-from gtpin.errors import DatasetError, GtpinError
+from gtpin.errors import CONTROL, DatasetError, GtpinError
 from gtpin.memory import amount, require
 from gtpin.output.results import writing
 
@@ -74,6 +74,24 @@ def read_text(file: Path, error: type[GtpinError] = DatasetError, *, hint: str =
         return read_bytes(file, error, most=LARGEST_TEXT, hint=hint).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise error("the file is not UTF-8", file=file, hint="save it as UTF-8") from None
+
+
+def refuse_control(content: object, file: Path | str, error: type[GtpinError] = DatasetError) -> None:
+    """Refuse control characters in names and texts of JSON, TOML or XML, because they would reach the terminal.
+
+    ``content``: texts, and lists and mappings of them. Raises an error of the kind ``error``.
+    """
+    waiting = [content]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, str):
+            if CONTROL.search(part):
+                what = f"{part[:60]!r} has a control character"
+                raise error(what, file=file, hint="write names in plain characters")
+        elif isinstance(part, Mapping):
+            waiting += [*part.keys(), *part.values()]
+        elif isinstance(part, (list, tuple)):
+            waiting += part
 
 
 def check_folder(folder: Path, hint: str) -> None:

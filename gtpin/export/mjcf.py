@@ -14,7 +14,7 @@ from gtpin.export.mjcf_drives import STIFF, add_actuators, add_guides
 from gtpin.export.shapes import Shape
 from gtpin.export.text import numbers, xml_text
 from gtpin.kinematics.rotations import to_quaternions
-from gtpin.robot.mjcf import TCP_MARK
+from gtpin.robot.mjcf import PLANE_MARK, TCP_MARK
 
 Floats = npt.NDArray[np.float64]
 
@@ -64,7 +64,10 @@ def to_mjcf(mechanism: Mechanism) -> str:
         # MuJoCo computes the second body's anchor from the initial configuration. This is home, where the loops are closed.
         attributes = {"name": name, "body1": _free(one.body), "body2": _free(other.body), "anchor": numbers(*one.point)}
         SubElement(equality, "connect", attributes)
-    SubElement(SubElement(root, "custom"), "text", name=TCP_MARK, data=_free(mechanism.tcp))
+    marks = SubElement(root, "custom")
+    SubElement(marks, "text", name=TCP_MARK, data=_free(mechanism.tcp))
+    for name, normal in mechanism.planes.items():
+        SubElement(marks, "numeric", name=f"{PLANE_MARK}{name}", data=numbers(*normal))
     tendons = SubElement(root, "tendon")
     add_guides(tendons, mechanism)
     add_actuators(root, mechanism)

@@ -19,6 +19,8 @@ from gtpin.robot.planar_loops import in_planes, normal_of, postures
 from gtpin.robot.resting import moving_model, neutral
 
 Floats = npt.NDArray[np.float64]
+FARTHEST = 1e5
+"""Distance of a joint from the base, m, from which a robot is refused."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,7 @@ class Chain:
         self.place_anchors([self._placement(anchor) for anchor in self._anchor_elements])
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
+        self._check_size()
         self._check_freedom()
         self.planes = self._planes()
         self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
@@ -356,6 +359,15 @@ class Chain:
         pin.computeJointJacobians(self.model, self.data, self.neutral)
         motions = np.hstack(found) if found else np.zeros((0, 0))
         return tuple(normal_of(motions[3 * i : 3 * i + 3]) for i in range(len(self.constraints)))
+
+    def _check_size(self) -> None:
+        """Raise `RobotError` for a joint so far away that rounding errors spoil a calibration."""
+        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
+            where = np.abs(placement.translation).max()
+            if not where < FARTHEST:
+                raise RobotError(
+                    f"joint {name} is {where:g} m from the base", file=self.description.source, hint="lengths are in m"
+                )
 
     def _check_freedom(self) -> None:
         equations = 3 * len(self.constraints)

@@ -15,11 +15,12 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 
-from gtpin.data.files import read_text
+from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import RobotError
 from gtpin.robot.mjcf import mjcf_to_urdf
 from gtpin.robot.mjcf_includes import with_includes
 from gtpin.robot.tree import TOOL, Tree
+from gtpin.robot.urdf_checks import EXPAND, XACRO, refuse_masses, refuse_xacro, warn_of_degrees
 
 Vector = tuple[float, ...]
 Kind = Literal["urdf", "mjcf"]
@@ -131,20 +132,30 @@ class Description:
         ------
         RobotError
             If the file can't be read, or is no URDF and no MJCF that gtpin understands.
+
+        Warns
+        -----
+        GtpinWarning
+            If angles in a URDF look like degrees, or an MJCF has what is not read.
         """
         text = read_text(path, RobotError, hint="give the path of a URDF or MJCF file")
-        return Description.parse(text, source=str(path))
+        described = Description.parse(text, source=str(path))
+        if described.kind == "urdf":
+            warn_of_degrees(parse_xml(text, str(path)), str(path))
+        return described
 
     @staticmethod
     def parse(xml: str, source: str = "URDF", kind: Kind = "urdf") -> Description:
         """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind``: format of the file that the text came from."""
-        root = parse_xml(xml, source)
+        root, xml = parse_xml(xml, source), xml.lstrip()
         if root.tag == "mujoco":
             with_includes(root, Path(source), parse_xml)
             return Description.parse(mjcf_to_urdf(root, source), source, "mjcf")
         if root.tag != "robot":
             hint = "a URDF's is <robot>, an MJCF's <mujoco>"
             raise RobotError(f"the outer element is <{root.tag}>", file=source, hint=hint)
+        refuse_xacro(root, source)
+        refuse_masses(root, source)
         joints = len(root.findall("joint"))
         if joints > MOST_JOINTS:
             raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
@@ -192,22 +203,25 @@ class Description:
 
 
 def parse_xml(xml: str, source: str) -> Element:
-    """Parse XML from an untrusted file safely.
+    """Parse XML from an untrusted file safely. Blank lines before its first element do not matter, as to Pinocchio.
 
     Raises
     ------
     RobotError
         If the text is not well-formed XML, or uses entities.
     """
+    text = xml.lstrip()
     try:
         # Bytes, because a declared encoding in a text is an error to the parser.
-        root: Element = fromstring(xml.encode("utf-8"))
+        root: Element = fromstring(text.encode("utf-8"))
     except ParseError as error:
-        raise RobotError(
-            f"not well-formed XML ({error})", file=source, row=error.position[0], hint="mend it there"
-        ) from None
+        if "unbound prefix" in str(error) and "<xacro:" in text:
+            raise RobotError(XACRO, file=source, hint=EXPAND) from None
+        row = xml[: len(xml) - len(text)].count("\n") + error.position[0]
+        raise RobotError(f"not well-formed XML ({error})", file=source, row=row, hint="mend it there") from None
     except (DefusedXmlException, ValueError, LookupError) as error:
         raise RobotError(f"XML that can't be accepted ({error})", file=source, hint="write plain UTF-8 XML") from None
+    refuse_control([value for element in root.iter() for value in element.attrib.values()], source, RobotError)
     return root
 
 

@@ -30,6 +30,9 @@ REFUSED = ("replicate", "attach", "composite", "flexcomp")
 TCP_MARK = "gtpin_tcp"
 """Name of the ``<custom><text>`` that names the body or site that is the TCP. `gtpin.export` writes it."""
 
+PLANE_MARK = "gtpin_plane_"
+"""Start of the name of a ``<custom><numeric>`` with the normal of a loop's plane, before the loop's name; see `TCP_MARK`."""
+
 
 def mjcf_to_urdf(root: Element, source: str) -> str:
     """URDF of an MJCF's outer element, with its loops and gravity; where it has loops, also with its actuators and home.
@@ -94,16 +97,22 @@ class _Writer:
         for equality in root.findall("equality"):
             for element in equality:
                 add_equality(made, element)
-        if root.find("equality/connect") is not None:  # where it is not active, the joints of the open loop rest
+        marked = self._marked(root)
+        # Where a loop is not active, its joints rest. A file that gtpin wrote has the commands in their order.
+        if root.find("equality/connect") is not None or marked is not None:
             self._drives(root, own)
         tree = Tree.of(self.robot, self.values.source)
         for name, (link, placement) in self.sites.items():
             self._link(name, self.at[link] * placement)
             self._joint(f"{name}_site", "fixed", link, name, placement)
-        tip = self._marked(root) or (TOOL if TOOL in self.at else None)
+        tip = marked or (TOOL if TOOL in self.at else None)
         guessed = {"guessed": "true"} if tip is None and len(tree.ends) > 1 else {}
         tip = tip or tree.tip
         SubElement(own, "platform", {"link": tip} | guessed)
+        for plane in root.iterfind("custom/numeric"):
+            if (mark := plane.get("name", "")).startswith(PLANE_MARK):
+                normal = self.values.numbers(plane.attrib, "data", "", 3)
+                SubElement(own, "plane", loop=mark.removeprefix(PLANE_MARK), normal=_text(normal))
         if own.find("actuator") is not None:
             q = [self.initial.get(drive.get("joint", ""), 0.0) for drive in own.findall("actuator")]
             pose = self.at[tip]

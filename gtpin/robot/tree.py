@@ -11,6 +11,8 @@ from gtpin.errors import RobotError
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
+MOST = 1e6
+"""Largest multiplier and offset of a follower: rad/m, m/rad, rad or m."""
 TOOL = "tool0"
 """ROS-Industrial's name of the link at a robot's tool flange: the TCP where a URDF has it and names no other."""
 
@@ -58,7 +60,7 @@ class Tree:
         Raises
         ------
         RobotError
-            If a ``<mimic>`` names no joint that moves, or names its own, or holds what is no number.
+            If a ``<mimic>`` names no joint that moves, or names its own, or holds what is no number or a huge one.
         """
         joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
         moving = [name for name, joint in joints.items() if joint.get("type") in MOVING]
@@ -79,6 +81,9 @@ def _mimic(joint: str, element: Element, source: str) -> Mimic:
         numbers = [math.nan]
     if not all(map(math.isfinite, numbers)):
         raise RobotError(f"<mimic> of joint {joint} has what is no number", file=source, hint="mend the <mimic>")
+    if max(map(abs, numbers)) > MOST:
+        what = f"<mimic> of joint {joint}: multiplier {numbers[0]:g}, offset {numbers[1]:g}"
+        raise RobotError(what, file=source, hint="mend the <mimic>; no joint moves so far")
     return Mimic(joint, element.get("joint", ""), *numbers)
 
 
@@ -92,6 +97,9 @@ def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], so
         offset += multiplier * further.offset
         multiplier *= further.multiplier
         master = further.master
+    if max(abs(multiplier), abs(offset)) > MOST:
+        what = f"joint {mimic.joint} follows {master} by a multiplier of {multiplier:g} and an offset of {offset:g}"
+        raise RobotError(what, file=source, hint="mend the <mimic>; no joint moves so far")
     if master not in moving or master in follows:
         what = f"joint {mimic.joint} follows {mimic.master or 'no joint'} by <mimic>"
         why = "that follows it" if master in follows else "which does not move"
