@@ -11,7 +11,7 @@ import warnings
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
+from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning, harmless
 
 if TYPE_CHECKING:
     import typer
@@ -134,5 +134,5 @@ def _message(error: Exception) -> str:
 
 def _say(kind: str, text: Any) -> None:
     with contextlib.suppress(OSError, AttributeError):  # standard error may be full, or closed
-        sys.stderr.write(" ".join(f"gtpin: {kind}: {text}".split()) + "\n")
+        sys.stderr.write(harmless(f"gtpin: {kind}: {text}") + "\n")
         sys.stderr.flush()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 from pathlib import Path
@@ -9,6 +10,15 @@ from types import FrameType
 
 LONGEST = 1000
 """Largest length of a message, in characters; the middle of a longer one is left out."""
+
+
+CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+"""Characters that give a terminal orders or change the direction of writing, such as ESC; without tabs and line ends."""
+
+
+def harmless(text: str) -> str:
+    """A text in one line for the terminal: control characters are written as escapes, such as ``\\x1b``."""
+    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), " ".join(text.split()))
 
 
 class GtpinError(Exception):
@@ -54,7 +64,7 @@ class GtpinError(Exception):
         where += [f"row {self.row}"] if self.row is not None else []
         where += [f"column {self.column}"] if self.column is not None else []
         text = f"{', '.join(where)}: {self.what}" if where else self.what
-        text = " ".join((f"{text}; {self.hint}" if self.hint else text).split())
+        text = harmless(f"{text}; {self.hint}" if self.hint else text)
         if len(text) > LONGEST:  # a name or a value of thousands of letters hides what was wrong and what to do
             text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
         return text
@@ -105,6 +115,7 @@ class GtpinWarning(UserWarning):
 
 def warn(text: str, category: type[Warning] = GtpinWarning) -> None:
     """Issue a warning whose place is the line of the user's code that called gtpin."""
+    text = harmless(text)
     frame = user = sys._getframe(1)
     while frame.f_back is not None:
         called, frame = frame, frame.f_back

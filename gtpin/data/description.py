@@ -13,7 +13,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from gtpin.data.driver import MOTIONS, Motion
-from gtpin.data.files import read_bytes
+from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import DatasetError
 
 SCHEMA = "gtpin-dataset/1"
@@ -108,11 +108,9 @@ def read_description(file: Path) -> Description:
 
 
 def read_toml(file: Path) -> dict[str, Any]:
-    """Read a TOML file; raises `DatasetError` if it is not TOML or not UTF-8."""
+    """Read a TOML file; raises `DatasetError` if it is not TOML, not UTF-8, or has control characters in names."""
     try:
-        return tomllib.loads(read_bytes(file).decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        raise DatasetError("the file is not UTF-8", file=file, hint="save it as UTF-8") from None
+        content = tomllib.loads(read_text(file))
     except tomllib.TOMLDecodeError as error:
         line = re.search(r"at line (\d+)", str(error))
         what = f"not TOML: {re.sub(r' *[(]at .*[)]$', '', str(error))}"
@@ -120,6 +118,8 @@ def read_toml(file: Path) -> dict[str, Any]:
     except (RecursionError, ValueError) as error:
         # tomllib gives up on brackets nested a thousand deep and on impossible dates or endless integers.
         raise DatasetError(f"not TOML that can be read ({str(error)[:80]})", file=file) from None
+    refuse_control(content, file)
+    return content
 
 
 def write_description(file: Path, description: Description) -> None:

@@ -138,7 +138,7 @@ def texts(
         scales, carried = drive_scales(model)
         urdf = with_transmissions(urdf, model.robot, scales)
         return Export({file.name: urdf}, left_out(model), tuple(name for name in left_out(model) if name in carried))
-    robot = Robot(Description.parse(urdf, f"the URDF of {model.robot.name}"), model.robot.tcp_frame)
+    robot = Robot(Description.parse(urdf, f"the URDF of {model.robot.name}"))  # it names the TCP
     if form == "parallel-robots":
         files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
         return Export(files, left_out(model))

@@ -157,7 +157,9 @@ class Drive:
 class Mechanism:
     """Bodies, parents before children; loops by name, each two coincident points; drives; gravity, m/s^2; size ``reach``, m.
 
-    ``couplings``: joints that follow others. ``guides``: friction. ``plays``: joints whose play varies.
+    ``tcp``: name of the body, or of the link on a body, that is the TCP. ``planes``: by loop, the normal (3,) of the plane in
+    which it closes, where it is planar, in the frame of the body of its first end. ``couplings``: joints that follow
+    others. ``guides``: friction. ``plays``: joints whose play varies.
     """
 
     name: str
@@ -166,6 +168,8 @@ class Mechanism:
     drives: tuple[Drive, ...]
     gravity: tuple[float, ...]
     reach: float
+    tcp: str
+    planes: Mapping[str, Floats] = field(default_factory=dict)
     couplings: tuple[Coupling, ...] = ()
     guides: tuple[Guide, ...] = ()
     plays: tuple[Play, ...] = ()
@@ -251,7 +255,7 @@ def mechanism(robot: Robot) -> Mechanism:
                 frames=dict(frames[i][1:]),
             )
         )
-    base = Body(frames[0][0][0], WORLD, pin.SE3.Identity(), (), pin.Inertia.Zero(), None, shapes.get(0, ()))
+    base = Body(frames[0][0][0], WORLD, pin.SE3.Identity(), (), model.inertias[0], None, shapes.get(0, ()))
     base = replace(base, frames=dict(frames[0][1:]))
     rooted = tuple(replace(b, parent=base.name) if b.parent == WORLD and b.free is None else b for b in bodies)
     kept[0] = base.name
@@ -270,7 +274,9 @@ def mechanism(robot: Robot) -> Mechanism:
         {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)},
     )
     mimics = tuple(Coupling(names[f.index_v], names[f.master_v], SAME.times(f.multiplier)) for f in robot.followers)
-    return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, mimics)
+    closing = zip(robot.description.loops, robot.constraints, robot.planes, strict=True)
+    planes = {loop.name: c.joint1_placement.rotation @ n for loop, c, n in closing if n is not None}
+    return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, robot.tcp_frame, planes, mimics)
 
 
 def _massless(robot: Robot) -> set[int]:

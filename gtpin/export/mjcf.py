@@ -14,6 +14,7 @@ from gtpin.export.mjcf_drives import STIFF, add_actuators, add_guides
 from gtpin.export.shapes import Shape
 from gtpin.export.text import numbers, xml_text
 from gtpin.kinematics.rotations import to_quaternions
+from gtpin.robot.mjcf import PLANE_MARK, TCP_MARK
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,7 +27,7 @@ DAMPING = 5.0
 """Damping of springs over stiffness / frequency; 2 is critical damping. With more damping, this simulation comes to rest
 earlier, but with 20 it is unstable."""
 SMALLEST = {"boundmass": 1e-6, "boundinertia": 1e-9}
-"""Mass, kg, and inertia, kg m^2, of bodies without mass, such as ends of springs."""
+"""Mass, kg, and inertia, kg m^2, of bodies without mass, in files with moving ones, such as ends of springs."""
 
 
 def to_mjcf(mechanism: Mechanism) -> str:
@@ -38,7 +39,9 @@ def to_mjcf(mechanism: Mechanism) -> str:
     vibrations are not.
     """
     root = Element("mujoco", model=mechanism.name)
-    bounds = {key: numbers(value) for key, value in SMALLEST.items()}
+    cranked = with_cranks(mechanism)
+    massless = any((body.joints or body.free) and body.inertia.mass == 0.0 for body in cranked.bodies)
+    bounds = {key: numbers(value) for key, value in SMALLEST.items()} if massless else {}
     SubElement(root, "compiler", {"angle": "radian", "autolimits": "true", "balanceinertia": "true"} | bounds)
     SubElement(
         root,
@@ -54,7 +57,6 @@ def to_mjcf(mechanism: Mechanism) -> str:
     # Stiff loops: at rest, their two points are less than 1 nm apart under the machine's weight.
     SubElement(default, "equality", STIFF)
     elements = {WORLD: SubElement(root, "worldbody")}
-    cranked = with_cranks(mechanism)
     for body in cranked.bodies:
         elements[body.name] = _body(elements[body.parent], body)
     equality = SubElement(root, "equality")
@@ -62,6 +64,10 @@ def to_mjcf(mechanism: Mechanism) -> str:
         # MuJoCo computes the second body's anchor from the initial configuration. This is home, where the loops are closed.
         attributes = {"name": name, "body1": _free(one.body), "body2": _free(other.body), "anchor": numbers(*one.point)}
         SubElement(equality, "connect", attributes)
+    marks = SubElement(root, "custom")
+    SubElement(marks, "text", name=TCP_MARK, data=_free(mechanism.tcp))
+    for name, normal in mechanism.planes.items():
+        SubElement(marks, "numeric", name=f"{PLANE_MARK}{name}", data=numbers(*normal))
     tendons = SubElement(root, "tendon")
     add_guides(tendons, mechanism)
     add_actuators(root, mechanism)

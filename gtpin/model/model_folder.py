@@ -47,6 +47,8 @@ FILES = ("model.json", "robot.urdf", "nominal.urdf")
 """Files that ``write_model`` writes."""
 NOT_TURNED = 1e-9
 """Largest accepted error of a rotation matrix's orthogonality, and of a correlation above 1."""
+FARTHEST = 10.0
+"""Largest deviation of a length, in sizes of the robot, and of a scale, from nominal: no machine is so far from its drawing."""
 MOST_UNCERTAIN = 1e3
 """Standard deviation, m or rad, above which a file is refused: tolerances of geometric parameters are millimetres. Assumed."""
 
@@ -183,7 +185,7 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
         raise ModelError("a model has a TCP of its own", file=path, hint="leave --tcp out, or name the robot")
     if os.path.isdir(path):
         for folder in (path, path / "model"):
-            if (folder / "model.json").is_file():
+            if (folder / "model.json").exists():
                 return _read_folder(folder, own)
         raise ModelError(
             "no model.json here", file=path, hint="give a folder that calibrate, diagnose or certify wrote"
@@ -237,7 +239,25 @@ def _geometry(robot: Robot, content: ModelFile) -> Geometry:
     values = np.array([content.parameters[p.name] for p in kept])
     tolerances = (content.tolerance.get(p.name, p.tolerance) for p in kept)
     parameters = tuple(p.with_tolerance(tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
-    return Geometry(robot, parameters, values, tracks)
+    geometry = Geometry(robot, parameters, values, tracks)
+    _check_values(geometry)
+    return geometry
+
+
+def _check_values(geometry: Geometry) -> None:
+    """Raise `ModelError`, with the parameter, for a value that no machine has, or where the loops don't close at home."""
+    largest = {"m": FARTHEST * geometry.robot.size, "rad": np.pi, "m/m": FARTHEST}
+    moved = geometry.deviation
+    for parameter, value, deviation in zip(geometry.parameters, geometry.values, moved, strict=True):
+        if abs(deviation) > largest[parameter.unit]:
+            what = f"{value:g} {parameter.unit}, where {parameter.nominal:g} is nominal"
+            raise ModelError(what, column=f"parameters.{parameter.name}")
+    looped = geometry.robot.rods or geometry.robot.constraints
+    if looped and moved.any() and not kinematics(geometry).home.reached.all():
+        i = int(np.argmax(np.abs(moved) / geometry.tolerance))
+        most = geometry.parameters[i]
+        what = f"the loops don't close at home; farthest from nominal, {most.nominal:g}, is this value, {geometry.values[i]:g}"
+        raise ModelError(what, column=f"parameters.{most.name}")
 
 
 def _track(record: TrackRecord) -> MeasuredTrack:

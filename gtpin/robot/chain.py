@@ -12,13 +12,15 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import ModelError, RobotError
+from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, Description
 from gtpin.robot.followers import folded, followers, put
 from gtpin.robot.planar_loops import in_planes, normal_of, postures
 from gtpin.robot.resting import moving_model, neutral
 
 Floats = npt.NDArray[np.float64]
+FARTHEST = 1e5
+"""Distance of a joint from the base, m, from which a robot is refused."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,11 @@ class Chain:
     ------
     RobotError
         If the URDF does not make a robot.
+
+    Warns
+    -----
+    GtpinWarning
+        If nothing names the TCP, and there are several ends of chains that it can be.
     """
 
     def __init__(self, description: Description, tcp: str | None = None) -> None:
@@ -130,6 +137,12 @@ class Chain:
         passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
         self.passive, self.n_passive = _as_slice(passive), len(passive)
         self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
+        if tcp is None and description.tcp_guessed:
+            others = [link for link in description.tree.ends if link != self.tcp_frame]
+            shown = f"{', '.join(others[:6])}{' ...' if len(others) > 6 else ''}"
+            warn(
+                f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {shown}; name it (tcp, --tcp)"
+            )
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
         self.load_placement = self.tcp_placement
         home = description.home.link if description.home else None
@@ -138,6 +151,7 @@ class Chain:
         self.place_anchors([self._placement(anchor) for anchor in self._anchor_elements])
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
+        self._check_size()
         self._check_freedom()
         self.planes = self._planes()
         self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
@@ -345,6 +359,15 @@ class Chain:
         pin.computeJointJacobians(self.model, self.data, self.neutral)
         motions = np.hstack(found) if found else np.zeros((0, 0))
         return tuple(normal_of(motions[3 * i : 3 * i + 3]) for i in range(len(self.constraints)))
+
+    def _check_size(self) -> None:
+        """Raise `RobotError` for a joint so far away that rounding errors spoil a calibration."""
+        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
+            where = np.abs(placement.translation).max()
+            if not where < FARTHEST:
+                raise RobotError(
+                    f"joint {name} is {where:g} m from the base", file=self.description.source, hint="lengths are in m"
+                )
 
     def _check_freedom(self) -> None:
         equations = 3 * len(self.constraints)

@@ -15,9 +15,12 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 
+from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import RobotError
-from gtpin.robot.mjcf import mjcf_to_urdf, with_includes
-from gtpin.robot.tree import Tree
+from gtpin.robot.mjcf import mjcf_to_urdf
+from gtpin.robot.mjcf_includes import with_includes
+from gtpin.robot.tree import TOOL, Tree
+from gtpin.robot.urdf_checks import EXPAND, XACRO, refuse_masses, refuse_xacro, warn_of_degrees
 
 Vector = tuple[float, ...]
 Kind = Literal["urdf", "mjcf"]
@@ -95,6 +98,8 @@ class Description:
         By loop, the normal of the plane in which it closes, in the frame of its first anchor, where ``<plane>`` names it.
     tree
         Its joints and links in document order.
+    tcp_guessed
+        Whether nothing names the TCP, and there are several ends of chains that it can be.
     link_compliance
         Typical compliance of such a machine's links, m/N: the typical size of the effect ``link_compliance``.
     """
@@ -114,6 +119,7 @@ class Description:
     link_compliance: float
     planes: Mapping[str, NDArray[np.float64]]
     tree: Tree
+    tcp_guessed: bool
 
     def __reduce__(self) -> tuple[Callable[[str, str, Kind], Description], tuple[str, str, Kind]]:
         return Description.parse, (self.xml, self.source, self.kind)  # read-only mappings don't pickle
@@ -126,25 +132,30 @@ class Description:
         ------
         RobotError
             If the file can't be read, or is no URDF and no MJCF that gtpin understands.
+
+        Warns
+        -----
+        GtpinWarning
+            If angles in a URDF look like degrees, or an MJCF has what is not read.
         """
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except FileNotFoundError:
-            raise RobotError("no such file", file=path, hint="give the path of a URDF or MJCF file") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise RobotError(f"can't be read ({error})", file=path, hint="give a readable UTF-8 file") from None
-        return Description.parse(text, source=str(path))
+        text = read_text(path, RobotError, hint="give the path of a URDF or MJCF file")
+        described = Description.parse(text, source=str(path))
+        if described.kind == "urdf":
+            warn_of_degrees(parse_xml(text, str(path)), str(path))
+        return described
 
     @staticmethod
     def parse(xml: str, source: str = "URDF", kind: Kind = "urdf") -> Description:
         """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind``: format of the file that the text came from."""
-        root = parse_xml(xml, source)
+        root, xml = parse_xml(xml, source), xml.lstrip()
         if root.tag == "mujoco":
-            with_includes(root, Path(source).parent, parse_xml)
+            with_includes(root, Path(source), parse_xml)
             return Description.parse(mjcf_to_urdf(root, source), source, "mjcf")
         if root.tag != "robot":
             hint = "a URDF's is <robot>, an MJCF's <mujoco>"
             raise RobotError(f"the outer element is <{root.tag}>", file=source, hint=hint)
+        refuse_xacro(root, source)
+        refuse_masses(root, source)
         joints = len(root.findall("joint"))
         if joints > MOST_JOINTS:
             raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
@@ -159,6 +170,8 @@ class Description:
         gravity = own.find("gravity")
         tolerance = own.find("tolerance")
         compliance = own.find("compliance")
+        tree = Tree.of(root, source)
+        several = len(tree.ends) > 1 and tree.tip != TOOL
         return Description(
             kind=kind,
             xml=xml,
@@ -184,27 +197,31 @@ class Description:
             tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
             link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
             planes=MappingProxyType(reader.planes(own, {loop.name for loop in loops})),
-            tree=Tree.of(root, source),
+            tree=tree,
+            tcp_guessed=several if platform is None else platform.get("guessed") == "true",
         )
 
 
 def parse_xml(xml: str, source: str) -> Element:
-    """Parse XML from an untrusted file safely.
+    """Parse XML from an untrusted file safely. Blank lines before its first element do not matter, as to Pinocchio.
 
     Raises
     ------
     RobotError
         If the text is not well-formed XML, or uses entities.
     """
+    text = xml.lstrip()
     try:
         # Bytes, because a declared encoding in a text is an error to the parser.
-        root: Element = fromstring(xml.encode("utf-8"))
+        root: Element = fromstring(text.encode("utf-8"))
     except ParseError as error:
-        raise RobotError(
-            f"not well-formed XML ({error})", file=source, row=error.position[0], hint="mend it there"
-        ) from None
+        if "unbound prefix" in str(error) and "<xacro:" in text:
+            raise RobotError(XACRO, file=source, hint=EXPAND) from None
+        row = xml[: len(xml) - len(text)].count("\n") + error.position[0]
+        raise RobotError(f"not well-formed XML ({error})", file=source, row=row, hint="mend it there") from None
     except (DefusedXmlException, ValueError, LookupError) as error:
         raise RobotError(f"XML that can't be accepted ({error})", file=source, hint="write plain UTF-8 XML") from None
+    refuse_control([value for element in root.iter() for value in element.attrib.values()], source, RobotError)
     return root
 
 

@@ -55,6 +55,7 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
         other_element.set("xyz", _text(_link_placement(robot, other.link).actInv(C0[i])))
         _hang(robot, joints[robot.model.names[rod.joint_id]], rod.joint_id, P[i])
     _rehome(robot, root, joints, home)
+    _name_what_was_found(robot, root)
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
@@ -114,7 +115,7 @@ def _name_what_was_found(robot: Robot, root: Element) -> None:
     description = robot.description
     planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if n is not None}
     named_tcp = description.tcp or description.platform or description.tree.tip
-    tcp = robot.tcp_frame if robot.tcp_frame != named_tcp else None
+    tcp = robot.tcp_frame if robot.tcp_frame != named_tcp or description.tcp_guessed else None
     if tcp is None and not planes:
         return
     own = root.find("gtpin")

@@ -7,7 +7,6 @@ After that the robot is treated like any other.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -15,69 +14,105 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import RobotError
+from gtpin.errors import RobotError, warn
+from gtpin.robot.mjcf_equalities import WORLD, Made, add_equality
+from gtpin.robot.mjcf_masses import SHOWN, Masses
 from gtpin.robot.mjcf_scene import without_objects
-from gtpin.robot.mjcf_values import Values
-from gtpin.robot.tree import Tree
+from gtpin.robot.mjcf_values import MAIN, Part, Values
+from gtpin.robot.tree import TOOL, Tree
 
 Floats = npt.NDArray[np.float64]
 
-WORLD = "world"
-MOST_BODIES = 300
-REFUSED = ("frame", "replicate", "attach", "composite", "flexcomp")
+MOST = 300
+"""Largest number of elements that may be nested: bodies, frames, default classes."""
+REFUSED = ("replicate", "attach", "composite", "flexcomp")
 """Elements of a body tree that gtpin does not read."""
+TCP_MARK = "gtpin_tcp"
+"""Name of the ``<custom><text>`` that names the body or site that is the TCP. `gtpin.export` writes it."""
+
+PLANE_MARK = "gtpin_plane_"
+"""Start of the name of a ``<custom><numeric>`` with the normal of a loop's plane, before the loop's name; see `TCP_MARK`."""
 
 
 def mjcf_to_urdf(root: Element, source: str) -> str:
     """URDF of an MJCF's outer element, with its loops and gravity; where it has loops, also with its actuators and home.
 
-    Bodies and named sites become links with the same names. Joints keep their names.
+    Bodies and named sites become links with the same names; a body with the name of a site gets another one. Joints keep their
+    names.
 
     Raises
     ------
     RobotError
         If the file holds an element that gtpin can't convert; the message names it.
+
+    Warns
+    -----
+    GtpinWarning
+        If the file holds something that changes loads and that gtpin does not read, with the names of the bodies.
     """
     for tag in REFUSED:
         if root.find(f"worldbody//{tag}") is not None:
             raise RobotError(f"<{tag}> is not read", file=source, hint="write the bodies out")
+    for tag in ("frame", "default"):
+        _check_number(root, tag, source)
+    values = Values.of(root, source)
+    masses = Masses.of(root, values)
     without_objects(root)
-    if sum(1 for _ in root.iter("body")) > MOST_BODIES:
-        raise RobotError("too many bodies", file=source, hint=f"a robot has {MOST_BODIES} at most")
-    writer = _Writer(Values.of(root, source), Element("robot", name=root.get("model", "mjcf")))
+    _check_number(root, "body", source)
+    writer = _Writer(values, masses, Element("robot", name=root.get("model", "mjcf")))
     return writer.write(root)
+
+
+def _check_number(root: Element, tag: str, source: str) -> None:
+    if sum(1 for _ in root.iter(tag)) > MOST:
+        raise RobotError(f"too many <{tag}> elements", file=source, hint=f"a robot has {MOST} at most")
 
 
 @dataclass
 class _Writer:
     """Writes the URDF element by element.
 
-    ``at``: placements (``pinocchio.SE3``) of links in the world at MuJoCo's initial posture. ``sites``: name, body, and
-    placement on the body. ``initial``: coordinates of joints at this posture, rad or m.
+    ``at``: placements (``pinocchio.SE3``) of links in the world at MuJoCo's initial posture. ``bodies``: links of bodies, by
+    name. ``sites``: by name, the link that carries the site, and its placement on the link. ``named``: names of all sites.
+    ``initial``: coordinates of joints at this posture, rad or m.
     """
 
     values: Values
+    masses: Masses
     robot: Element
     at: dict[str, Any] = field(default_factory=dict)
-    sites: list[tuple[str, str, Any]] = field(default_factory=list)
+    bodies: dict[str, str] = field(default_factory=dict)
+    sites: dict[str, tuple[str, Any]] = field(default_factory=dict)
+    named: frozenset[str] = frozenset()
     initial: dict[str, float] = field(default_factory=dict)
 
     def write(self, root: Element) -> str:
+        self.named = frozenset(site.get("name", "") for site in root.iterfind("worldbody//site")) - {""}
         self._link(WORLD, pin.SE3.Identity())
+        self.bodies[WORLD] = WORLD
         for world in root.findall("worldbody"):
-            self._children(world, WORLD, "main")
+            self._children(list(self.values.parts(world, MAIN)), WORLD)
         own = Element("gtpin")
+        made = Made(self.values, self.robot, self.bodies, self.sites, self.at, self.initial, _text)
         for equality in root.findall("equality"):
             for element in equality:
-                self._equality(element)
-        if self.robot.find("loop_joint") is not None:
+                add_equality(made, element)
+        marked = self._marked(root)
+        # Where a loop is not active, its joints rest. A file that gtpin wrote has the commands in their order.
+        if root.find("equality/connect") is not None or marked is not None:
             self._drives(root, own)
-        tip = Tree.of(self.robot, self.values.source).tip
-        for name, body, placement in self.sites:
-            if name not in self.at:
-                self._link(name, self.at[body] * placement)
-                self._joint(f"{name}_site", "fixed", body, name, placement)
-        SubElement(own, "platform", link=tip)
+        tree = Tree.of(self.robot, self.values.source)
+        for name, (link, placement) in self.sites.items():
+            self._link(name, self.at[link] * placement)
+            self._joint(f"{name}_site", "fixed", link, name, placement)
+        tip = marked or (TOOL if TOOL in self.at else None)
+        guessed = {"guessed": "true"} if tip is None and len(tree.ends) > 1 else {}
+        tip = tip or tree.tip
+        SubElement(own, "platform", {"link": tip} | guessed)
+        for plane in root.iterfind("custom/numeric"):
+            if (mark := plane.get("name", "")).startswith(PLANE_MARK):
+                normal = self.values.numbers(plane.attrib, "data", "", 3)
+                SubElement(own, "plane", loop=mark.removeprefix(PLANE_MARK), normal=_text(normal))
         if own.find("actuator") is not None:
             q = [self.initial.get(drive.get("joint", ""), 0.0) for drive in own.findall("actuator")]
             pose = self.at[tip]
@@ -88,47 +123,86 @@ class _Writer:
                 tcp_xyz=_text(pose.translation),
                 tcp_rotvec=_text(pin.log3(pose.rotation)),
             )
-        option = next((option for option in root.findall("option") if option.get("gravity")), None)
-        if option is not None:
-            SubElement(own, "gravity", xyz=_text(self.values.numbers(option.attrib, "gravity", "", 3)))
+        options = root.findall("option")
+        given = [option for option in options if option.get("gravity")]
+        flags = [flag.get("gravity") for option in options for flag in option.findall("flag") if flag.get("gravity")]
+        if flags[-1:] == ["disable"]:
+            SubElement(own, "gravity", xyz=_text(np.zeros(3)))
+        elif given:
+            SubElement(own, "gravity", xyz=_text(self.values.numbers(given[-1].attrib, "gravity", "", 3)))
         self.robot.append(own)
+        self._warn(root)
         indent(self.robot)
         return tostring(self.robot, encoding="unicode")
 
+    def _marked(self, root: Element) -> str | None:
+        """The link that the file names as the TCP, if it names one."""
+        marks = [text.get("data", "") for text in root.iterfind("custom/text") if text.get("name") == TCP_MARK]
+        if not marks:
+            return None
+        link = marks[-1] if marks[-1] in self.sites else self.bodies.get(marks[-1])
+        if link is None:
+            what = f"{TCP_MARK} names {marks[-1]!r}, which is no body and no site"
+            raise RobotError(what, file=self.values.source, hint="mend <custom>")
+        return link
+
+    def _warn(self, root: Element) -> None:
+        self.masses.warn()
+        lifted = [body.get("name", "a body") for body in root.iter("body") if body.get("gravcomp", "0").strip("0. ")]
+        if lifted:
+            names = ", ".join(lifted[:SHOWN]) + (f" and {len(lifted) - SHOWN} more" if len(lifted) > SHOWN else "")
+            warn(f"{self.values.source}: gravcomp is not read, gravity acts on the whole mass: bodies {names}")
+        for name in sorted(self.named & self.bodies.keys() - {WORLD}):
+            warn(
+                f"{self.values.source}: a site and a body are called {name}: the link {name} is the site, and the link of the "
+                f"body is {self.bodies[name]}"
+            )
+
     # ------------------------------------------------------------------------------------------------ bodies
 
-    def _children(self, parent: Element, link: str, inherited: str) -> None:
-        for site in parent.findall("site"):
-            given = self.values.attributes(site, inherited)
-            if "name" in given:
-                self.sites.append((given["name"], link, self.values.placement(given)))
-        for body in parent.findall("body"):
-            self._body(body, link, body.get("childclass", inherited))
+    def _children(self, parts: list[Part], link: str) -> None:
+        for part in parts:
+            if part.element.tag == "site":
+                given = self.values.attributes(part.element, part.inherited)
+                if (name := given.get("name", "")) in self.sites:
+                    raise RobotError(f"two sites are called {name}", file=self.values.source, hint="name each once")
+                if name:
+                    self.sites[name] = (link, part.frame * self.values.placement(given))
+            elif part.element.tag == "body":
+                self._body(part, link)
 
-    def _body(self, body: Element, parent: str, inherited: str) -> None:
-        name = body.get("name") or f"body{len(self.at)}"
-        placement = self.values.placement(body.attrib)
+    def _body(self, part: Part, parent: str) -> None:
+        body = part.element
+        name = body.get("name") or self._free(f"body{len(self.at)}")
+        if name in self.bodies:
+            raise RobotError(f"two bodies are called {name}", file=self.values.source, hint="name each once")
+        link = self._free(f"{name}_body") if name in self.named else name
+        self.bodies[name] = link
+        placement = part.frame * self.values.placement(body.attrib)
         pose = self.at[parent] * placement
-        joints = [joint for joint in body if joint.tag in ("joint", "freejoint")]
+        parts = list(self.values.parts(body, body.get("childclass", part.inherited)))
+        joints = [one for one in parts if one.element.tag in ("joint", "freejoint")]
         before, above = pin.SE3(placement), parent
         for number, joint in enumerate(joints):
-            given = self.values.attributes(joint, inherited)
+            given = self.values.attributes(joint.element, joint.inherited)
             called = given.get("name") or (f"{name}_joint" if len(joints) == 1 else f"{name}_joint{number + 1}")
-            pos = self.values.numbers(given, "pos", "0 0 0", 3)
-            last = number == len(joints) - 1 and not pos.any()
-            child = name if last else f"{called}_frame"
-            at = pin.SE3(np.eye(3), pos)
+            kind = "free" if joint.element.tag == "freejoint" else given.get("type", "hinge")
+            pos = joint.frame.act(self.values.numbers(given, "pos", "0 0 0", 3))
+            last = number == len(joints) - 1 and (kind == "free" or not pos.any())
+            child = link if last else self._free(f"{called}_frame")
+            at = pin.SE3.Identity() if last else pin.SE3(np.eye(3), pos)
             self._link(child, pose if last else pose * at)
-            self._moving(called, given, joint.tag, above, child, before * at)
+            self._moving(called, given, kind, joint.frame.rotation, above, child, before * at)
             before, above = at.inverse(), child
-        if above != name:
-            self._link(name, pose)
-            self._joint(f"{name}_fixed", "fixed", above, name, before)
-        self._mass(name, self.values.inertia(body, inherited))
-        self._children(body, name, inherited)
+        if above != link:
+            self._link(link, pose)
+            self._joint(f"{name}_fixed", "fixed", above, link, before)
+        self._mass(link, self.masses.inertia(name, parts))
+        self._children(parts, link)
 
-    def _moving(self, name: str, given: dict[str, str], tag: str, parent: str, child: str, origin: Any) -> None:
-        kind = "free" if tag == "freejoint" else given.get("type", "hinge")
+    def _moving(
+        self, name: str, given: dict[str, str], kind: str, frame: Floats, parent: str, child: str, origin: Any
+    ) -> None:
         if kind == "free":
             self._joint(name, "floating", parent, child, origin)
             return
@@ -137,7 +211,7 @@ class _Writer:
                 f"joint {name} is of type {kind}", file=self.values.source, hint="use hinge and slide joints"
             )
         unit = self.values.angle if kind == "hinge" else 1.0
-        axis = self.values.unit(self.values.numbers(given, "axis", "0 0 1", 3), "axis")
+        axis = frame @ self.values.unit(self.values.numbers(given, "axis", "0 0 1", 3), "axis")
         start = float(self.values.numbers(given, "ref", "0", 1)[0]) * unit
         back = pin.SE3(pin.exp3(-start * axis), np.zeros(3)) if kind == "hinge" else pin.SE3(np.eye(3), -start * axis)
         limited = given.get("limited", "auto")
@@ -151,68 +225,31 @@ class _Writer:
         SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
         self.initial[name] = start
 
-    # ------------------------------------------------------------------------------------------------ loops
-
-    def _equality(self, element: Element) -> None:
-        given = self.values.attributes(element, "main")
-        if given.get("active", "true") != "true":
-            return
-        if element.tag == "connect":
-            self._connect(given)
-        elif element.tag == "joint":
-            self._follow(given)
-        else:
-            raise RobotError(
-                f"equality/{element.tag} is not read", file=self.values.source, hint="use connect, or joint"
-            )
-
-    def _connect(self, given: dict[str, str]) -> None:
-        number = len(self.robot.findall("loop_joint")) + 1
-        sites = {name: (body, placement.translation) for name, body, placement in self.sites}
-        if "site1" in given:
-            ends = [sites.get(given.get(key, ""), (given.get(key, ""), np.zeros(3))) for key in ("site1", "site2")]
-        else:
-            first, second = given.get("body1", ""), given.get("body2", WORLD)
-            anchor = self.values.numbers(given, "anchor", "", 3)
-            ends = [(first, anchor), (second, anchor)]
-            if first in self.at and second in self.at:  # they meet at the initial posture
-                ends[1] = (second, self.at[second].actInv(self.at[first].act(anchor)))
-        loop = SubElement(self.robot, "loop_joint", name=given.get("name", f"connect{number}"), type="spherical")
-        for tag, (link, xyz) in zip(("link1", "link2"), ends, strict=True):
-            if link not in self.at:
-                raise RobotError(
-                    f"connect {loop.get('name')} of unknown {link!r}", file=self.values.source, hint="name a body"
-                )
-            SubElement(loop, tag, link=link, xyz=_text(xyz))
-
-    def _follow(self, given: dict[str, str]) -> None:
-        joints = {joint.get("name", ""): joint for joint in self.robot.findall("joint")}
-        follower, master = given.get("joint1", ""), given.get("joint2", "")
-        poly = np.zeros(5)
-        given_poly = self.values.numbers(given, "polycoef", "0 1 0 0 0", 1, 5)
-        poly[: len(given_poly)] = given_poly
-        if follower not in self.initial or master not in self.initial or poly[2:].any():
-            raise RobotError(
-                f"equality/joint of {follower or 'no joint'}",
-                file=self.values.source,
-                hint="give joint1 and joint2, and a polycoef of two numbers and zeros",
-            )
-        offset = self.initial[follower] + poly[0] - poly[1] * self.initial[master]
-        SubElement(joints[follower], "mimic", joint=master, multiplier=repr(float(poly[1])), offset=repr(float(offset)))
-
     def _drives(self, root: Element, own: Element) -> None:
         """Write the joints that ``<actuator>`` drives, once each: in a robot with loops not all joints can be commanded."""
-        followers = {joint.get("name") for joint in self.robot.findall("joint") if joint.find("mimic") is not None}
+        tied = {
+            joint.get("name")
+            for joint in self.robot.findall("joint")
+            if joint.find("mimic") is not None or joint.get("type") == "fixed"
+        }
         named = [drive.get("joint") for actuator in root.findall("actuator") for drive in actuator]
         for name in dict.fromkeys(named):
-            if name in self.initial and name not in followers:
+            if name in self.initial and name not in tied:
                 SubElement(own, "actuator", joint=name)
 
     # ------------------------------------------------------------------------------------------------ elements
 
+    def _free(self, name: str) -> str:
+        """A name for a link that the file has no body and no site for."""
+        while name in self.at or name in self.bodies or name in self.named:
+            name += "_"
+        return name
+
     def _link(self, name: str, placement: Any) -> None:
         if name in self.at:
-            raise RobotError(f"two bodies are called {name}", file=self.values.source, hint="name each once")
+            raise RobotError(
+                f"two links would be called {name}", file=self.values.source, hint="rename the body or site"
+            )
         SubElement(self.robot, "link", name=name)
         self.at[name] = placement
 
@@ -233,34 +270,6 @@ class _Writer:
         SubElement(joint, "child", link=child)
         SubElement(joint, "origin", xyz=_text(origin.translation), rpy=_text(pin.rpy.matrixToRpy(origin.rotation)))
         return joint
-
-
-def with_includes(root: Element, folder: Path, parse: Any, depth: int = 0) -> None:
-    """Replace each ``<include file>`` by the content of that file; paths start at the main file's folder.
-
-    Raises
-    ------
-    RobotError
-        If an included file can't be read, or files include each other.
-    """
-    for parent in list(root.iter()):
-        for place, child in reversed(list(enumerate(parent))):
-            if child.tag != "include":
-                continue
-            file = folder / child.get("file", "")
-            if depth > 8:
-                raise RobotError("files that include each other", file=file, hint="end the ring")
-            try:
-                inside = parse(file.read_text(encoding="utf-8-sig"), str(file))
-            except (OSError, UnicodeDecodeError) as error:
-                reason = getattr(error, "strerror", None) or error
-                raise RobotError(
-                    f"an included file can't be read ({reason})", file=file, hint="mend <include>"
-                ) from None
-            with_includes(inside, folder, parse, depth + 1)
-            parent.remove(child)
-            for offset, element in enumerate(inside):
-                parent.insert(place + offset, element)
 
 
 def _text(values: Floats) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from xml.etree.ElementTree import Element
 
 JOINTS = ("joint", "freejoint")
@@ -15,7 +16,7 @@ def without_objects(root: Element) -> None:
     Nothing in ``<actuator>``, ``<equality>`` and ``<tendon>`` names an object or what is on it. Where a file has no actuators,
     an object must also float freely. Where all moving bodies would be objects, none is removed.
     """
-    on_world = [(world, body) for world in root.findall("worldbody") for body in world.findall("body")]
+    on_world = [(place, body) for world in root.findall("worldbody") for place, body in _bodies(world)]
     moving = [(world, body) for world, body in on_world if _joints(body)]
     parts = [element for tag in NAMING for part in root.findall(tag) for element in part.iter()]
     named = {value for element in parts for key, value in element.attrib.items() if key != "name"}
@@ -28,6 +29,15 @@ def without_objects(root: Element) -> None:
     if len(objects) < len(moving):
         for world, body in objects:
             world.remove(body)
+
+
+def _bodies(place: Element) -> Iterator[tuple[Element, Element]]:
+    """The bodies on the world, also those in ``<frame>`` elements, each after the element that has it as a child."""
+    for child in place:
+        if child.tag == "body":
+            yield place, child
+        elif child.tag == "frame":
+            yield from _bodies(child)
 
 
 def _joints(body: Element) -> list[Element]:

@@ -1,12 +1,12 @@
-"""Values of MJCF attributes: numbers, default classes, units of angles, orientations, and the mass of bodies.
+"""Values of MJCF attributes: numbers, default classes, units of angles, orientations, and frames.
 
-MuJoCo, XML reference: https://mujoco.readthedocs.io/en/stable/XMLreference.html (compiler, default, body, inertial, geom).
+MuJoCo, XML reference: https://mujoco.readthedocs.io/en/stable/XMLreference.html (compiler, default, body, frame).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -18,8 +18,19 @@ import pinocchio as pin
 from gtpin.errors import RobotError
 
 Floats = npt.NDArray[np.float64]
-DENSITY = 1000.0
-"""Density, kg/m3, of geoms that give neither mass nor density: MuJoCo's default."""
+MAIN = "main"
+"""The default class of elements without a class."""
+TURNS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
+"""Attributes that give an orientation; an element has one of them."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """An element of a body: the class that it inherits, and the ``pinocchio.SE3`` of its ``<frame>`` on the body."""
+
+    element: Element
+    inherited: str
+    frame: Any
 
 
 @dataclass(frozen=True)
@@ -29,7 +40,9 @@ class Values:
     Parameters
     ----------
     defaults
-        Default attributes, by class and tag. The class ``main`` is that of elements without a class.
+        Default attributes, by class and tag.
+    compiler
+        Attributes of ``<compiler>``.
     angle
         The file's unit of angles, rad.
     euler
@@ -40,6 +53,7 @@ class Values:
 
     source: str
     defaults: Mapping[str, Mapping[str, Mapping[str, str]]] = field(default_factory=dict)
+    compiler: Mapping[str, str] = field(default_factory=dict)
     angle: float = math.pi / 180.0
     euler: str = "xyz"
     limits: bool = True
@@ -50,24 +64,58 @@ class Values:
         options: dict[str, str] = {}
         for compiler in root.findall("compiler"):
             options |= compiler.attrib
-        found: dict[str, dict[str, dict[str, str]]] = {"main": {}}
+        if options.get("coordinate", "local") != "local":
+            raise RobotError(
+                'coordinate="global" is not read', file=source, hint="load and save the file in MuJoCo 2.3.3 or older"
+            )
+        found: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
         for element in root.findall("default"):
-            _classes(element, "main", found)
+            _classes(element, MAIN, found)
         euler = options.get("eulerseq", "xyz")
         if len(euler) != 3 or not set(euler.lower()) <= set("xyz"):
             raise RobotError(f'eulerseq="{euler}"', file=source, hint="give three letters of x y z X Y Z")
         return Values(
             source,
             found,
+            options,
             1.0 if options.get("angle") == "radian" else math.pi / 180.0,
             euler,
             options.get("autolimits", "true") == "true",
         )
 
-    def attributes(self, element: Element, inherited: str) -> dict[str, str]:
-        """An element's attributes with those of its class, or of the class that its body gives its children."""
-        chosen = self.defaults.get(element.get("class", inherited), self.defaults["main"])
-        return {**chosen.get(element.tag, {}), **element.attrib}
+    def attributes(self, element: Element, inherited: str, tag: str = "") -> dict[str, str]:
+        """An element's attributes with those of its class, or of the class that its body gives its children.
+
+        ``tag``: the tag under which ``<default>`` has them, if it is not the element's own.
+
+        Raises
+        ------
+        RobotError
+            If no default class has this name.
+        """
+        name = element.get("class", inherited)
+        if name not in self.defaults:
+            raise RobotError(f"no default class is called {name!r}", file=self.source, hint="mend class or childclass")
+        given = dict(self.defaults[name].get(tag or element.tag, {}))
+        if any(
+            key in element.attrib for key in TURNS
+        ):  # an own orientation replaces the inherited one, however it is given
+            given = {key: value for key, value in given.items() if key not in TURNS}
+        inherited_size = given.get("size", "").split()
+        given |= element.attrib
+        if "size" in element.attrib:  # fewer numbers than the class has replace only its first ones
+            own = element.attrib["size"].split()
+            given["size"] = " ".join([*own, *inherited_size[len(own) :]])
+        return given
+
+    def parts(self, parent: Element, inherited: str, frame: Any = None) -> Iterator[Part]:
+        """The elements of a body or a worldbody, in the order of the file, also those in its ``<frame>`` elements."""
+        frame = pin.SE3.Identity() if frame is None else frame
+        for child in parent:
+            if child.tag == "frame":
+                yield from self.parts(child, child.get("childclass", inherited), frame * self.placement(child.attrib))
+            else:
+                yield Part(child, inherited, frame)
 
     def numbers(
         self, attributes: Mapping[str, str], key: str, default: str, least: int, most: int | None = None
@@ -89,7 +137,13 @@ class Values:
         return values
 
     def placement(self, attributes: Mapping[str, str]) -> Any:
-        """The ``pinocchio.SE3`` of an element's position (m) and orientation in its parent's frame."""
+        """The ``pinocchio.SE3`` of an element's position (m) and orientation in its parent's frame.
+
+        With ``fromto`` it is that of the middle between the two points, with z from the second one to the first.
+        """
+        if "fromto" in attributes:
+            ends = self.numbers(attributes, "fromto", "", 6)
+            return pin.SE3(_turned_to(self.unit(ends[:3] - ends[3:], "fromto")), (ends[3:] + ends[:3]) / 2.0)
         return pin.SE3(self._rotation(attributes), self.numbers(attributes, "pos", "0 0 0", 3))
 
     def _rotation(self, given: Mapping[str, str]) -> Floats:
@@ -108,8 +162,7 @@ class Values:
             y = self.unit(values[3:] - (values[3:] @ x) * x, "xyaxes")
             return np.column_stack([x, y, np.cross(x, y)])
         if "zaxis" in given:
-            z = self.unit(self.numbers(given, "zaxis", "", 3), "zaxis")
-            return np.asarray(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).matrix())
+            return _turned_to(self.unit(self.numbers(given, "zaxis", "", 3), "zaxis"))
         w, x, y, z = self.unit(self.numbers(given, "quat", "1 0 0 0", 4), "quat")
         return np.asarray(pin.Quaternion(w, x, y, z).matrix())
 
@@ -126,50 +179,6 @@ class Values:
             raise RobotError(f"{key} of no length", file=self.source, hint="give a direction")
         return vector / length
 
-    def inertia(self, body: Element, inherited: str) -> Any:
-        """The ``pinocchio.Inertia`` of a body in its frame: that of its ``<inertial>``, else the sum of its geoms'.
-
-        A mesh with a mass counts as a point mass. A mesh without a mass is left out, because its volume is not known.
-        """
-        given = body.find("inertial")
-        if given is not None:
-            at = self.placement(given.attrib)
-            if "fullinertia" in given.attrib:
-                xx, yy, zz, xy, xz, yz = self.numbers(given.attrib, "fullinertia", "", 6)
-                matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            else:
-                matrix = np.diag(self.numbers(given.attrib, "diaginertia", "0 0 0", 3))
-            own = pin.Inertia(float(self.numbers(given.attrib, "mass", "", 1)[0]), np.zeros(3), matrix)
-            return at.act(own)
-        total = pin.Inertia.Zero()
-        for geom in body.findall("geom"):
-            total = total + self._geom(self.attributes(geom, inherited))
-        return total
-
-    def _geom(self, geom: Mapping[str, str]) -> Any:
-        shape, at = geom.get("type", "sphere"), self.placement(geom)
-        size = self.numbers(geom, "size", "0", 1, 3)
-        if (size < 0.0).any():
-            raise RobotError(f'size="{geom["size"]}" of a {shape}', file=self.source, hint="sizes are positive, m")
-        if "fromto" in geom:
-            ends = self.numbers(geom, "fromto", "", 6)
-            along = ends[3:] - ends[:3]
-            turn = self._rotation({"zaxis": " ".join(map(repr, along.tolist()))})
-            at = pin.SE3(turn, (ends[3:] + ends[:3]) / 2.0)
-            size = np.array(
-                [size[0], *([size[0]] if shape in ("box", "ellipsoid") else []), np.linalg.norm(along) / 2.0]
-            )
-        solid = _solid(shape, size)
-        if "mass" in geom:
-            mass = float(self.numbers(geom, "mass", "", 1)[0])
-            own = pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)) if solid is None else mass * solid[1])
-        elif solid is None:
-            return pin.Inertia.Zero()
-        else:
-            mass = solid[0] * float(self.numbers(geom, "density", repr(DENSITY), 1)[0])
-            own = pin.Inertia(mass, np.zeros(3), mass * solid[1])
-        return at.act(own)
-
 
 def _classes(element: Element, name: str, found: dict[str, dict[str, dict[str, str]]]) -> None:
     """Read a ``<default>`` and those inside it, each with the attributes that it inherits."""
@@ -184,23 +193,9 @@ def _classes(element: Element, name: str, found: dict[str, dict[str, dict[str, s
         _classes(child, inner, found)
 
 
-def _solid(shape: str, size: Floats) -> tuple[float, Floats] | None:
-    """Volume, m3, and inertia about the centre over the mass, (3, 3), m2, of a homogeneous solid; None for other shapes."""
-    if shape == "sphere":
-        r = size[0]
-        return 4.0 / 3.0 * math.pi * r**3, 0.4 * r**2 * np.eye(3)
-    if shape in ("box", "ellipsoid") and len(size) == 3:
-        x, y, z = size**2
-        diagonal = np.diag([y + z, x + z, x + y])
-        return (
-            (8.0 * size.prod(), diagonal / 3.0)
-            if shape == "box"
-            else (4.0 / 3.0 * math.pi * size.prod(), diagonal / 5.0)
-        )
-    if shape in ("cylinder", "capsule") and len(size) >= 2:
-        r, h = size[0], size[1]  # h is half the length
-        tube, caps = math.pi * r**2 * 2.0 * h, 4.0 / 3.0 * math.pi * r**3 if shape == "capsule" else 0.0
-        across = tube * (r**2 / 4.0 + h**2 / 3.0) + caps * (0.4 * r**2 + h**2 + 0.75 * h * r)
-        along = tube * r**2 / 2.0 + caps * 0.4 * r**2
-        return tube + caps, np.diag([across, across, along]) / (tube + caps)
-    return None
+def _turned_to(direction: Floats) -> Floats:
+    """The smallest rotation, (3, 3), that turns z to a unit vector; half a turn about x where this is -z."""
+    axis = np.array([-direction[1], direction[0], 0.0])  # z cross direction
+    sine = float(np.linalg.norm(axis))
+    axis = axis / sine if sine > 1e-10 else np.array([1.0, 0.0, 0.0])
+    return np.asarray(pin.exp3(math.atan2(sine, direction[2]) * axis))

@@ -11,6 +11,8 @@ from gtpin.errors import RobotError
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
+MOST = 1e6
+"""Largest multiplier and offset of a follower: rad/m, m/rad, rad or m."""
 TOOL = "tool0"
 """ROS-Industrial's name of the link at a robot's tool flange: the TCP where a URDF has it and names no other."""
 
@@ -41,11 +43,15 @@ class Tree:
     tip
         The TCP where nothing names it: the link ``tool0``; else the last link at the end of the longest chain of moving
         joints (of several, the last in document order). Empty where there are no links.
+    ends
+        The links at the ends of chains of moving joints, in document order. More than one: ``tip`` is a guess, except where it
+        is ``tool0``.
     """
 
     moving: tuple[str, ...]
     mimics: tuple[Mimic, ...]
     tip: str
+    ends: tuple[str, ...]
 
     @staticmethod
     def of(root: Element, source: str) -> Tree:
@@ -54,7 +60,7 @@ class Tree:
         Raises
         ------
         RobotError
-            If a ``<mimic>`` names no joint that moves, or names its own, or holds what is no number.
+            If a ``<mimic>`` names no joint that moves, or names its own, or holds what is no number or a huge one.
         """
         joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
         moving = [name for name, joint in joints.items() if joint.get("type") in MOVING]
@@ -64,7 +70,8 @@ class Tree:
             if (element := joints[name].find("mimic")) is not None
         }
         mimics = tuple(_to_master(mimic, follows, moving, source) for mimic in follows.values())
-        return Tree(tuple(name for name in moving if name not in follows), mimics, _tip(root))
+        tip, ends = _tip_and_ends(root)
+        return Tree(tuple(name for name in moving if name not in follows), mimics, tip, ends)
 
 
 def _mimic(joint: str, element: Element, source: str) -> Mimic:
@@ -74,6 +81,9 @@ def _mimic(joint: str, element: Element, source: str) -> Mimic:
         numbers = [math.nan]
     if not all(map(math.isfinite, numbers)):
         raise RobotError(f"<mimic> of joint {joint} has what is no number", file=source, hint="mend the <mimic>")
+    if max(map(abs, numbers)) > MOST:
+        what = f"<mimic> of joint {joint}: multiplier {numbers[0]:g}, offset {numbers[1]:g}"
+        raise RobotError(what, file=source, hint="mend the <mimic>; no joint moves so far")
     return Mimic(joint, element.get("joint", ""), *numbers)
 
 
@@ -87,6 +97,9 @@ def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], so
         offset += multiplier * further.offset
         multiplier *= further.multiplier
         master = further.master
+    if max(abs(multiplier), abs(offset)) > MOST:
+        what = f"joint {mimic.joint} follows {master} by a multiplier of {multiplier:g} and an offset of {offset:g}"
+        raise RobotError(what, file=source, hint="mend the <mimic>; no joint moves so far")
     if master not in moving or master in follows:
         what = f"joint {mimic.joint} follows {mimic.master or 'no joint'} by <mimic>"
         why = "that follows it" if master in follows else "which does not move"
@@ -94,20 +107,20 @@ def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], so
     return Mimic(mimic.joint, master, multiplier, offset)
 
 
-def _tip(root: Element) -> str:
+def _tip_and_ends(root: Element) -> tuple[str, tuple[str, ...]]:
     links = [link.get("name", "") for link in root.findall("link")]
-    if TOOL in links:
-        return TOOL
     above: dict[str, tuple[str, bool]] = {}
     for joint in root.findall("joint"):
         child, parent = joint.find("child"), joint.find("parent")
         if child is not None and parent is not None:
             above[child.get("link", "")] = (parent.get("link", ""), joint.get("type") != "fixed")
     depths = {link: _depth(link, above) for link in links}
-    deepest = max(depths.values(), default=0)
     parents = {parent for parent, _ in above.values()}
-    ends = [link for link, depth in depths.items() if depth == deepest]
-    return next((link for link in reversed(ends) if link not in parents), "")
+    ends = {link: depth for link, depth in depths.items() if link not in parents}
+    deepest = max(depths.values(), default=0)
+    longest = [link for link, depth in ends.items() if depth == deepest]
+    tip = TOOL if TOOL in links else longest[-1] if longest else ""
+    return tip, tuple(link for link, depth in ends.items() if depth > 0)
 
 
 def _depth(link: str, above: Mapping[str, tuple[str, bool]]) -> int:

@@ -128,7 +128,7 @@ def test_an_axis_that_went_without_saying_is_written(gantry: Machine, tmp_path: 
     assert np.abs(difference).max() <= 1e-9
 
 
-def test_a_tool_of_ones_own_changes_neither_home_nor_what_is_exported(gantry: Machine, tmp_path: Path) -> None:
+def test_a_tool_of_ones_own_does_not_change_home_and_is_the_exported_tcp(gantry: Machine, tmp_path: Path) -> None:
     """<home> tells the pose of the TCP that the URDF names, whichever link the caller takes for the TCP."""
     tool = '<link name="tool"/><joint name="tool_mount" type="fixed"><parent link="platform"/><child link="tool"/>'
     tool += '<origin xyz="0.2 -0.4 0.7" rpy="0.5 0.6 0.7"/></joint></robot>'
@@ -140,7 +140,8 @@ def test_a_tool_of_ones_own_changes_neither_home_nor_what_is_exported(gantry: Ma
     place = one.tcp * pin.SE3(pin.rpy.rpyToMatrix(0.5, 0.6, 0.7), np.array([0.2, -0.4, 0.7]))
     np.testing.assert_allclose(other.T, place.translation, rtol=0, atol=1e-12)
     again = gtpin.load_robot(written(gtpin.Geometry.nominal(with_tool), tmp_path))
-    assert again.tcp_frame == "tcp"
-    np.testing.assert_allclose(gtpin.home(again).T, one.T, rtol=0, atol=1e-12)
+    assert again.tcp_frame == "tool"
+    np.testing.assert_allclose(gtpin.home(again).T, other.T, rtol=0, atol=1e-12)
     assert again.description.home is not None
+    assert again.description.home.link == "tcp"
     np.testing.assert_allclose(again.description.home.tcp_xyz, one.T, rtol=0, atol=1e-12)

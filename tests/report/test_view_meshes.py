@@ -11,10 +11,10 @@ from gtpin.robot.robot import Robot
 from gtpin.view.shapes import shapes
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda"])
+@pytest.mark.parametrize(("name", "tcp"), [("ur5", None), ("panda", "panda_hand")])
 @pytest.mark.filterwarnings("error")
-def test_meshes_of_a_package_are_found_beside_the_urdf(name: str) -> None:
-    assert shapes(load_robot(name), {}).ngeoms >= 7
+def test_meshes_of_a_package_are_found_beside_the_urdf(name: str, tcp: str | None) -> None:
+    assert shapes(load_robot(name, tcp), {}).ngeoms >= 7
 
 
 def test_shapes_without_their_mesh_are_left_out_in_one_warning() -> None:
