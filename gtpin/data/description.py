@@ -13,7 +13,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from gtpin.data.driver import MOTIONS, Motion
-from gtpin.data.files import read_bytes
+from gtpin.data.files import read_text
 from gtpin.errors import DatasetError
 
 SCHEMA = "gtpin-dataset/1"
@@ -110,9 +110,7 @@ def read_description(file: Path) -> Description:
 def read_toml(file: Path) -> dict[str, Any]:
     """Read a TOML file; raises `DatasetError` if it is not TOML or not UTF-8."""
     try:
-        return tomllib.loads(read_bytes(file).decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        raise DatasetError("the file is not UTF-8", file=file, hint="save it as UTF-8") from None
+        return tomllib.loads(read_text(file))
     except tomllib.TOMLDecodeError as error:
         line = re.search(r"at line (\d+)", str(error))
         what = f"not TOML: {re.sub(r' *[(]at .*[)]$', '', str(error))}"

@@ -15,10 +15,14 @@ import numpy as np
 
 from gtpin.data.csv_file import read_csv
 from gtpin.data.table import Column, Table
-from gtpin.errors import DatasetError
-from gtpin.memory import require
+from gtpin.errors import DatasetError, GtpinError
+from gtpin.memory import amount, require
 from gtpin.output.results import writing
 
+LARGEST = 4e9
+"""Largest size of a table, bytes."""
+LARGEST_TEXT = 1e8
+"""Largest size of a robot, a model, a description or a history, bytes."""
 UNFINISHED = ".gtpin-"
 """Prefix of the names of files that are being written."""
 READING = 40e6
@@ -27,17 +31,49 @@ READING_A_BYTE = 4.0
 """Bytes of memory for each byte of a table, in addition. Measured: 2.6 to 4.2 on CSV of 11 to 22 columns (docs/speed.md)."""
 
 
-def read_bytes(file: Path) -> bytes:
-    """Read a file; raises `DatasetError` where it is missing, a folder or unreadable."""
+def read_bytes(
+    file: Path, error: type[GtpinError] = DatasetError, *, most: float = LARGEST, hint: str = "check the path"
+) -> bytes:
+    """Read a regular file; the one way in which gtpin reads its input files.
+
+    Only regular files are opened for reading: a pipe can keep the process waiting, and a device may never end.
+
+    Parameters
+    ----------
+    error
+        The kind of error to raise.
+    most
+        Largest size, bytes.
+    hint
+        What to do where the file is not there.
+
+    Raises
+    ------
+    GtpinError
+        Of the kind ``error``: the file is missing, is a folder, a pipe or a device, is too large, or is not readable.
+    """
     try:
+        found = file.stat()
+        if stat.S_ISDIR(found.st_mode):
+            raise error("this is a folder, not a file", file=file, hint=hint)
+        if not stat.S_ISREG(found.st_mode):
+            raise error("this is a pipe or a device, not a regular file", file=file, hint="save it as a file")
+        if found.st_size > most:
+            raise error(f"the file is larger than {amount(most)}", file=file, hint="give the file that was meant")
         return file.read_bytes()
     except FileNotFoundError:
-        raise DatasetError("the file is missing", file=file, hint="check the path") from None
-    except IsADirectoryError:
-        raise DatasetError("this is a folder, not a file", file=file, hint="check the path") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise DatasetError(f"the file can't be read ({reason})", file=file, hint="check the path and rights") from None
+        raise error("the file is missing", file=file, hint=hint) from None
+    except (OSError, ValueError) as failed:
+        reason = getattr(failed, "strerror", None) or str(failed)
+        raise error(f"the file can't be read ({reason})", file=file, hint="check the path and rights") from None
+
+
+def read_text(file: Path, error: type[GtpinError] = DatasetError, *, hint: str = "check the path") -> str:
+    """Read a small text file in UTF-8, with or without BOM; see `read_bytes`. No text is an error of the kind ``error``."""
+    try:
+        return read_bytes(file, error, most=LARGEST_TEXT, hint=hint).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise error("the file is not UTF-8", file=file, hint="save it as UTF-8") from None
 
 
 def check_folder(folder: Path, hint: str) -> None:

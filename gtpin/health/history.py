@@ -12,6 +12,7 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gtpin.data import Dataset
+from gtpin.data.files import read_text
 from gtpin.diagnosis.inference.findings import Verdict
 from gtpin.errors import GtpinError
 from gtpin.health.result import HealthCheck
@@ -141,10 +142,7 @@ def read_history(files: HistoryFiles) -> tuple[Entry, ...]:
                 hint=f"restore it, or move {files.page} aside to begin anew",
             )
         return ()
-    try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise GtpinError(f"the history can't be read ({error})", file=file, hint="restore it from a copy") from None
+    lines = read_text(file, GtpinError, hint="restore it from a copy").splitlines()
     return tuple(_entry(line, number, file) for number, line in enumerate(lines, 1))
 
 

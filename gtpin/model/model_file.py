@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
+from gtpin.data.files import read_text
 from gtpin.errors import ModelError
 from gtpin.model.effect_record import EffectRecord, Finite, Positive, Record, Triple
 from gtpin.robot.geometry import Arm
@@ -90,9 +91,7 @@ def read_model_file(file: Path) -> ModelFile:
         If the file can't be read, is not JSON, or has an invalid value; with the key of that value.
     """
     try:
-        return ModelFile.model_validate(json.loads(file.read_text(encoding="utf-8-sig")))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"can't be read ({error})", file=file, hint=AGAIN) from None
+        return ModelFile.model_validate(json.loads(read_text(file, ModelError, hint=AGAIN)))
     except json.JSONDecodeError as error:
         raise ModelError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint=AGAIN) from None
     except ValidationError as error:

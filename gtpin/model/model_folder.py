@@ -183,7 +183,7 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
         raise ModelError("a model has a TCP of its own", file=path, hint="leave --tcp out, or name the robot")
     if os.path.isdir(path):
         for folder in (path, path / "model"):
-            if (folder / "model.json").is_file():
+            if (folder / "model.json").exists():
                 return _read_folder(folder, own)
         raise ModelError(
             "no model.json here", file=path, hint="give a folder that calibrate, diagnose or certify wrote"

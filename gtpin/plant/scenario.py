@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gtpin.data.files import read_bytes
+from gtpin.data.files import read_text
 from gtpin.errors import GtpinError
 from gtpin.plant.build import build, capacity, known_robot
 from gtpin.plant.case import Case, energies
@@ -63,9 +63,7 @@ def read_scenario(file: Path | str) -> Scenario:
     """
     file = Path(file)
     try:
-        scenario = Scenario.model_validate(tomllib.loads(read_bytes(file).decode("utf-8-sig")))
-    except UnicodeDecodeError:
-        raise GtpinError("the file is not UTF-8", file=file, hint="save it as UTF-8") from None
+        scenario = Scenario.model_validate(tomllib.loads(read_text(file)))
     except ValidationError as error:
         raise _explained(file, error) from None
     except (ValueError, RecursionError) as error:

@@ -15,6 +15,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 
+from gtpin.data.files import read_text
 from gtpin.errors import RobotError
 from gtpin.robot.mjcf import mjcf_to_urdf, with_includes
 from gtpin.robot.tree import Tree
@@ -127,12 +128,7 @@ class Description:
         RobotError
             If the file can't be read, or is no URDF and no MJCF that gtpin understands.
         """
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except FileNotFoundError:
-            raise RobotError("no such file", file=path, hint="give the path of a URDF or MJCF file") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise RobotError(f"can't be read ({error})", file=path, hint="give a readable UTF-8 file") from None
+        text = read_text(path, RobotError, hint="give the path of a URDF or MJCF file")
         return Description.parse(text, source=str(path))
 
     @staticmethod

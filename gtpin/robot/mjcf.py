@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from gtpin.data.files import read_text
 from gtpin.errors import RobotError
 from gtpin.robot.mjcf_scene import without_objects
 from gtpin.robot.mjcf_values import Values
@@ -250,13 +251,7 @@ def with_includes(root: Element, folder: Path, parse: Any, depth: int = 0) -> No
             file = folder / child.get("file", "")
             if depth > 8:
                 raise RobotError("files that include each other", file=file, hint="end the ring")
-            try:
-                inside = parse(file.read_text(encoding="utf-8-sig"), str(file))
-            except (OSError, UnicodeDecodeError) as error:
-                reason = getattr(error, "strerror", None) or error
-                raise RobotError(
-                    f"an included file can't be read ({reason})", file=file, hint="mend <include>"
-                ) from None
+            inside = parse(read_text(file, RobotError, hint="mend <include>"), str(file))
             with_includes(inside, folder, parse, depth + 1)
             parent.remove(child)
             for offset, element in enumerate(inside):
