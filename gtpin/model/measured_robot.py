@@ -1,5 +1,7 @@
-"""The robot that a dataset names, with the dataset's actuators and TCP; the parts that the dataset names are checked, and whether
-a model is of this robot."""
+"""The robot that a dataset names, with the dataset's actuators and TCP, and whether a model is of this robot.
+
+The parts that the dataset names are checked.
+"""
 
 from __future__ import annotations
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gtpin.data.files import read_text
 from gtpin.errors import RobotError
+from gtpin.robot.closures import SUFFIX, urdf_with_loops
 from gtpin.robot.mjcf import mjcf_to_urdf, with_includes
 from gtpin.robot.tree import Tree
 
@@ -121,13 +122,15 @@ class Description:
 
     @staticmethod
     def read(path: Path) -> Description:
-        """Read a URDF or MJCF file.
+        """Read a URDF or MJCF file, or the YAML of example-parallel-robots beside a URDF.
 
         Raises
         ------
         RobotError
             If the file can't be read, or is no URDF and no MJCF that gtpin understands.
         """
+        if path.suffix.lower() == SUFFIX:
+            return Description.parse(urdf_with_loops(path, parse_xml), source=str(path))
         text = read_text(path, RobotError, hint="give the path of a URDF or MJCF file")
         return Description.parse(text, source=str(path))
 
