@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 NOT_LOADED = "a library can't be loaded ({}); there may be too little memory, or it is not installed whole"
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells: 128 + SIGINT."""
+NOT_READ = 141
+"""Exit code where the reader of a pipe ended (``gtpin ... | head -1``), as shells have it for other programs: 128 + SIGPIPE."""
 
 
 def __getattr__(name: str) -> Any:
@@ -50,8 +52,7 @@ def main() -> None:
     warnings.simplefilter("always", GtpinWarning)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not have all characters
-    code = _run(app)
-    _flush()
+    code = _flushed(_run(app))
     if code == 0:  # after an error only the error's line is shown, without warnings
         for text in dict.fromkeys(kept):  # the same warning from two effects is printed once
             _say("warning", text)
@@ -94,8 +95,8 @@ def _run(app: typer.Typer) -> int:
     except (KeyboardInterrupt, typer.Abort):
         _say("error", "interrupted")
         return INTERRUPTED
-    except BrokenPipeError:
-        return 0
+    except (BrokenPipeError, SystemExit):  # where the pipe is closed, typer ends the process without a word
+        return NOT_READ
     except ImportError as error:  # some libraries are loaded when they are needed
         _say("error", NOT_LOADED.format(error))
         return 2
@@ -113,13 +114,16 @@ def _run(app: typer.Typer) -> int:
         return 3
 
 
-def _flush() -> None:
-    """Write the rest of standard output; an error here is ignored because it was already reported."""
+def _flushed(code: int) -> int:
+    """Write the rest of standard output, and give the exit code. Other errors than a closed pipe were already reported."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
-    except OSError:  # the rest is dropped, so that the interpreter does not try again when it ends
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:  # the rest is dropped, so that the interpreter does not try again when it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ is not None else 1)
+        if isinstance(error, BrokenPipeError):
+            return code or NOT_READ
+    return code
 
 
 def _command(error: Exception) -> str:

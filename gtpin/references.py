@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-SUFFIXES = (".urdf", ".xml", ".mjcf")
-"""Suffixes of files that describe robots: URDF, and MJCF (``.xml`` may hold either)."""
+SUFFIXES = (".urdf", ".xml", ".mjcf", ".yaml")
+"""Suffixes of files that describe robots: URDF, MJCF (``.xml`` may hold either), and the loops of a URDF beside it."""
 
 
 def is_path(robot: str) -> bool:

@@ -2,8 +2,8 @@
 
 The placements of all joints, the pose of the instrument's frame and the place of the target on the flange are fitted at once
 by ``scipy.optimize.least_squares``. Deviations of a placement have priors of 2 mm and 5 mrad; a free frame and target
-have none. Noise is not estimated: a residual counts in units of ``UNIT``. Prints the error of positions, mm, of poses left out in
-turn.
+have none. Noise is not estimated: a residual counts in units of ``UNIT``. Prints the error of positions, mm, of poses left out
+in turn.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 import gtpin
+from gtpin.blind.record import digest_of_files
 from gtpin.blind.seal import DIGEST, digest_of
 from gtpin.blind.truth import TruePoses, Truth
 from gtpin.blind.worker import Outcome
@@ -112,6 +113,19 @@ class CheckFolder:
         """The only input of a diagnosis: the files of the dataset's folder."""
         files = (file for file in sorted(self.case(name).iterdir()) if file.is_file() and file.name != MARKER)
         return {file.name: file.read_bytes() for file in files}
+
+    def dataset_digest(self, name: str) -> str:
+        """SHA-256 of a dataset's files; empty where they are missing."""
+        try:
+            files = self.files_of(name)
+        except OSError:
+            return ""
+        return digest_of_files({file: content for file, content in files.items() if file != DIGEST})
+
+    def outcome_digest(self, name: str, without: bool = False) -> str:
+        """SHA-256 of the outcome for a case; empty where it is missing."""
+        file = self._outcome_file(name, without)
+        return digest_of(file.read_bytes()) if file.is_file() else ""
 
     def outcome(self, name: str, without: bool = False) -> Outcome | None:
         """The outcome for a case (``without``: with its effect removed from the catalogue); None if there is none yet.

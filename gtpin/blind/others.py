@@ -23,6 +23,8 @@ from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.ownership import MARKER
 from gtpin.output.results import writing
 from gtpin.references import is_path
+from gtpin.robot.closures import SUFFIX
+from gtpin.robot.description import Description
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 
@@ -196,7 +198,8 @@ def take_in(case: Given, place: Path) -> None:
             said = _described(case.folder / "dataset.toml")
             urdf = _path_of(case.folder, said.common.robot)
             if urdf is not None:
-                (place / ROBOT).write_bytes(read_bytes(urdf))
+                of_two = urdf.suffix.lower() == SUFFIX  # a URDF and its loops in another file
+                (place / ROBOT).write_bytes(Description.read(urdf).xml.encode() if of_two else read_bytes(urdf))
                 moved = said.common.model_copy(update={"robot": ROBOT})
                 if said.instruments:
                     write_second(place / "dataset.toml", moved, said.instruments)

@@ -9,13 +9,14 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Protocol
 
-from gtpin.blind.claim import claimed
+from gtpin.blind.claim import CLAIM, claimed
 from gtpin.blind.draw import ROBOT, Draft, drafts, made, measured, recipe, truth_of
 from gtpin.blind.folder import CheckFolder, Settings, diagnosis_digest
 from gtpin.blind.judge import judge
 from gtpin.blind.judged import Judged
 from gtpin.blind.left_out_touches import LeftOut, without_some_touches
 from gtpin.blind.others import given, source_digest, take_in
+from gtpin.blind.record import compared
 from gtpin.blind.seal import SealError, digest_of, opened, read_manifest, seal, write_manifest
 from gtpin.blind.spread import check_cluster, spread, workers
 from gtpin.blind.truth import Truth
@@ -29,6 +30,9 @@ from gtpin.threads import in_one_thread
 
 TAKEN_OUT = 2
 """One in this many of the cases with one effect is diagnosed again with the effect removed from the catalogue."""
+
+SHOWN = 10
+"""Number of changed files that a warning names; score.json has all."""
 
 SUSPECTS = 16
 """If a process died, this many of the unfinished cases are diagnosed one by one, to find the case that ended it."""
@@ -142,10 +146,17 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
     """Diagnose the remaining cases of a manifest, then open the seals and judge."""
     digests = read_manifest(folder.manifest)
     manifest = digest_of(folder.manifest.read_bytes())
+    claim, changed = folder.root / CLAIM, list[str]()
+    changed += compared(claim, "truth", digests)
+    changed += compared(claim, "dataset", {name: folder.dataset_digest(name) for name in digests})
     watch.published(manifest)
     _diagnose(folder, dict.fromkeys(digests, ()), watch, address, "diagnosing")
+    changed += compared(claim, "diagnosis", {name: folder.outcome_digest(name) for name in digests})
     truths = _opened(folder, digests)
-    _diagnose(folder, _taken_out(truths), watch, address, "with effects taken out")
+    taken_out = _taken_out(truths)
+    _diagnose(folder, taken_out, watch, address, "with effects taken out")
+    without = {name: folder.outcome_digest(name, without=True) for name in taken_out}
+    changed += compared(claim, "diagnosis without its effect", without)
     watch.begin("judging", len(digests), 0)
     judged: dict[str, Judged] = {}
 
@@ -172,6 +183,10 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
         text = "the sources of the diagnosis have changed while the check ran: its score belongs to neither"
         warn(text)
     about = asdict(settings) | {"manifest": manifest}
+    if changed:
+        about["changed"] = changed
+        some = ", ".join(changed[:SHOWN]) + (f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else "")
+        warn(f"changed since they were first sealed or diagnosed, so the score is not that of the sealed check: {some}")
     seconds = folder.seconds()
     return Checked([judged[name] for name in digests], about, median(seconds) if seconds else None)
 

@@ -345,8 +345,8 @@ class RobustFit:
         a whole.
 
         The prediction of a row that the fit hardly used is uncertain itself: with H = B C B' the covariance of a prediction in
-        units of the noise and w the row's weight, its residual has the covariance I + (1 - 2 w) H. It is used where w < 1/2, with
-        H of the noise's size at most: a row whose prediction is not known at all is not admitted for that.
+        units of the noise and w the row's weight, its residual has the covariance I + (1 - 2 w) H. It is used where w < 1/2,
+        with H of the noise's size at most: a row whose prediction is not known at all is not admitted for that.
         """
         found: Mask = np.asarray(~np.isfinite(whitened).all(axis=1))
         finite, heaviest = ~found, LACKING_FREEDOM if self.lacking else np.inf

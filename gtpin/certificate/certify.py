@@ -20,7 +20,7 @@ from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import DatasetError, ModelError
-from gtpin.model.measured_robot import robot_of
+from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.robot.geometry import Geometry
@@ -125,10 +125,7 @@ def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> N
             f"the geometry of this model of {model.robot.name} is nominal, so its uncertainty is not known",
             hint="give a model that gtpin calibrate or gtpin diagnose has written",
         )
-    measured = robot_of(dataset)
-    if measured.name != model.robot.name:
-        what = f"the model is of {model.robot.name}, and the poses are of {measured.name}"
-        raise ModelError(what, file=dataset.file, hint="give a model of the robot that dataset.toml names")
+    check_same_robot(model.robot, dataset)
     check_actuators(model.robot, dataset)
     if dataset.instrument.frame == "robot" and not model.frame.is_base:
         raise ModelError(

@@ -74,6 +74,8 @@ def blind(
 
 def _text(result: dict[str, Any]) -> str:
     lines = [f"{result['cases']} cases, {len(result['failures'])} failed", ""]
+    if changed := result["check"].get("changed"):
+        lines[1:1] = [f"{len(changed)} files were changed since they were first sealed or diagnosed"]
     for row in result["figures"]:
         if row["value"] is not None:
             bounds = "" if row["low"] is None else f"({row['low']:.3f} .. {row['high']:.3f})"

@@ -19,6 +19,8 @@ from gtpin.commands.terminal import (
     with_tcp,
 )
 from gtpin.data import Dataset
+from gtpin.effects.active import ActiveEffect
+from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.calibration_text import calibration_summary
@@ -51,7 +53,11 @@ def calibrate(
     """Identify the robot's geometry from measured poses."""
     with results_folder(output, CALIBRATION, force=force) as folder:
         read = with_tcp(Dataset.read(dataset), tcp)
-        kept = () if keep_effects is None else read_model(keep_effects, tcp=tcp).effects
+        kept: tuple[ActiveEffect, ...] = ()
+        if keep_effects is not None:
+            earlier = read_model(keep_effects, tcp=tcp)
+            check_same_robot(earlier.robot, read)
+            kept = earlier.effects
         with progress_of("calibrating") as progress:
             calibration = run_calibration(
                 read, model=model, orientations=orientations, keep_effects=kept, progress=progress

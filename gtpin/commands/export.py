@@ -18,6 +18,7 @@ from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import SUFFIXES, TABLES, Format
 from gtpin.export.export import export as run_export
 from gtpin.export.tables_for import TablesFor
+from gtpin.model.measured_robot import check_alike
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
@@ -102,7 +103,7 @@ def export(
             if controller is not None and (form or SUFFIXES.get(output.suffix.lower())) not in TABLES:
                 raise GtpinError("--controller without --commands", hint="give the table of commands")
             if temperature or box or firmware or controller is not None:
-                believed = None if controller is None else machine_of(read_model(controller))
+                believed = None if controller is None else _believed(found, controller)
                 placed = None if box is None else Box.of(box, origin)
                 tables = TablesFor(believed, tuple(temperature or ()), placed, firmware)
             written = run_export(found, output, form, session=session, tables=tables, force=force)
@@ -129,6 +130,11 @@ def _corrected(model: Model, commands: Path, controller: str | None, output: Pat
 
 
 def _controller(model: Model, controller: str | None) -> Model:
-    if controller is not None:
-        return machine_of(read_model(controller))
-    return Model(type(model.geometry).nominal(model.robot))
+    return Model(type(model.geometry).nominal(model.robot)) if controller is None else _believed(model, controller)
+
+
+def _believed(model: Model, controller: str) -> Model:
+    """The model of the controller's kinematics; raises `ModelError` where it is of another robot than the machine's model."""
+    believed = read_model(controller)
+    check_alike(believed.robot, model.robot, "the machine's is")
+    return machine_of(believed)

@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from gtpin.errors import RobotError
 from gtpin.export.text import xml_text
+from gtpin.robot.closures import ENDS, SPHERICAL
 from gtpin.robot.description import parse_xml
 from gtpin.robot.robot import Robot
 
@@ -31,10 +32,10 @@ def with_anchors(robot: Robot) -> str:
             for shape in link.findall(tag):
                 link.remove(shape)
     for loop in root.findall("loop_joint"):
-        for letter, end in zip("AB", ("link1", "link2"), strict=True):
+        for end_of_name, end in zip(ENDS, ("link1", "link2"), strict=True):
             anchor = loop.find(end)
             assert anchor is not None
-            _mount(root, f"{loop.get('name')}_{letter}", anchor)
+            _mount(root, f"{loop.get('name')}{end_of_name}", anchor)
     return xml_text(root)
 
 
@@ -42,8 +43,8 @@ def side_file(robot: Robot) -> str:
     """YAML that closes the loops by three coordinates each, and names the driven joints in the order of q."""
     loops = [loop.name for loop in robot.description.loops]
     lines = {
-        "closed_loop": [[f"{name}_A", f"{name}_B"] for name in loops],
-        "type": ["3d"] * len(loops),
+        "closed_loop": [[f"{name}{end}" for end in ENDS] for name in loops],
+        "type": [SPHERICAL] * len(loops),
         "name_mot": [actuator.joint for actuator in robot.actuators],
     }
     return "".join(f"{key}: {json.dumps(value)}\n" for key, value in lines.items())

@@ -54,7 +54,7 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
         raise GtpinError("tables of a printer's firmware need --box", file=file, hint=hint)
     believed = wanted.believed(model)
     plain = ModelController(believed, box.origin)
-    present = None if wanted.firmware is None else _present(wanted.firmware, form, believed, box)
+    present = None if wanted.firmware is None else _present(wanted.firmware, form, believed, box, file)
     machine, unknown = wanted.machine(model, session)
     steps: Sequence[float | None] = sorted(set(wanted.temperatures)) or [None]
     known = [{} if t is None else dict.fromkeys(machine.temperature_columns, t) for t in steps]
@@ -103,10 +103,13 @@ def _kinematics(wanted: TablesFor, present: _Present | None) -> str:
     return "its nominal kinematics" if wanted.controller is None else "the kinematics of the model given"
 
 
-def _present(file: Path, form: str, nominal: Model, box: Box) -> _Present:
-    """Read the dimensions of a delta; raises `GtpinError` if they are not those of the nominal robot."""
+def _present(file: Path, form: str, nominal: Model, box: Box, output: Path) -> _Present:
+    """Read the dimensions of a delta; raises `GtpinError` if they are not those of the nominal robot.
+
+    A configuration may include the file ``output`` that is about to be written: what is there now does not count.
+    """
     if form == "klipper":
-        sections = read_config(file)
+        sections = read_config(file, without=output)
         radius, arms, ends, angles = tower_dimensions(sections, file)
         per_tower = np.array([needed(sections, tower, "rotation_distance", file).number() for tower in TOWERS])
     else:

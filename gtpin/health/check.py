@@ -35,6 +35,7 @@ from gtpin.health.power import smallest_changes
 from gtpin.health.readings import reading_model
 from gtpin.health.result import HealthCheck
 from gtpin.health.update import pose_chi2, updated
+from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
 from gtpin.threads import in_one_thread
 
@@ -71,6 +72,7 @@ def check(
     GtpinError
         If the dataset does not match the model's robot, or an excluded effect is not known.
     """
+    check_same_robot(model.robot, dataset)
     model = reading_model(model, dataset)
     earlier, rng = Earlier(model), np.random.default_rng(seed)
     scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, model.robot, priors)

@@ -45,6 +45,7 @@ def read_klipper_delta(file: Path | str) -> Touches:
     """
     file = Path(file)
     sections = read_config(file)
+    check_delta(sections, file)
     saved = sections.get("delta_calibrate", {})
     numbers = sorted(int(match[1]) for name in saved if (match := _HEIGHT.fullmatch(name)))
     if not numbers:
@@ -65,6 +66,19 @@ def read_klipper_delta(file: Path | str) -> Touches:
         travel=MILLIMETRE * travel,
         height=MILLIMETRE * np.array([option.number() for option in heights]),
     )
+
+
+def check_delta(sections: Sections, file: Path) -> None:
+    """Check that a configuration is that of a printer with three sliding carriages; raises `DatasetError`."""
+    kinematics = needed(sections, "printer", "kinematics", file)
+    if kinematics.text == "delta":
+        return
+    what = f"the printer's kinematics are {kinematics.text[:40]}, not delta"
+    hint = "give the printer.cfg of a delta printer"
+    if kinematics.text == "rotary_delta":
+        what = "a rotary_delta: its drives turn the arms, and a step is an angle; gtpin reads steps of sliding carriages only"
+        hint = "give single touches: gtpin import klipper-probe"
+    raise DatasetError(what, file=kinematics.file, row=kinematics.row, column="kinematics", hint=hint)
 
 
 def _step(sections: Sections, tower: str, file: Path) -> float:
@@ -106,6 +120,7 @@ def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Flo
     DatasetError
         If an option is missing, or a dimension is impossible.
     """
+    check_delta(sections, file)
     radius = _positive(needed(sections, "printer", "delta_radius", file))
     arms, ends, angles = np.empty(3), np.empty(3), np.empty(3)
     for i, tower in enumerate(TOWERS):

@@ -51,8 +51,7 @@ def read_klipper_mesh(
         hint = "give the whole printer.cfg: [bed_mesh] says whether the bed is round"
         raise DatasetError("[bed_mesh] is missing", file=file, column="bed_mesh", hint=hint)
     nx, ny = (_count(needed(sections, name, f"{axis}_count", file)) for axis in "xy")
-    low = [needed(sections, name, f"min_{axis}", file).number() for axis in "xy"]
-    high = [needed(sections, name, f"max_{axis}", file).number() for axis in "xy"]
+    (low, high) = zip(*(_bounds(sections, name, axis, file) for axis in "xy"), strict=True)
     radius, origin = _round(sections)
     lines = [line for line in needed(sections, name, "points", file).lines if line.text]
     if len(lines) != ny:
@@ -85,8 +84,18 @@ def _round(sections: Sections) -> tuple[float, list[float]]:
     return radius, options["mesh_origin"].numbers(2) if "mesh_origin" in options else [0.0, 0.0]
 
 
+def _bounds(sections: Sections, name: str, axis: str, file: Path) -> tuple[float, float]:
+    """Smallest and largest x or y of a mesh, mm."""
+    low, high = (needed(sections, name, f"{end}_{axis}", file) for end in ("min", "max"))
+    if high.number() <= low.number():
+        what = f"max_{axis} = {high.text[:40]} is not above min_{axis} = {low.text[:40]}"
+        raise DatasetError(what, file=high.file, row=high.row, column=high.name, hint="restore the file")
+    return low.number(), high.number()
+
+
 def _count(option: Option) -> int:
     value = option.number()
-    if value != int(value) or not 1 <= value <= 1000:
-        raise DatasetError(f"{option.text[:40]} can't be", file=option.file, row=option.row, column=option.name)
+    if value != int(value) or not 2 <= value <= 1000:
+        what, hint = f"{option.text[:40]} can't be", "restore the file"
+        raise DatasetError(what, file=option.file, row=option.row, column=option.name, hint=hint)
     return int(value)

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 from gtpin.data.cells import is_missing, number
-from gtpin.data.files import read_bytes
+from gtpin.data.files import LARGEST_TEXT, read_bytes
 from gtpin.errors import DatasetError
 
 SHOWN = 40
@@ -20,9 +20,9 @@ def text_lines(file: Path) -> list[str]:
     Raises
     ------
     DatasetError
-        If the file is missing, empty, no text, or not UTF-8.
+        If the file is missing, is no regular file, is larger than 100 MB, empty, no text, or not UTF-8.
     """
-    data = read_bytes(file).removeprefix(codecs.BOM_UTF8)
+    data = read_bytes(file, most=LARGEST_TEXT).removeprefix(codecs.BOM_UTF8)
     if not data.strip():
         raise DatasetError("the file is empty", file=file, hint="export it again")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

@@ -78,7 +78,7 @@ def _by_time(
     if "time" not in commands.covariates:
         raise DatasetError("the column is missing", file=commands.file, row=1, column="time", hint="add it, in s")
     if within is None or not 0.0 < within < np.inf:
-        hint = "say how far apart a reading and its command may be, s"
+        hint = "say how far apart a reading and its command may be, s (--within 0.02)"
         raise DatasetError("matching by time needs a longest time between them", column="within", hint=hint)
     known = np.asarray(commands.covariates["time"], dtype=float)
     order = np.argsort(known, kind="stable")

@@ -96,7 +96,7 @@ def read_named_columns(
                 cells[name].append(decimal(plain, file, row, name, _hint(plain, first=not rows)))
         rows.append(row)
     if not rows:
-        raise DatasetError("there are no rows", file=file, hint="check the number of header lines")
+        raise DatasetError("there are no rows", file=file, hint="check the number of header lines (--header)")
     ids = np.array(poses, dtype=object) if "pose" in wanted else None
     return NamedColumns(file, np.array(rows, dtype=np.int64), ids, {name: np.array(v) for name, v in cells.items()})
 
@@ -128,9 +128,11 @@ def _wanted(names: list[str], separator: Separator, decimal_comma: bool) -> dict
 def _hint(text: str, *, first: bool) -> str:
     """The hint for a text that is not a number; ``first``: it is in the first row."""
     if "," in text and not math.isnan(number(text.replace(",", ".", 1))):
-        return "if numbers have a comma for the point, say so (decimal-comma)"
+        return "if numbers have a comma for the point, give --decimal-comma"
     return (
-        "if this line is no row, pass over it (header); else correct it" if first else "correct the row, or delete it"
+        "if this line is no row, pass over it (--header N); else correct it"
+        if first
+        else "correct the row, or delete it"
     )
 
 

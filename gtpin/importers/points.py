@@ -74,9 +74,10 @@ def read_points(
     own = commands_among(columns)
     if bool(own) == (commands is not None):
         what = "commands both in the list and in a table" if own else "there are no commands"
-        raise DatasetError(what, file=file, hint="name the columns q1 .. qn, or give a table of commands, and not both")
+        hint = "name the columns q1 .. qn (--columns), or give a table of commands (--commands), and not both"
+        raise DatasetError(what, file=file, hint=hint)
     if commands is not None and match is None:
-        hint = "match by pose, row or time"
+        hint = "give --match pose|row|time"
         raise DatasetError("it is not said which command belongs to which row", column="match", hint=hint)
     table = read_named_columns(file, columns, separator, header=header, decimal_comma=decimal_comma)
     covariates = {
@@ -117,5 +118,5 @@ def _scale(robot: str, tcp: str | None, count: int, unit: Length, angle: Angle |
         raise DatasetError(what, column="columns", hint="name one for each, q1 .. qn")
     if revolute.any() and angle not in ANGLES:
         what = "the unit of the angles is not given"
-        raise DatasetError(what, column="angle", hint=f"one of {', '.join(ANGLES)}")
+        raise DatasetError(what, column="angle", hint=f"give --angle {'|'.join(ANGLES)}")
     return np.where(revolute, ANGLES[angle] if angle is not None else np.nan, LENGTHS[unit])

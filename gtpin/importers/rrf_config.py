@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import DatasetError
-from gtpin.importers.lines import decimal, text_lines
+from gtpin.importers.gcode import gcode_commands
+from gtpin.importers.lines import decimal
 
 Floats = npt.NDArray[np.float64]
 
@@ -54,15 +55,14 @@ def read_rrf_delta(file: Path | str) -> RrfDelta:
     Raises
     ------
     DatasetError
-        If a dimension is missing or impossible, or M666 tilts the bed.
+        If a dimension is missing or impossible, is set inside a condition or by an expression, or M666 tilts the bed.
     """
     file = Path(file)
     found: dict[str, tuple[list[float], int]] = {}
-    for row, line in enumerate(text_lines(file), 1):
-        if match := _COMMAND.match(line.split(";")[0]):
-            for letter, text in _WORD.findall(match[2]):
-                name = f"M{match[1]} {letter.upper()}"
-                found[name] = ([decimal(part, file, row, name) for part in text.split(":")], row)
+    for row, match in gcode_commands(file, _COMMAND):
+        for letter, text in _WORD.findall(match[2]):
+            name = f"M{match[1]} {letter.upper()}"
+            found[name] = ([decimal(part, file, row, name) for part in text.split(":")], row)
     needed = ["M665 R", "M665 L", "M665 H", *(f"M92 {axis}" for axis in AXES)]
     for name in needed:
         if name not in found:

@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 
 from gtpin.errors import DatasetError
+from gtpin.importers.gcode import gcode_commands
 from gtpin.importers.lines import decimal, text_lines
 from gtpin.importers.touches import Touches, touched
 
@@ -19,7 +20,7 @@ FAILED = "probing failed"
 LETTERS = "PXYZHKS"
 """Letters of G30's parameters."""
 
-_POINT = re.compile(r"\s*G30\s+P(\d+)\b(.*)", re.IGNORECASE)
+_POINT = re.compile(r"\s*G30\s+P(\d+\b|\{[^}]*\})(.*)", re.IGNORECASE)
 _WORD = re.compile(r"([A-Z])\s*([^\sA-Z;]+)", re.IGNORECASE)
 _HEIGHT = re.compile(rf"{FAILED}|not set|\S+")
 
@@ -70,14 +71,8 @@ def read_rrf_g32(file: Path | str, points: Path | str, offset: tuple[float, floa
 def _places(file: Path) -> list[tuple[float, float]]:
     """X and Y of the points in their order, mm."""
     found: dict[int, tuple[float, float]] = {}
-    for row, line in enumerate(text_lines(file), 1):
-        match = _POINT.match(line)
-        if match is None:
-            continue
-        if "{" in match[2].partition(";")[0]:
-            hint = "write the numbers in place of what is in braces"
-            raise DatasetError("an expression, which only the firmware can compute", file=file, row=row, hint=hint)
-        words = {letter.upper(): text for letter, text in _WORD.findall(match[2].partition(";")[0])}
+    for row, match in gcode_commands(file, _POINT):
+        words = {letter.upper(): text for letter, text in _WORD.findall(match[2])}
         if wrong := words.keys() - set(LETTERS):
             hint = f"letters of G30 are {', '.join(LETTERS)}"
             raise DatasetError(f"G30 has no {min(wrong)}", file=file, row=row, column=min(wrong), hint=hint)

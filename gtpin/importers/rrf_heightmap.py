@@ -22,6 +22,8 @@ LABELS = {
     "xspacing yspacing xnum ynum",
 }
 """The line with names, of three versions of the firmware, and gtpin's names of these numbers."""
+ROUNDING = 0.01
+"""Largest error of a bound or a spacing by rounding, mm: they have two decimals, and older files one."""
 MOST = 10_000
 """Largest number of points; with more, the line with the grid is assumed to be damaged."""
 
@@ -93,4 +95,23 @@ def _grid(file: Path, names: list[str], line: str) -> dict[str, float]:
             raise DatasetError(
                 f"{grid[name]:g} points can't be", file=file, row=3, column=name, hint="restore the file"
             )
+    for axis in "xy":
+        _check_axis(file, axis, grid[f"{axis}min"], grid[f"{axis}max"], grid[f"{axis}spacing"], int(grid[f"{axis}num"]))
     return grid
+
+
+def _check_axis(file: Path, axis: str, low: float, high: float, spacing: float, count: int) -> None:
+    """Check that the bounds, the spacing and the number of points of an axis agree.
+
+    The firmware takes as many points as the spacing has room for from the lower bound: the last one can be below the upper.
+    """
+    if high <= low:
+        what = f"{axis} goes from {low:g} to {high:g}"
+        raise DatasetError(what, file=file, row=3, column=f"{axis}max", hint="restore the file")
+    if spacing <= 0.0:
+        what = f"a spacing of {spacing:g} can't be"
+        raise DatasetError(what, file=file, row=3, column=f"{axis}spacing", hint="restore the file")
+    rounded = ROUNDING * (count + 2)
+    if not (count - 1) * spacing - rounded <= high - low <= count * spacing + rounded:
+        what = f"{count} points {spacing:g} apart do not go from {low:g} to {high:g}"
+        raise DatasetError(what, file=file, row=3, column=f"{axis}spacing", hint="restore the file")

@@ -1,11 +1,14 @@
-"""The robot that a dataset names, with the dataset's actuators and TCP; the parts that the dataset names are checked."""
+"""The robot that a dataset names, with the dataset's actuators and TCP, and whether a model is of this robot.
+
+The parts that the dataset names are checked.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from gtpin.data import Dataset
-from gtpin.errors import DatasetError, RobotError
+from gtpin.errors import DatasetError, ModelError, RobotError
 from gtpin.robot.library import load_robot
 from gtpin.robot.measured_joints import readable
 from gtpin.robot.robot import Robot
@@ -38,6 +41,39 @@ def robot_of(dataset: Dataset) -> Robot:
         robot = Robot(robot.description, dataset.tcp)
     _check_drivers(dataset, robot, file)
     return robot
+
+
+def check_same_robot(robot: Robot, dataset: Dataset) -> None:
+    """Check that a model is of the robot that a dataset names: every use of a model with measured data begins with this.
+
+    Parameters
+    ----------
+    robot
+        The model's robot.
+    dataset
+        The measured data.
+
+    Raises
+    ------
+    ModelError
+        If the robots have other names, or other driven joints.
+    GtpinError
+        If the robot that the dataset names can't be loaded.
+    """
+    check_alike(robot, robot_of(dataset), "the measured data are", dataset.file, "dataset.toml names")
+
+
+def check_alike(robot: Robot, other: Robot, whose: str, file: Path | None = None, wanted: str = "is meant") -> None:
+    """Raise `ModelError` where a model's robot and another one have other names, or other driven joints.
+
+    ``whose``: what is of the other robot, with its verb, for the message; ``file``: the file of it.
+    """
+    hint = f"give a model of the robot that {wanted}"
+    if robot.name != other.name:
+        raise ModelError(f"the model is of {robot.name}, and {whose} of {other.name}", file=file, hint=hint)
+    if robot.sites != other.sites:
+        what = f"the model of {robot.name} drives {_some(robot.sites)}, and {whose} of one with {_some(other.sites)}"
+        raise ModelError(what, file=file, hint=hint)
 
 
 def measuring(robot: Robot, dataset: Dataset) -> Robot:

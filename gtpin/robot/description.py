@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import RobotError
+from gtpin.robot.closures import SUFFIX, urdf_with_loops
 from gtpin.robot.mjcf import mjcf_to_urdf
 from gtpin.robot.mjcf_includes import with_includes
 from gtpin.robot.tree import TOOL, Tree
@@ -126,7 +127,7 @@ class Description:
 
     @staticmethod
     def read(path: Path) -> Description:
-        """Read a URDF or MJCF file.
+        """Read a URDF or MJCF file, or the YAML of example-parallel-robots beside a URDF.
 
         Raises
         ------
@@ -138,6 +139,8 @@ class Description:
         GtpinWarning
             If angles in a URDF look like degrees, or an MJCF has what is not read.
         """
+        if path.suffix.lower() == SUFFIX:
+            return Description.parse(urdf_with_loops(path, parse_xml), source=str(path))
         text = read_text(path, RobotError, hint="give the path of a URDF or MJCF file")
         described = Description.parse(text, source=str(path))
         if described.kind == "urdf":

@@ -59,7 +59,8 @@ def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[st
     ----------
     robot
         The name of a shipped robot, or of one of the package example-robot-data; or a path. A string is a path if it ends in
-        ``.urdf``, ``.xml`` or ``.mjcf``, if it contains a separator, or if a file but no robot has this name.
+        ``.urdf``, ``.xml``, ``.mjcf`` or ``.yaml`` (the loops of the URDF of the same name beside it), if it contains a
+        separator, or if a file but no robot has this name.
     tcp
         The link whose pose is the robot's pose; None: the one that the file names.
     actuators

@@ -15,7 +15,7 @@ from gtpin.instruments.instrument import Instrument
 from gtpin.instruments.readings import Readings, instruments_of, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.measured_robot import measuring
+from gtpin.model.measured_robot import check_same_robot, measuring
 from gtpin.model.model import Model
 from gtpin.report.words import quantity
 from gtpin.view.gap import Gap, gap_of, whose
@@ -89,13 +89,15 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[Fit
     DatasetError
         If the commands do not fit the robot, or it can reach none of the poses.
     ModelError
-        If a covariate is missing that an active effect needs, or the model lacks one of the instruments.
+        If the model is of another robot, a covariate is missing that an active effect needs, or the model lacks one of the
+        instruments.
 
     Warns
     -----
     GtpinWarning
         If the robot can't reach some poses: names them; they are left out.
     """
+    check_same_robot(model.robot, dataset)
     if dataset.readings is None:
         return gap_of(model, dataset), model.instruments
     robot = measuring(model.robot, dataset)

@@ -142,3 +142,26 @@ def test_an_answer_reads_back_as_it_was_written(tmp_path: Path) -> None:
     )
     answer.write(tmp_path / "a.json")
     assert Answer.read(tmp_path / "a.json") == answer
+
+
+@pytest.mark.parametrize(
+    ("given", "place", "told"),
+    [
+        (cause("backlsh@cart1"), "causes.0.effect", "no effect is called 'backlsh'; did you mean backlash?"),
+        (cause("backlash@cart4"), "causes.0.site", "backlash can't be at 'cart4'; use cart1, cart2, cart3"),
+        (cause("backlash@cart1", 1.0, "zero_shift@cart1", "zero@cart2"), "causes.0.class.1.effect", "'zero'"),
+        (cause("backlash@cart1", 1.0, *["zero_shift@cart1"] * 100_000), "causes.0.class.1", "is named twice"),
+        (cause("backlash@cart1", 1.0, *(f"zero_shift@{i}" for i in range(100_000))), "causes.0.class.0.site", "'0'"),
+    ],
+)
+def test_an_answer_with_what_does_not_exist_is_refused_with_its_place(
+    folder: Path, given: dict[str, object], place: str, told: str
+) -> None:
+    block = Block(name="x", robot="gantry_tau", cases=1, seed=0)
+    public = PublicSet(schema=SCHEMA, plant="", blocks=(block,), cases={"x-00": Published(dataset="", truth="")})
+    (folder / "truths" / "x-00.json").write_text(CASES["silent"][0].model_dump_json())
+    write(folder, "x-00", causes=[given])
+    with pytest.raises(GtpinError) as refused:
+        score_answers(public, folder, folder / "answers")
+    assert refused.value.column == place
+    assert told in str(refused.value)

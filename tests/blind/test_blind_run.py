@@ -3,7 +3,7 @@
 import contextlib
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import joblib
@@ -95,6 +95,59 @@ def test_a_tampered_truth_is_a_failed_case(cases: Path, tmp_path: Path, monkeypa
     assert score(checked.cases)["failures"] == ["c", "g"]
     assert score(checked.cases)["false_alarm"] == 1.0  # of d alone
     assert not (output / "cases" / "c.truth.json").exists()
+
+
+def _truth_with_its_digests(out: Path) -> None:
+    """Another truth of e, with which its digest and the manifest agree."""
+    sealed, manifest = out / "sealed" / "e.json", out / "cases" / "manifest.json"
+    old = hashlib.sha256(sealed.read_bytes()).hexdigest()
+    sealed.write_text(sealed.read_text().replace('"unlisted"', '"many"'))
+    new = hashlib.sha256(sealed.read_bytes()).hexdigest()
+    for file in (manifest, out / "cases" / "e" / "truth.sha256"):
+        file.write_text(file.read_text().replace(old, new))
+
+
+def _dataset(out: Path) -> None:
+    poses = out / "cases" / "c" / "poses.csv"
+    poses.write_text(poses.read_text() + "\n")
+
+
+def _diagnosis(out: Path) -> None:
+    file = out / "diagnoses" / "c.json"
+    file.write_text(file.read_text().replace('"none"', '"unknown"'))
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("edit", "told"),
+    [(_truth_with_its_digests, "truth of e"), (_dataset, "dataset of c"), (_diagnosis, "diagnosis of c")],
+)
+def test_what_is_edited_after_the_seals_were_opened_is_reported(
+    cases: Path, tmp_path: Path, edit: Callable[[Path], None], told: str
+) -> None:
+    out = tmp_path / "out"
+    first = check_given(out, cases, Quiet())
+    assert "changed" not in check_given(out, cases, Quiet()).about
+    edit(out)
+    for _ in range(2):  # the first digests stay
+        with pytest.warns(GtpinWarning, match=f"changed since they were first sealed or diagnosed.*{told}"):
+            again = check_given(out, cases, Quiet())
+        assert again.about["changed"] == [told]
+        assert score(again.cases, again.about)["check"]["changed"] == [told]
+    assert "changed" not in first.about
+
+
+@pytest.mark.usefixtures("here")
+def test_a_diagnosis_without_its_effect_that_is_edited_is_reported(tmp_path: Path, small: Case) -> None:
+    folder, out = tmp_path / "given", tmp_path / "out"
+    folder.mkdir()
+    told = {"said": diagnosis("explained", cause("backlash@cart1")), "without": diagnosis("unknown")}
+    write_case(folder, "a", small, [("backlash", "cart1")], told)
+    check_given(out, folder, Quiet())
+    file = out / "diagnoses" / "a.without.json"
+    file.write_text(file.read_text().replace('"unknown"', '"none"'))
+    with pytest.warns(GtpinWarning, match="diagnosis without its effect of a"):
+        check_given(out, folder, Quiet())
 
 
 @pytest.mark.usefixtures("here")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Callable
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from printed import BED_G, G32, HEIGHTMAP, MESH, POINTS, PROBE_LOG, PROBED, ROS, mesh_cfg, places, printer_cfg
+from printed import BED_G, G32, HEIGHTMAP, MESH, POINTS, PROBE_LOG, PROBED, ROS, ROS2, mesh_cfg, places, printer_cfg
 
 from gtpin.data import Commands, Dataset
 from gtpin.errors import DatasetError, GtpinWarning
@@ -56,6 +57,7 @@ FORMATS: dict[str, tuple[str, Read]] = {
         ),
     ),
     "ros-poses": (ROS, lambda file: read_ros_poses(file, "ur5", COMMANDS, "time", within=1.0)),
+    "ros-poses of 2": (ROS2, lambda file: read_ros_poses(file, "ur5", COMMANDS, "time", within=1.0)),
 }
 DATA = {
     "klipper-delta": "height2_pos = ",
@@ -67,6 +69,7 @@ DATA = {
     "linuxcnc-probe": "-25.000000 -50.000000 ",
     "points": "p2 1198.0021 ",
     "ros-poses": "tag,0.41,",
+    "ros-poses of 2": "tag,0.41,",
 }
 """What stands before a number that is read."""
 
@@ -114,7 +117,7 @@ def test_a_number_that_is_none_is_refused_with_its_row(name: str, word: str, tmp
     assert refused.value.file == file
 
 
-@pytest.mark.parametrize("name", [name for name in FORMATS if name not in ("points", "ros-poses")])
+@pytest.mark.parametrize("name", [name for name in FORMATS if not name.startswith(("points", "ros"))])
 @pytest.mark.parametrize("size", ["1e300", "-9e15", "1234567890"])
 def test_a_touch_kilometres_away_is_refused(name: str, size: str, tmp_path: Path) -> None:
     text, read = FORMATS[name]
@@ -147,6 +150,32 @@ def test_a_file_that_is_missing_empty_or_no_text_is_refused(name: str, tmp_path:
         assert len(str(refused.value).splitlines()) == 1
     with pytest.raises(DatasetError, match="folder"):
         read(tmp_path)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_what_is_no_regular_file_is_refused_without_waiting(name: str, kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    if kind == "pipe":
+        os.mkfifo(file)
+    else:
+        file.symlink_to("/dev/zero")
+    with pytest.raises(DatasetError, match="a pipe or a device"):
+        FORMATS[name][1](file)
+    if name.startswith("klipper-delta"):
+        config = tmp_path / "printer.cfg"
+        config.write_text("[include file]\n", encoding="utf-8")
+        with pytest.raises(DatasetError, match="a pipe or a device"):
+            FORMATS[name][1](config)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_file_of_absurd_size_is_refused_unread(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    with file.open("wb") as empty:
+        empty.truncate(2_000_000_000)  # a sparse file: it takes no room on the disk
+    with pytest.raises(DatasetError, match="larger than"):
+        FORMATS[name][1](file)
 
 
 @pytest.mark.parametrize("name", FORMATS)

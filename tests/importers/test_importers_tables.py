@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from printed import POINTS, ROS
+from printed import POINTS, ROS, ROS2
 
 import gtpin
 from gtpin.data import Commands
@@ -100,7 +100,7 @@ def test_what_is_not_said_or_does_not_fit_is_refused(write: Write, changed: dict
 def test_the_unit_of_angles_is_asked_for(write: Write) -> None:
     names = ["x", "y", "z", *(f"q{i}" for i in range(1, 7))]
     file = write("points.txt", "1 2 3 1 1 1 1 1 1\n")
-    with pytest.raises(DatasetError, match="unit of the angles"):
+    with pytest.raises(DatasetError, match=r"unit of the angles is not given; give --angle rad\|deg"):
         read_points(file, "ur5", names, "space", "mm")
     with pytest.raises(DatasetError, match="5 columns of commands for the 6"):
         read_points(write("short.txt", "1 2 3 1 1 1 1 1\n"), "ur5", names[:-1], "space", "mm", angle="rad")
@@ -135,6 +135,38 @@ def test_of_several_poses_in_a_message_the_one_that_is_meant_has_to_be_named(wri
     prefix = "field.detections1.pose.pose.pose"
     dataset = read_ros_poses(write("tags.csv", text), "ur5", given, "row", prefix=prefix)
     np.testing.assert_allclose(dataset.position, np.tile([1.0, 2.0, 3.0], (3, 1)))
+
+
+@pytest.mark.parametrize(
+    ("child", "after"),
+    [("", 0), (",tool", 0), ("", 36), (",tool", 36 + 6 + 36)],
+    ids=["pose", "tf", "covariance", "odom"],
+)
+def test_messages_of_ros_2_without_a_header_are_the_same_poses(write: Write, child: str, after: int) -> None:
+    given = commands(["a", "b"], time=[175.45, 175.58])
+    text = "".join(f"{line}{',0.5' * after}\n" for line in ROS2.replace(",tag", f",tag{child}").splitlines())
+    one = read_ros_poses(write("ros2.csv", text), "ur5", given, "time", within=0.05)
+    other = read_ros_poses(write("ros1.csv", ROS), "ur5", given, "time", within=0.05)
+    np.testing.assert_array_equal(one.position, other.position)
+    np.testing.assert_array_equal(one.orientation, other.orientation)
+    np.testing.assert_allclose(one.covariates["time"], other.covariates["time"], atol=1e-9)
+    assert list(one.row) == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("1,2,3\n", "as ros2 topic echo --csv writes it, and 3 columns"),
+        (ROS[ROS.index("\n") + 1 :], "'175447000000' is no sec of a stamp"),
+        (ROS2.replace("567000000", "5670000000"), r"row 2, column nanosec: '5670000000' is no nanosec"),
+        (ROS2.replace("tag", "7"), "the frame is '7', a number"),
+        (ROS2 + "175,6,tag,1.0\n", "row 4: the row has 4 cells, the first row 10"),
+        (ROS2.replace("0.33", "up"), "row 2, column z: 'up' is not a number"),
+    ],
+)
+def test_what_is_no_message_of_ros_2_is_refused(write: Write, text: str, told: str) -> None:
+    with pytest.raises(DatasetError, match=told):
+        read_ros_poses(write("ros2.csv", text), "ur5", commands(["a", "b", "c"]), "row")
 
 
 def test_a_topic_without_poses_is_refused(write: Write) -> None:

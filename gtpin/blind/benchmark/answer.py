@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -91,10 +93,33 @@ class Answer(BaseModel):
             raise GtpinError(str(first["msg"]), file=file, column=key, hint="docs/benchmark.md has the keys") from None
         except (ValueError, RecursionError) as error:
             raise GtpinError(f"no JSON ({str(error)[:80]})", file=file, hint="correct the file") from None
-        names = [cause.name for cause in found.causes]
-        if twice := [name for name in names if names.count(name) > 1]:
-            raise GtpinError(f"{twice[0]} is named twice", file=file, column="causes", hint="keep one of them")
+        _check_once([cause.name for cause in found.causes], file, "causes")
+        for number, cause in enumerate(found.causes):
+            _check_once([member.name for member in cause.class_], file, f"causes.{number}.class")
         return found
+
+    def check(self, file: Path, sites: Mapping[str, Sequence[str] | None]) -> None:
+        """Check that the answer names effects of the catalogue at sites that the machine has.
+
+        ``sites``: of each effect; None where they are not known. A misspelt effect would count as a wrong one.
+
+        Raises
+        ------
+        GtpinError
+            If an effect or a site does not exist, with its key.
+        """
+        for number, cause in enumerate(self.causes):
+            keys = [f"causes.{number}", *(f"causes.{number}.class.{i}" for i in range(len(cause.class_)))]
+            for key, one in zip(keys, (cause, *cause.class_), strict=True):
+                if one.effect not in sites:
+                    near = difflib.get_close_matches(one.effect[:100], list(sites), n=1)
+                    hint = f"did you mean {near[0]}?" if near else f"effects are {', '.join(sites)}"
+                    what = f"no effect is called {one.effect[:100]!r}"
+                    raise GtpinError(what, file=file, column=f"{key}.effect", hint=hint)
+                places = sites[one.effect]
+                if places is not None and one.site not in places:
+                    what = f"{one.effect} can't be at {one.site[:100]!r}"
+                    raise GtpinError(what, file=file, column=f"{key}.site", hint=f"use {', '.join(places) or 'none'}")
 
     def write(self, file: Path) -> None:
         """Write the answer as JSON."""
@@ -114,3 +139,14 @@ class Answer(BaseModel):
         if self.unknown:
             return Statement(verdict="unknown", causes=causes)
         return Statement(verdict="explained" if causes else "none", causes=causes)
+
+
+def _check_once(names: Sequence[str], file: Path, key: str) -> None:
+    """Raise an error for a name that is in a list twice."""
+    seen: set[str] = set()
+    for number, name in enumerate(names):
+        if name in seen:
+            raise GtpinError(
+                f"{name[:100]} is named twice", file=file, column=f"{key}.{number}", hint="keep one of them"
+            )
+        seen.add(name)

@@ -40,9 +40,13 @@ class Block(BaseModel):
     cases: Annotated[int, Field(ge=1)]
     seed: int
 
+    def reference(self, folder: Path) -> str:
+        """The robot's name, or the path of its URDF file in the set's folder."""
+        return str(folder / self.robot) if self.robot.endswith(".urdf") else self.robot
+
     def drafts(self, folder: Path) -> Iterator[Draft]:
         """The block's cases; ``folder`` holds the set's URDF files."""
-        robot = str(folder / self.robot) if self.robot.endswith(".urdf") else self.robot
+        robot = self.reference(folder)
         kinds = (self.instrument,) if self.instrument else ()
         for number, draft in enumerate(drafts(self.cases, self.seed, robot, kinds)):
             yield replace(draft, name=f"{self.name}-{number:02d}")
@@ -104,6 +108,11 @@ class PublicSet(BaseModel):
                 known = ", ".join(f"{block.name}-00 to -{block.cases - 1:02d}" for block in self.blocks)
                 raise GtpinError(f"no case is called {name!r}", hint=f"cases are {known}")
         return list(names or self.cases)
+
+    def robot(self, case: str, folder: Path = FILE.parent) -> str | None:
+        """The robot of a case: its name, or the path of its URDF; None where the case is in no block."""
+        found = [block for block in self.blocks if case.rpartition("-")[0] == block.name]
+        return found[0].reference(folder) if found else None
 
     def drafts(self, folder: Path = FILE.parent) -> dict[str, Draft]:
         """All cases to be made, by name."""

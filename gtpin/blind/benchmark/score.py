@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from gtpin.blind.seal import digest_of, opened
 from gtpin.data.files import read_bytes
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError
+from gtpin.robot.library import load_robot
 
 Floats = npt.NDArray[np.float64]
 
@@ -63,7 +65,8 @@ def score_answers(
     Raises
     ------
     GtpinError
-        If a truth or an answer can't be read, or predictions have another shape.
+        If a truth or an answer can't be read, an answer names an effect or a site that does not exist, or predictions have
+        another shape.
     """
     wanted = list(public.cases) if names is None else list(names)
     if not any((answers / f"{name}.json").exists() for name in wanted):
@@ -76,6 +79,8 @@ def _scored(public: PublicSet, folder: Path, file: Path, name: str) -> Scored:
     file_of_truth = folder / TRUTHS / f"{name}.json"
     truth = opened(file_of_truth, digest_of(read_bytes(file_of_truth)))
     answer = Answer.read(file) if file.exists() else None
+    if answer is not None:
+        answer.check(file, _sites(public.robot(name)))
     effects = tuple(e.model_copy(update={"leaves": published.leaves}) for e in truth.effects)
     judged = Judged(
         name=name,
@@ -96,6 +101,13 @@ def _scored(public: PublicSet, folder: Path, file: Path, name: str) -> Scored:
             squares.append((_shaped(answer.readings[one.name], true, file, one.name) - true) / np.array(one.sigma))
     error = float(np.sqrt(np.mean(np.concatenate([s.ravel() for s in squares]) ** 2))) if squares else None
     return Scored(judged, error, answer.explained_fraction)
+
+
+@cache
+def _sites(robot: str | None) -> dict[str, tuple[str, ...] | None]:
+    """The sites of each effect of the catalogue at a robot; None for no robot."""
+    found = None if robot is None else load_robot(robot)
+    return {name: None if found is None else tuple(one.sites(found)) for name, one in effects_by_id().items()}
 
 
 def _sigma(truth: Any) -> Floats:

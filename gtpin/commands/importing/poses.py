@@ -108,7 +108,7 @@ def ros_poses(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """ROS: the poses of a topic, as rostopic echo -p writes them."""
+    """ROS: the poses of a topic, as rostopic echo -p or ros2 topic echo --csv writes them."""
     dataset = read_ros_poses(
         file,
         robot,

@@ -1,0 +1,115 @@
+"""A robot of example-parallel-robots: a URDF without loops, and a YAML file that closes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.errors import RobotError
+
+NEAR, FAR, BASE = 0.3, 0.4, 0.1
+"""Lengths of the links of a five-bar, and half the distance of its drives, m."""
+DRIVES = ("drive_left", "drive_right")
+YAML = """# a five-bar
+closed_loop: [['pin_A', 'pin_B']]
+type: ['3D']
+name_mot: ["drive_left", "drive_right"]
+"""
+
+
+def five_bar() -> str:
+    """A five-bar in an upright plane; ``pin_A`` is a link, ``pin_B`` a fixed joint, both where the far links meet."""
+    links, joints = ["base"], []
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        end = "pin_A" if side == "left" else "end"
+        links += [side, f"{side}_far", end]
+        for name, kind, parent, child, at, turn in (
+            (f"drive_{side}", "revolute", "base", side, sign * BASE, -2.2 if sign < 0.0 else -np.pi + 2.2),
+            (f"elbow_{side}", "continuous", side, f"{side}_far", NEAR, -1.3758 * sign),
+            ("pin_A_mount" if side == "left" else "pin_B", "fixed", f"{side}_far", end, FAR, 0.0),
+        ):
+            axis = (
+                ""
+                if kind == "fixed"
+                else '<axis xyz="0 -1 0"/><limit lower="-0.7" upper="0.7" effort="9" velocity="9"/>'
+            )
+            joints.append(
+                f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+                f'<origin xyz="{at} 0 0" rpy="0 {turn} 0"/>{axis}</joint>'
+            )
+    return f'<robot name="five">{"".join(f"<link name={chr(34)}{name}{chr(34)}/>" for name in links)}{"".join(joints)}</robot>'
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    (tmp_path / "robot.urdf").write_text(five_bar(), encoding="utf-8")
+    (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
+    return tmp_path / "robot.yaml"
+
+
+def test_its_loop_closes_where_two_circles_meet(file: Path) -> None:
+    model = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot(file, tcp="pin_A")))
+    assert model.robot.sites == DRIVES
+    q = np.random.default_rng(3).uniform(-0.3, 0.3, (10, 2))
+    zero = np.array([2.2, np.pi - 2.2])  # a turn about -y lifts x towards z
+    elbows = np.array([[-BASE, 0.0], [BASE, 0.0]]) + NEAR * np.stack([np.cos(zero + q), np.sin(zero + q)], axis=2)
+    middle, half = elbows.mean(axis=1), 0.5 * (elbows[:, 1] - elbows[:, 0])
+    along = np.linalg.norm(half, axis=1)
+    up = np.column_stack([-half[:, 1], half[:, 0]]) / along[:, None]
+    expected = middle + np.sqrt(FAR**2 - along**2)[:, None] * up
+    np.testing.assert_allclose(model.predict(q).T[:, [0, 2]], expected, atol=1e-9)
+
+
+def test_a_model_of_it_needs_no_yaml(file: Path, tmp_path: Path) -> None:
+    model = gtpin.read_model(file)
+    gtpin.write_model(model, tmp_path / "model")
+    q = np.array([[0.1, -0.2]])
+    np.testing.assert_array_equal(gtpin.read_model(tmp_path / "model").predict(q).T, model.predict(q).T)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            "'3D'",
+            "'6d'",
+            r"row 3, column type: the loop of pin_A and pin_B is closed by '6d', so it is no spherical joint",
+        ),
+        ("['3D']", "['3d', '3d']", "2 types for 1 loops"),
+        ("'pin_B'", "'lost'", "the URDF has no link and no joint 'lost'"),
+        ("[['pin_A', 'pin_B']]", "['pin_A', 'pin_B']", "row 2, column closed_loop: closed_loop is no list of pairs"),
+        ('"drive_right"', '"lost"', "lost"),
+        ('"drive_right"', "7", "name_mot is no list of names"),
+        ("type: ['3D']\n", "", "the key type is missing"),
+        ("type: ['3D']\n", "type:\n  - 3D\n", "row 3: no key with a list"),
+        ("# a five-bar", "joint_name: ['elbow_left']", "joint_name: gtpin reads closed_loop, type, name_mot only"),
+        ("# a five-bar", "type: ['3D']", "row 3: no key with a list"),
+        ("# a five-bar", "x: " + "[" * 5000, "no key with a list"),
+        ("# a five-bar", "x: __import__('os')", "no key with a list"),
+    ],
+)
+def test_what_is_no_such_file_is_refused_with_its_place(file: Path, old: str, new: str, told: str) -> None:
+    assert old in YAML
+    file.write_text(YAML.replace(old, new), encoding="utf-8")
+    with pytest.raises(RobotError, match=told) as refused:
+        gtpin.load_robot(file)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_files_that_do_not_belong_together_are_refused(file: Path, tmp_path: Path) -> None:
+    urdf = tmp_path / "robot.urdf"
+    loop = '<loop_joint name="bolt" type="spherical"><link1 link="left_far"/><link2 link="right_far"/></loop_joint>'
+    urdf.write_text(five_bar().replace("</robot>", f"{loop}</robot>"), encoding="utf-8")
+    with pytest.raises(RobotError, match="closed_loop is not what the URDF's <loop_joint>s are: bolt"):
+        gtpin.load_robot(file)
+    urdf.write_text(
+        five_bar().replace("</robot>", '<gtpin><actuator joint="drive_left"/></gtpin></robot>'), encoding="utf-8"
+    )
+    with pytest.raises(RobotError, match="the URDF's driven joints are drive_left"):
+        gtpin.load_robot(file)
+    urdf.unlink()
+    with pytest.raises(RobotError, match=r"robot\.urdf: the file is missing; put the URDF of robot\.yaml beside it"):
+        gtpin.load_robot(file)
