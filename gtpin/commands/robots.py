@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 from rich.table import Table
 
 from gtpin.commands.terminal import AsJson, rendered, tell
-from gtpin.errors import RobotError
+from gtpin.errors import GtpinWarning, RobotError
 from gtpin.robot.examples import PACKAGE, example_names
 from gtpin.robot.library import load_robot, robot_names
 
@@ -28,7 +29,9 @@ def robots(as_json: AsJson = False) -> None:
 def _described(name: str, source: str) -> dict[str, Any]:
     """The row of the list for a robot; ``joints`` are those that its commands q1, q2, ... move."""
     try:
-        robot = load_robot(name)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", GtpinWarning)  # of a list, nothing is computed
+            robot = load_robot(name)
     except RobotError as error:
         return {"name": name, "source": source, "loads": False, "joints": [], "tcp": None, "reason": error.what}
     joints = [actuator.joint for actuator in robot.actuators]
