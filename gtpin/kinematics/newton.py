@@ -110,7 +110,11 @@ class Passive:
 
 
 def close(
-    robot: Robot, configuration: Floats, near: Passive | None = None, contraction: float = CONTRACTION, change: float = np.inf
+    robot: Robot,
+    configuration: Floats,
+    near: Passive | None = None,
+    contraction: float = CONTRACTION,
+    change: float = np.inf,
 ) -> Closing:
     """Close the loops by Newton's method on the passive coordinates, at constant commands.
 
@@ -123,8 +127,9 @@ def close(
     contraction
         Bound on the ratio of successive steps.
     change
-        Bound on the change of this derivative from ``near`` to the start and to the result: see :meth:`Passive.change`. With one below 1, no
-        singularity is between the two, so that the closed posture has the assembly mode of the one nearby. No bound by default.
+        Bound on the change of this derivative from ``near`` to the start and to the result: see :meth:`Passive.change`. With one
+        below 1, no singularity is between the two: the closed posture has the assembly mode of the one nearby. No bound by
+        default.
     """
     model, passive = robot.model, robot.passive
     # Coordinates of a few metres have rounding errors of a few 1e-16 m each, and a loop is a sum of about ten of them.
@@ -140,6 +145,7 @@ def close(
             jacobian = constraint_jacobian(robot)
             own = jacobian[:, passive]
             near = near or Passive(own, rank)
+        assert near is not None
         if closed or steps == 0:
             largest = max(largest, near.change(own))
             if not largest <= change:

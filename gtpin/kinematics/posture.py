@@ -13,6 +13,7 @@ import pinocchio as pin
 from gtpin.errors import AssemblyModeError, ClosureError, SingularityError, UnreachableError
 from gtpin.kinematics import newton
 from gtpin.robot.assembly import NEAR, closest
+from gtpin.robot.constraints import constraint_jacobian
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
@@ -137,7 +138,7 @@ class ClosedPosture:
         A loop equation is a component of the gap between a loop's two anchors, in metres, in the frame of the first anchor.
         """
         self.refresh()
-        return _frozen(newton.constraint_jacobian(self.robot))
+        return _frozen(constraint_jacobian(self.robot))
 
     @cached_property
     def tcp_jacobian(self) -> Floats:

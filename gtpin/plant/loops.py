@@ -131,7 +131,7 @@ class Loops:
         return placed(self.joints, x).at(self.tcp).with_joints({self.joints[j].name: x[:, j] for j in self.passive})
 
     def led(self, q: Floats) -> Floats:
-        """(N, J) coordinates at commands q (N, n), on the assembly mode of home; NaN where straight lines do not lead there.
+        """(N, J) coordinates at commands q (N, n), on home's assembly mode; NaN where straight lines do not lead there.
 
         Each row follows the straight line of commands from home. A stride along it is halved where the slopes of the gaps change
         by a large part of their distance from a singularity, so that no stride jumps over one.

@@ -104,8 +104,15 @@ def closest(robot: Chain, configuration: Floats, tolerance: float = 1e-15) -> tu
 
     # Coordinates of a floating platform do not add up, so that the derivative by all of them is not that of Pinocchio.
     exact = all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints))
-    ends = {"ftol": tolerance, "xtol": tolerance, "gtol": tolerance, "max_nfev": 100}
-    found = least_squares(off, np.zeros(robot.n_passive), slopes if exact else "2-point", **ends)
+    found = least_squares(
+        off,
+        np.zeros(robot.n_passive),
+        slopes if exact else "2-point",
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
+        max_nfev=100,
+    )
     return _turned(robot, configuration, every, found.x), float(np.abs(found.fun).max(initial=0.0))
 
 
@@ -160,7 +167,7 @@ def _home_element(robot: Chain, configuration: Floats) -> str:
 
 
 def home_attributes(robot: Chain, configuration: Floats, joint: int, placement: Any, digits: int) -> dict[str, str]:
-    """The attributes of a ``<home>`` whose link has this placement on a joint, at a configuration (nq,) of the home commands."""
+    """The attributes of a ``<home>`` whose link has this placement on a joint, at a configuration (nq,) at home."""
     pin.forwardKinematics(robot.model, robot.data, configuration)
     pose = robot.data.oMi[joint] * placement
     numbers = {"q": robot.home_q, "tcp_xyz": pose.translation, "tcp_rotvec": pin.log3(pose.rotation)}

@@ -94,12 +94,12 @@ def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[st
 
 
 def _without_effect(robot: Robot) -> Iterator[str]:
-    """A note where actuators of an open chain do not move the TCP."""
+    """A note where actuators of a URDF without loops do not move the TCP."""
     model, leading = robot.model, {f.index_v: f.master_v for f in robot.followers}
     on_the_way = [int(model.idx_vs[joint]) for joint in model.supports[robot.tcp_joint] if joint]
     moving = {leading.get(v, v) for v in on_the_way}
     still = [actuator.joint for actuator in robot.actuators if actuator.index_v not in moving]
-    if still and not robot.constraints:
+    if still and not robot.constraints and robot.description.kind == "urdf":
         named = ", ".join(still[:SHOWN]) + (f" and {len(still) - SHOWN} more" if len(still) > SHOWN else "")
         yield (
             f"the TCP of {robot.name} ({robot.tcp_frame}) does not move with {named}: if the robot has a loop, add its "

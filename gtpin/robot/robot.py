@@ -75,11 +75,11 @@ class Robot(Chain):
     @property
     def rank(self) -> int:
         """Number of passive motions that the loops determine: ``n_passive`` for most robots."""
-        return self.n_passive - self.assembly.free.shape[1]
+        return self.n_passive - int(self.assembly.free.shape[1])
 
     @property
     def assembly(self) -> Assembly:
-        """The assembly at home of the nominal robot, which displaced copies share: see :func:`~gtpin.robot.assembly.assemble`."""
+        """The assembly at home of the nominal robot; displaced copies share it: see :func:`~gtpin.robot.assembly.assemble`."""
         nominal = self.nominal
         if nominal._assembly is None:
             nominal._assembly = assemble(nominal)
@@ -87,7 +87,7 @@ class Robot(Chain):
 
     @property
     def home_coordinates(self) -> dict[str, float]:
-        """Coordinates at home, rad or m, of the nominal robot's joints of one coordinate, by name; angles of up to half a turn."""
+        """Coordinates at home, rad or m, of the nominal robot's joints of one coordinate, by name."""
         model, configuration = self.model, self.assembly.configuration
         found = {}
         for joint in range(1, model.njoints):
@@ -162,7 +162,8 @@ class Robot(Chain):
         # The displaced placements are not in the URDF.
         placements, joints = state
         count = self.model.njoints
-        if any(not np.array_equal(a, b) for one, own in zip(placements, self._placements(), strict=True) for a, b in zip(one, own, strict=True)):
+        pairs = zip(placements, self._placements(), strict=True)
+        if not all(np.array_equal(a, b) for one, own in pairs for a, b in zip(one, own, strict=True)):
             self._nominal = Robot(self.description, self.tcp_frame)
         for joint_id, (R, T) in enumerate(placements[:count]):
             self.model.jointPlacements[joint_id] = pin.SE3(R, T)

@@ -59,9 +59,7 @@ def undetermined(robot: Chain, home: Floats, close: Closing, notes: list[str]) -
     if gap > 1e-9 * robot.size or near.shape[1] < free.shape[1]:
         return np.zeros((robot.n_passive, 0))  # a singularity at home: paths from there say so
     pin.computeJointJacobians(robot.model, robot.data, home)
-    frame = pin.getFrameJacobian(
-        robot.model, robot.data, robot.tcp_joint, robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED
-    )
+    frame = pin.getFrameJacobian(robot.model, robot.data, robot.tcp_joint, robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED)
     tcp = robot.folded(np.reshape(np.array(frame), (6, robot.model.nv)))[:, robot.passive] @ free
     what = f"{_counted(free.shape[1])} of {robot.name}"
     named = _named(robot, free)
@@ -73,7 +71,9 @@ def undetermined(robot: Chain, home: Floats, close: Closing, notes: list[str]) -
             file=robot.description.source,
             hint="drive one of these joints (<actuator>), make it fixed, or add the <loop_joint> that is missing",
         )
-    notes.append(f"{what} can't be determined, of {named}; the TCP does not move with it, and it is kept as small as can be")
+    notes.append(
+        f"{what} can't be determined, of {named}; the TCP does not move with it, and it is kept as small as can be"
+    )
     return free
 
 

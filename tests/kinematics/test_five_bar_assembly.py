@@ -89,7 +89,9 @@ class FiveBar:
         ends = [f'<link{i + 1} link="link{i}" xyz="{float(self.links[i])!r} 0 0"/>' for i in (0, 1)]
         parts.append('<link name="tip"/><joint name="end" type="fixed"><parent link="link0"/><child link="tip"/>')
         parts.append(f'<origin xyz="{float(self.links[0])!r} 0 0"/></joint>')
-        parts.append(f'<loop_joint name="pin" type="spherical">{"".join(ends)}</loop_joint><gtpin><actuator joint="m0"/>')
+        parts.append(
+            f'<loop_joint name="pin" type="spherical">{"".join(ends)}</loop_joint><gtpin><actuator joint="m0"/>'
+        )
         parts.append('<actuator joint="m1"/><platform link="tip"/>')
         parts.append(f'<home q="0 0" tcp_xyz="{x} {y} 0" tcp_rotvec="0 0 {turn}"/></gtpin></robot>')
         return gtpin.Robot(Description.parse("".join(parts)))
