@@ -19,6 +19,9 @@ POSTURES = 8192
 """Number of postures of a map, reached or not: 8,192 over 5 * 17 * 17 cells are about six for each cell."""
 COUNTS = (5, 17)
 """Numbers of cells of a map along its thinnest direction, and along the other two."""
+CONDITIONED = 10.0
+"""Largest motion of the TCP by unit commands, relative to that at home, of a robot with loops: nearer to a singularity, a small
+error of the geometry can open the loops."""
 FLAT = 1e-6
 """Extent, m, below which a workspace counts as flat in a direction."""
 
@@ -99,7 +102,9 @@ class ChainWorkspace:
 def chain_commands(model: Model, count: int, seed: int) -> Floats:
     """(N, n) reachable commands, m or rad, that fill the joints' ranges (Halton); -pi to pi for a joint without limits.
 
-    ``count``: number of commands before those that can't be reached are left out.
+    Those near a singularity of a robot with loops are left out.
+
+    ``count``: number of commands before some are left out.
     """
     from scipy.stats import qmc
 
@@ -107,7 +112,14 @@ def chain_commands(model: Model, count: int, seed: int) -> Floats:
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
     q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=seed).random(count)
-    return np.asarray(q[model.kinematics.forward(q).reached])
+    kinematics = model.kinematics
+    poses = kinematics.forward(q)
+    q, poses = q[poses.reached], poses[poses.reached]
+    if robot.constraints:
+        gain = np.linalg.norm(kinematics.command_jacobian(q, poses)[:, :6], axis=(1, 2))
+        at_home = np.linalg.norm(kinematics.command_jacobian(robot.home_q[None], kinematics.home)[0, :6])
+        q = q[gain <= CONDITIONED * at_home]
+    return np.asarray(q)
 
 
 def chain_workspace(model: Model, seed: int = 0) -> ChainWorkspace:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import AssemblyModeError, SingularityError, UnreachableError
+from gtpin.errors import AssemblyModeError, ClosureError, SingularityError, UnreachableError
 from gtpin.kinematics import newton
-from gtpin.kinematics.assembly import assemble
+from gtpin.robot.assembly import NEAR, closest
+from gtpin.robot.constraints import constraint_jacobian
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
@@ -24,8 +26,15 @@ and smaller than the difference of assembly modes."""
 MOST_KEPT = 2_000
 """Most postures that are kept of those that were reached from a home: 6 MB of a five-bar, 33 MB of a Gantry-Tau with its
 derivatives, for each geometry."""
-SMALLEST_STEP = 1.0 / 256.0
-"""Smallest step as a fraction of the line to the target; where a smaller one is needed, the target is given up. Assumed."""
+MOST_FOUND = 50_000
+"""Most commands whose configurations are kept of a nominal robot: 20 MB of a five-bar."""
+SMALLEST_STEP = 1.0 / 4096.0
+"""Smallest step as a fraction of the line to the target; where a smaller one is needed, the target is given up. A line of 1 rad
+that passes a limit of a five-bar of 1 m at a distance of 1 um needs no smaller ones."""
+DISPLACED = 100.0
+"""Such a ratio of a robot with displaced joints, above which the nominal robot's posture is not used to start from. Assumed."""
+AIM = 0.7 * newton.CHANGE
+"""Change of the closures' derivative that a step aims at."""
 SINGULAR = 1e3
 """Ratio of a posture's amplification to that of home, above which it counts as near a singularity. Assumed."""
 
@@ -76,7 +85,9 @@ class ClosedPosture:
         self._configuration.flags.writeable = False
         self._nearby = jacobian
         self._home = self if reference is None else reference
-        self._reached: dict[bytes, ClosedPosture] = {}
+        self._nominal: ClosedPosture | None = None
+        self._reached: dict[bytes, ClosedPosture | ClosureError] = {}
+        self._found: dict[bytes, Floats | None] = {}
 
     @property
     def configuration(self) -> Floats:
@@ -127,7 +138,7 @@ class ClosedPosture:
         A loop equation is a component of the gap between a loop's two anchors, in metres, in the frame of the first anchor.
         """
         self.refresh()
-        return _frozen(newton.constraint_jacobian(self.robot))
+        return _frozen(constraint_jacobian(self.robot))
 
     @cached_property
     def tcp_jacobian(self) -> Floats:
@@ -155,11 +166,11 @@ class ClosedPosture:
     @cached_property
     def passive_inverse(self) -> Floats:
         """(n_passive, m) inverse of the constraint Jacobian's passive columns; the pseudoinverse if they are not square."""
-        return _frozen(newton.Passive(self.constraint_jacobian[:, self.robot.passive]).inverse)
+        return _frozen(newton.Passive(self.constraint_jacobian[:, self.robot.passive], self.robot.rank).inverse)
 
     @cached_property
     def _passive(self) -> newton.Passive:
-        return newton.Passive(self._nearby[:, self.robot.passive])
+        return newton.Passive(self._nearby[:, self.robot.passive], self.robot.rank)
 
     @property
     def amplification(self) -> float:
@@ -169,8 +180,11 @@ class ClosedPosture:
     def moved_to(self, q: npt.ArrayLike) -> ClosedPosture:
         """Move the actuators to ``q`` along the straight line of commands, and close the loops there.
 
-        The line is divided into steps so short that Newton's method converges from each step to the next in the same assembly
-        mode.
+        The line is divided into steps so short that Newton's method converges from each step to the next and the closures'
+        derivative changes little in comparison with its distance from a singularity: the posture stays in its assembly mode.
+
+        From home, where the straight line is blocked, other ways are tried: the actuators one after the other, in their order
+        or in the reverse order, and for an actuator without limits also the same angle within half a turn of home.
 
         Parameters
         ----------
@@ -183,8 +197,6 @@ class ClosedPosture:
             If the loops can't be closed at some point of the line; the message gives the last commands at which they close.
         SingularityError
             If the line comes too near a singularity.
-        AssemblyModeError
-            If the loops close in another assembly mode only.
         """
         target = _commands(self.robot, q)
         if self is not self._home:
@@ -194,23 +206,80 @@ class ClosedPosture:
         if place not in self._reached:
             if len(self._reached) >= MOST_KEPT:
                 self._reached.clear()
-            self._reached[place] = self._along(target)
-        return self._reached[place]
+            try:
+                self._reached[place] = self._from_home(target)
+            except ClosureError as error:
+                self._reached[place] = error
+        found = self._reached[place]
+        if isinstance(found, ClosureError):
+            raise found
+        return found
+
+    def _from_home(self, target: Floats) -> ClosedPosture:
+        """As :meth:`moved_to`, from home to valid commands."""
+        known = None if self._nominal is None else self._nominal._configuration_at(target)
+        if known is not None:
+            # From the posture of the nominal robot: its assembly mode, without the way from home.
+            trial = self._closed_at(target, newton.close(self.robot, known, change=newton.CHANGE))
+            if trial is not None and trial.amplification <= DISPLACED * self.amplification:
+                return trial
+        try:
+            return self._along(target)
+        except ClosureError:
+            # For a displaced robot the nominal one was asked for other ways.
+            if known is None and (self._nominal is not None or not self._can_close(target)):
+                raise
+            for way in _ways_round(self.robot, target):
+                try:
+                    posture = self
+                    for stop in way:
+                        posture = posture._along(stop)
+                except ClosureError:
+                    continue
+                configuration = self.robot.with_commands(posture.configuration, target)
+                return ClosedPosture(self.robot, target, configuration, posture._nearby, self, posture.steps)
+            raise
+
+    def _configuration_at(self, target: Floats) -> Floats | None:
+        """(nq,) configuration at commands that are reached from this home; None where they are not."""
+        place = target.tobytes()
+        if place not in self._found:
+            if len(self._found) >= MOST_FOUND:
+                self._found.clear()
+            try:
+                self._found[place] = self._from_home(target).configuration
+            except ClosureError:
+                self._found[place] = None
+        return self._found[place]
+
+    def _can_close(self, target: Floats) -> bool:
+        """Whether the loops nearly close at commands in any assembly mode that is found from home."""
+        start = self.robot.with_commands(self._configuration, target)
+        return closest(self.robot, start, tolerance=1e-4)[1] <= 1e-3 * self.robot.size
 
     def _along(self, target: Floats) -> ClosedPosture:
-        """As :meth:`moved_to`, to valid commands."""
-        robot, posture, way = self.robot, self, target - self.q
+        """To valid commands along the straight line."""
+        posture, way = self, target - self.q
         done, stride = 0.0, 1.0
         while done < 1.0:
             reach = min(1.0, done + stride)
             goal = target if reach == 1.0 else self.q + reach * way
-            closing = newton.close(robot, posture._ahead(goal))
-            trial = ClosedPosture(robot, goal, closing.configuration, closing.jacobian, self._home, closing.steps)
-            if closing.closed and trial._on_homes_mode:
-                posture, done, stride = trial, reach, 2.0 * stride
-            elif (stride := stride / 2.0) < SMALLEST_STEP:
-                posture._give_up(target, closing.closed)
+            closing = newton.close(self.robot, posture._ahead(goal), posture._passive, change=newton.CHANGE)
+            trial = self._closed_at(goal, closing)
+            # The change grows with the step.
+            share = AIM / max(closing.change, 1e-3)
+            if trial is not None:
+                posture, done, stride = trial, reach, min(max(share, 0.5), 4.0) * stride
+            elif (stride := min(max(share, 0.1), 0.5) * stride) < SMALLEST_STEP:
+                posture._give_up(target)
         return posture
+
+    def _closed_at(self, q: Floats, closing: newton.Closing) -> ClosedPosture | None:
+        """The posture of a result of Newton's method; None where the loops are open or it is near a singularity."""
+        if not closing.closed:
+            return None
+        found = ClosedPosture(self.robot, q, closing.configuration, closing.jacobian, self._home, closing.steps)
+        return found if found.amplification <= SINGULAR * self._home.amplification else None
 
     def _ahead(self, q: Floats) -> Floats:
         """(nq,) configuration at other commands, with passive coordinates to first order: the next start of Newton's method."""
@@ -219,20 +288,10 @@ class ClosedPosture:
         velocity = robot.velocity(q - self.q, -self._passive.inverse @ gaps)
         return robot.with_commands(pin.integrate(robot.model, self._configuration, velocity), q)
 
-    @property
-    def _on_homes_mode(self) -> bool:
-        """Whether the path to this posture crossed no singularity, and does not end near one."""
-        return (
-            self._passive.orientation == self._home._passive.orientation
-            and self.amplification <= SINGULAR * self._home.amplification
-        )
-
-    def _give_up(self, target: Floats, closed_beyond: bool) -> None:
+    def _give_up(self, target: Floats) -> None:
         where = (
             f"commands {_text(target)} can't be reached by {self.robot.name}: on the way to them, at {_text(self.q)},"
         )
-        if closed_beyond and self.amplification <= 10.0 * self._home.amplification:
-            raise AssemblyModeError(f"{where} it would jump to another assembly mode", hint="approach them from home")
         if self.amplification > 10.0 * self._home.amplification:
             raise SingularityError(f"{where} it comes too near a singularity", hint="stay on this side of it")
         raise UnreachableError(f"{where} the loops open", hint="stay inside the workspace")
@@ -258,12 +317,13 @@ def home(robot: Robot) -> ClosedPosture:
     >>> posture.T.shape, posture.R.shape
     ((3,), (3, 3))
     """
-    closing = newton.close(robot, assemble(robot), contraction=1.0)
+    nominal = _nominal_home(robot.nominal) if robot.nominal is not robot else None
+    start = robot.assembly.configuration if nominal is None else nominal.configuration
+    closing = newton.close(robot, start, contraction=1.0)
     if not closing.closed:
-        raise UnreachableError(
-            f"the loops of {robot.name} don't close at its home", hint="mend <home> or the loops' anchors"
-        )
+        raise _open_at_home(robot)
     posture = ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
+    posture._nominal = nominal
     declared = robot.description.home
     if declared is not None:
         there = posture.placement(robot.home_joint) * robot.home_placement
@@ -275,6 +335,34 @@ def home(robot: Robot) -> ClosedPosture:
                 f"the loops of {robot.name} close {far} from the home that its URDF tells", hint="mend <home>"
             )
     return posture
+
+
+@lru_cache(maxsize=4)
+def _nominal_home(robot: Robot) -> ClosedPosture:
+    """The home posture of a nominal robot, which keeps the configurations from which displaced copies are closed."""
+    return home(robot)
+
+
+def _open_at_home(robot: Robot) -> UnreachableError:
+    what, declared = f"the loops of {robot.name} don't close at its home", robot.description.home is not None
+    gap = robot.assembly.gap
+    if not declared and gap > NEAR:
+        what += f": {gap:.3g} m is the smallest gap found between their anchors"
+    hint = "mend <home> or the loops' anchors" if declared else "mend the joints or the loops' anchors"
+    return UnreachableError(what, hint=hint)
+
+
+def _ways_round(robot: Robot, target: Floats) -> Iterator[list[Floats]]:
+    """Other ways from home to commands than the straight line: lists of stops, each reached on a straight line."""
+    home_q, turns = robot.home_q, 2.0 * np.pi
+    endless = robot.revolute & ~np.isfinite(robot.upper - robot.lower)
+    wrapped = np.where(endless, target - turns * np.round((target - home_q) / turns), target)
+    if (wrapped != target).any():
+        yield [wrapped]
+    count = robot.n_actuators
+    for order in (range(count), range(count)[::-1]) if count > 1 else ():
+        moved = [np.isin(np.arange(count), order[: i + 1]) for i in range(count)]
+        yield [np.where(there, wrapped, home_q) for there in moved]
 
 
 def _commands(robot: Robot, q: npt.ArrayLike) -> Floats:

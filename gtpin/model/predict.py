@@ -54,10 +54,10 @@ def predict(model: Model, commands: Commands) -> Poses:
         first = int(lost[0])
         more = f" (and {lost.size - 1} more)" if lost.size > 1 else ""
         raise UnreachableError(
-            f"{robot.name} can't reach pose {commands.pose[first]}{more}",
+            f"{robot.name} can't reach pose {commands.pose[first]}{more} from its home without opening its loops",
             file=commands.file,
             row=int(commands.row[first]),
-            hint="leave it out, or check its commands",
+            hint="leave it out, or check its commands, and the assembly that <home> chooses",
         )
     return poses
 

@@ -13,20 +13,21 @@ from gtpin.errors import RobotError
 from gtpin.plant.arms.tree import STRAIGHT, Bending, Placed, moved, placed
 from gtpin.plant.arms.urdf import Frame, Joint, read_urdf, turn
 from gtpin.plant.poses import Poses
-from gtpin.plant.rotations import exp
 from gtpin.robot.robot import Robot
 
 Floats = npt.NDArray[np.float64]
 
-STRIDES = 24
-"""Number of equal steps in which commands change from home to the wanted ones."""
+SHORTEST = 1.0 / 4096.0
+"""Smallest stride, as a share of the way from home to commands. Where shorter ones are needed, these can't be reached."""
+CHANGED = 0.5
+"""Largest change of the gaps' slopes in a stride, as a share of their distance from a singularity, where it is 1."""
+ZERO = 1e-9
+"""Ratio to the largest singular value of the slopes below which a singular value is zero: across a planar loop."""
 STEPS = 12
 HOMING = 160
-"""Largest number of Newton's steps from each posture that is tried at home."""
+"""Largest number of Newton's steps at home."""
 CLOSED = 1e-12
 """Gap, m, at which a loop counts as closed."""
-STARTS = 40
-"""Number of random postures that are tried at home."""
 NEARLY = 1e-8
 """Gap, m, below which one more of Newton's steps closes a loop to rounding errors."""
 NUDGE = 1e-6
@@ -54,8 +55,8 @@ class Loops:
         The TCP frame.
     home_q
         (n,) commands at home.
-    home, home_of
-        The pose at home that the URDF gives, or None, and the frame whose pose it is.
+    start
+        (J,) coordinates of the nominal robot at home. They choose the assembly mode.
     """
 
     joints: tuple[Joint, ...]
@@ -67,8 +68,7 @@ class Loops:
     across: Floats
     tcp: Frame
     home_q: Floats
-    home: Poses | None
-    home_of: Frame
+    start: Floats
 
     @staticmethod
     def of(robot: Robot, twists: Mapping[str, Floats], moved: Mapping[str, Floats] | None = None) -> Loops:
@@ -91,9 +91,7 @@ class Loops:
                 ends.append(name)
                 axes.append(on.R)
         pairs = list(zip(points[::2], points[1::2], strict=True))
-        tcp, told = urdf.links[robot.tcp_frame], robot.description.home
-        named = (told and told.link) or robot.description.tcp or robot.description.platform or robot.tcp_frame
-        home = None if told is None else Poses(np.array(told.tcp_xyz)[None], exp(told.tcp_rotvec)[None])
+        tcp = urdf.links[robot.tcp_frame]
         passive = tuple(sorted(_closing(joints, pairs) - set(driven)))
         # Across the plane of a planar loop the play of bearings closes the gap. `planes`: where the package finds such loops.
         planes = getattr(robot, "planes", (None,) * len(pairs))
@@ -108,8 +106,7 @@ class Loops:
             across=across,
             tcp=tcp,
             home_q=robot.home_q,
-            home=home,
-            home_of=urdf.links[named],
+            start=np.array([robot.home_coordinates.get(name, 0.0) for name in names]),
         )
 
     def with_ends_moved(self, moved: Floats) -> Loops:
@@ -134,14 +131,57 @@ class Loops:
         return placed(self.joints, x).at(self.tcp).with_joints({self.joints[j].name: x[:, j] for j in self.passive})
 
     def led(self, q: Floats) -> Floats:
-        """(N, J) coordinates at commands q (N, n), on the assembly mode of home; NaN where the loops don't close."""
+        """(N, J) coordinates at commands q (N, n), on home's assembly mode; NaN where straight lines do not lead there.
+
+        Each row follows the straight line of commands from home. A stride along it is halved where the slopes of the gaps change
+        by a large part of their distance from a singularity, so that no stride jumps over one.
+        """
         home = self._home
         if home is None:
             return np.full((len(q), len(self.joints)), np.nan)
-        x = np.tile(home, (len(q), 1))
-        for s in np.arange(1, STRIDES + 1) / STRIDES:
-            x = self.closed(x, self.home_q + s * (q - self.home_q))
+        x, at, stride = np.tile(home, (len(q), 1)), np.zeros(len(q)), np.ones(len(q))
+        rows = np.flatnonzero(np.isfinite(q).all(axis=1))
+        at[np.setdiff1d(np.arange(len(q)), rows)] = np.nan
+        while rows.size:
+            goal = np.minimum(1.0, at[rows] + stride[rows])
+            there = self.home_q + goal[:, None] * (q[rows] - self.home_q)
+            found, change = self._strode(x[rows], there)
+            good = np.isfinite(found[:, 0])
+            on, off = rows[good], rows[~good]
+            x[on], at[on] = found[good], goal[good]
+            share = 0.7 * CHANGED / np.maximum(change, 1e-3)  # the change grows with the stride
+            stride[rows] *= np.where(good, np.clip(share, 0.5, 4.0), np.clip(share, 0.1, 0.5))
+            at[off[stride[off] < SHORTEST]] = np.nan
+            rows = np.flatnonzero(at < 1.0)
+        x[np.isnan(at)] = np.nan
         return x
+
+    def _strode(self, x: Floats, driven: Floats) -> tuple[Floats, Floats]:
+        """(N, J) closed coordinates after a stride of the commands from closed ones x (N, J), NaN where it is too long, and the
+        (N,) change of the gaps' slopes."""
+        here = placed(self.joints, x)
+        before = self._slopes(here, STRAIGHT, self._ends(here, STRAIGHT))
+        inverse = np.linalg.pinv(before, rcond=ZERO)
+        # The passive joints' motion to first order, from the gaps that the driven joints open.
+        ahead = x.copy()
+        ahead[:, self.driven] = driven
+        along = x.copy()
+        along[:, self.driven] += NUDGE * (driven - x[:, self.driven])
+        gaps = self._gaps(placed(self.joints, along), STRAIGHT) / NUDGE
+        ahead[:, self.passive] -= (inverse @ gaps[..., None])[..., 0]
+        found, change = np.full(x.shape, np.nan), np.zeros(len(x))
+        rows, after = np.arange(len(x)), ahead
+        for closing in (True, False):
+            bodies = placed(self.joints, after)
+            slopes = self._slopes(bodies, STRAIGHT, self._ends(bodies, STRAIGHT)) - before[rows]
+            change[rows] = np.maximum(change[rows], np.linalg.norm(inverse[rows] @ slopes, axis=(1, 2)))
+            if closing:
+                rows = np.flatnonzero(change <= CHANGED)
+                after = self.closed(ahead[rows], driven[rows])
+                rows, after = rows[np.isfinite(after[:, 0])], after[np.isfinite(after[:, 0])]
+                found[rows] = after
+        found[~(change <= CHANGED)] = np.nan
+        return found, change
 
     def command_jacobian(self, q: Floats) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
@@ -151,19 +191,9 @@ class Loops:
 
     @cached_property
     def _home(self) -> Floats | None:
-        """(J,) coordinates at home: of the closed postures found, the first, or the nearest to the pose that the URDF gives."""
-        rng, best, nearest = np.random.default_rng(0), None, np.inf
-        starts = rng.uniform(-np.pi, np.pi, (STARTS, len(self.joints)))
-        starts[0] = 0.0
-        starts[:, self.driven] = self.home_q
-        x = self.closed(starts, starts[:, self.driven], steps=HOMING)
-        for row in np.flatnonzero(np.isfinite(x[:, 0])):
-            if self.home is None:
-                return np.asarray(x[row])
-            off = np.abs(placed(self.joints, x[[row]]).at(self.home_of).minus(self.home)).sum()
-            if off < nearest - 1e-6:
-                best, nearest = np.asarray(x[row]), off
-        return best
+        """(J,) coordinates at home, closed from those of the nominal robot; None where the loops don't close."""
+        x = self.closed(self.start[None], self.home_q[None], steps=HOMING)[0]
+        return x if np.isfinite(x).all() else None
 
     def closed(self, x: Floats, driven: Floats, bending: Bending = STRAIGHT, steps: int = STEPS) -> Floats:
         """(N, J) coordinates that close the loops at ``driven`` coordinates (N, n), from nearby ones x (N, J); NaN where none

@@ -152,7 +152,7 @@ class Chain:
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
         self._check_size()
-        self._check_freedom()
+        self._check_home()
         self.planes = self._planes()
         self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
 
@@ -347,7 +347,7 @@ class Chain:
         named = self.description.planes
         if named:
             return tuple(named.get(loop.name) for loop in self.description.loops)
-        if self.n_passive == 3 * len(self.constraints) or self.description.rods:
+        if self.description.rods or not self.constraints:
             return (None,) * len(self.constraints)
         found = []
         for configuration in postures(self.model, self.neutral):
@@ -369,14 +369,7 @@ class Chain:
                     f"joint {name} is {where:g} m from the base", file=self.description.source, hint="lengths are in m"
                 )
 
-    def _check_freedom(self) -> None:
-        equations = 3 * len(self.constraints)
-        if self.n_passive > equations:
-            raise RobotError(
-                f"{self.n_passive} passive coordinates but only {equations} closure equations",
-                file=self.description.source,
-                hint="close every loop by a <loop_joint>, leave out spins that move nothing, name every actuator",
-            )
+    def _check_home(self) -> None:
         home = self.description.home
         if home and len(home.q) != self.n_actuators:
             raise RobotError(

@@ -276,7 +276,10 @@ class _Reader:
         name = self.text(element, "name")
         if element.get("type", "spherical") != "spherical":
             raise RobotError(
-                f"loop {name} is of type {element.get('type')}", file=self.source, hint="only spherical loops are known"
+                f"loop {name} is of type {element.get('type')}",
+                file=self.source,
+                hint='write type="spherical", the only type that is read; a loop whose joints turn about parallel axes is '
+                "recognised as planar, and closed in its plane only",
             )
         return Loop(name, self.anchor(element, "link1"), self.anchor(element, "link2"))
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
+from gtpin.robot.assembly import home_attributes
 from gtpin.robot.description import parse_xml
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -111,12 +112,13 @@ def _move_tcp(robot: Robot, root: Element, moved: pin.SE3) -> None:
 
 
 def _name_what_was_found(robot: Robot, root: Element) -> None:
-    """Write into the URDF what a reader could not find again, because the geometry has deviations: TCP, planes of loops."""
+    """Write into the URDF what a reader could not find again, because the geometry has deviations: TCP, planes, assembly."""
     description = robot.description
     planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if n is not None}
     named_tcp = description.tcp or description.platform or description.tree.tip
     tcp = robot.tcp_frame if robot.tcp_frame != named_tcp or description.tcp_guessed else None
-    if tcp is None and not planes:
+    chosen = bool(robot.constraints) and robot.assembly.chosen
+    if tcp is None and not planes and not chosen:
         return
     own = root.find("gtpin")
     if own is None:
@@ -128,6 +130,12 @@ def _name_what_was_found(robot: Robot, root: Element) -> None:
         for before in own.findall("platform"):
             own.remove(before)
         own.append(Element("platform", link=tcp))
+    if chosen:
+        # Of the link that the TCP's joint moves: the TCP itself may be displaced on it.
+        bodies = (frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY)
+        link = next(frame for frame in bodies if frame.parentJoint == robot.tcp_joint)
+        at = home_attributes(robot.nominal, robot.assembly.configuration, robot.tcp_joint, link.placement, digits=9)
+        own.append(Element("home", at, link=str(link.name)))
     for name, normal in planes.items():
         if name not in description.planes:
             own.append(Element("plane", loop=name, normal=_text(normal)))

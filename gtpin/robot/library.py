@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from gtpin.errors import RobotError
+from gtpin.errors import RobotError, warn
 from gtpin.references import is_path
 from gtpin.robot.commanded import with_actuators
 from gtpin.robot.description import Description
 from gtpin.robot.examples import example_names, example_path
 from gtpin.robot.robot import Robot
+
+SHOWN = 12
+"""Largest number of joints that a warning names."""
 
 
 def _folder() -> Path:
@@ -71,6 +74,12 @@ def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[st
     RobotError
         If there is no such robot, or its file is not a valid robot.
 
+    Warns
+    -----
+    GtpinWarning
+        Names the posture at home where the file does not choose among several, passive motions that the loops do not
+        determine, and actuators that do not move the TCP.
+
     Examples
     --------
     >>> import gtpin
@@ -79,7 +88,24 @@ def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[st
     >>> gtpin.load_robot("panda", tcp="panda_hand", actuators=[f"panda_joint{i}" for i in range(1, 8)]).n_actuators
     7
     """
-    return Robot(with_actuators(Description.read(robot_path(robot)), actuators), tcp)
+    found = Robot(with_actuators(Description.read(robot_path(robot)), actuators), tcp)
+    for note in (*found.assembly.notes, *_without_effect(found)):
+        warn(note)
+    return found
+
+
+def _without_effect(robot: Robot) -> Iterator[str]:
+    """A note where actuators of a URDF without loops do not move the TCP."""
+    model, leading = robot.model, {f.index_v: f.master_v for f in robot.followers}
+    on_the_way = [int(model.idx_vs[joint]) for joint in model.supports[robot.tcp_joint] if joint]
+    moving = {leading.get(v, v) for v in on_the_way}
+    still = [actuator.joint for actuator in robot.actuators if actuator.index_v not in moving]
+    if still and not robot.constraints and robot.description.kind == "urdf":
+        named = ", ".join(still[:SHOWN]) + (f" and {len(still) - SHOWN} more" if len(still) > SHOWN else "")
+        yield (
+            f"the TCP of {robot.name} ({robot.tcp_frame}) does not move with {named}: if the robot has a loop, add its "
+            "<loop_joint>; if not, name the joints that are commanded (actuators = [...] in dataset.toml), or another TCP"
+        )
 
 
 def robot_path(robot: str | Path) -> Path:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from gtpin.robot.assembly import Assembly, assemble
 from gtpin.robot.chain import Chain
 from gtpin.robot.commanded import with_actuators
 from gtpin.robot.description import Description
@@ -55,6 +56,8 @@ class Robot(Chain):
         super().__init__(description, tcp)
         self.rods: tuple[Rod, ...] = rods(self)
         self.measured_joints: tuple[MeasuredJoint, ...] = ()
+        self._nominal: Robot | None = None
+        self._assembly: Assembly | None = None
 
     @staticmethod
     def from_urdf(path: str | Path, tcp: str | None = None) -> Robot:
@@ -63,6 +66,36 @@ class Robot(Chain):
         ``tcp``: name of the link that is the TCP; None: as for :class:`~gtpin.robot.chain.Chain`.
         """
         return Robot(with_actuators(Description.read(Path(path)), ()), tcp)
+
+    @property
+    def nominal(self) -> Robot:
+        """The robot as its URDF describes it: itself, or the one whose joints :meth:`with_placements` displaced."""
+        return self._nominal or self
+
+    @property
+    def rank(self) -> int:
+        """Number of passive motions that the loops determine: ``n_passive`` for most robots."""
+        return self.n_passive - int(self.assembly.free.shape[1])
+
+    @property
+    def assembly(self) -> Assembly:
+        """The assembly at home of the nominal robot; displaced copies share it: see :func:`~gtpin.robot.assembly.assemble`."""
+        nominal = self.nominal
+        if nominal._assembly is None:
+            nominal._assembly = assemble(nominal)
+        return nominal._assembly
+
+    @property
+    def home_coordinates(self) -> dict[str, float]:
+        """Coordinates at home, rad or m, of the nominal robot's joints of one coordinate, by name."""
+        model, configuration = self.model, self.assembly.configuration
+        found = {}
+        for joint in range(1, model.njoints):
+            if model.nvs[joint] == 1:
+                at = int(model.idx_qs[joint])
+                both = configuration[at : at + int(model.nqs[joint])]
+                found[str(model.names[joint])] = float(both[0] if len(both) == 1 else np.arctan2(both[1], both[0]))
+        return found
 
     @property
     def rod_sites(self) -> tuple[str, ...]:
@@ -91,6 +124,7 @@ class Robot(Chain):
         if names == tuple(joint.name for joint in self.measured_joints):
             return self
         other = copy.copy(self)
+        other._nominal = self.nominal
         other.measured_joints = tuple(measured_joint(self, name) for name in names)
         return other
 
@@ -103,6 +137,7 @@ class Robot(Chain):
         zero.
         """
         other = copy.copy(self)
+        other._nominal = self.nominal
         other.model = self.model.copy()
         if platform is not None:
             other.tcp_placement = self.tcp_placement * pin.exp6(platform)
@@ -116,14 +151,20 @@ class Robot(Chain):
         return other
 
     def __reduce__(self) -> tuple[type[Robot], tuple[Description, str], State]:
+        state = (self._placements(), tuple(j.name for j in self.measured_joints))
+        return Robot, (self.description, self.tcp_frame), state
+
+    def _placements(self) -> Placements:
         moved = (*self.model.jointPlacements, self.tcp_placement, *(placement for _, placement in self.anchors))
-        placements = tuple((M.rotation.copy(), M.translation.copy()) for M in moved)
-        return Robot, (self.description, self.tcp_frame), (placements, tuple(j.name for j in self.measured_joints))
+        return tuple((M.rotation.copy(), M.translation.copy()) for M in moved)
 
     def __setstate__(self, state: State) -> None:
         # The displaced placements are not in the URDF.
         placements, joints = state
         count = self.model.njoints
+        pairs = zip(placements, self._placements(), strict=True)
+        if not all(np.array_equal(a, b) for one, own in pairs for a, b in zip(one, own, strict=True)):
+            self._nominal = Robot(self.description, self.tcp_frame)
         for joint_id, (R, T) in enumerate(placements[:count]):
             self.model.jointPlacements[joint_id] = pin.SE3(R, T)
         self.tcp_placement = pin.SE3(*placements[count])
