@@ -132,7 +132,9 @@ class NoiseEstimator:
         if not open_:
             return repeated
         found = self._from_residuals(noise, outcome, fitted, used)
-        shown = np.bincount(noise.group[rows].ravel(), minlength=len(noise.sigma)) >= LEAST_CONTRASTS
+        # Equal readings of all visits are copies, or coarser than the noise: they show none.
+        differ = noise.group[rows][np.abs(contrast) > SMALLEST]
+        shown = np.bincount(differ, minlength=len(noise.sigma)) >= LEAST_CONTRASTS
         taken = noise.estimated & shown
         if repeated.repeatability == 0.0:
             # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless it is larger.

@@ -145,7 +145,7 @@ class RobustFit:
             try:
                 outcome = self._fit(used, noise, self._weigher(tails, wide), x, f"fit {number}", near=near, wide=wide)
             except ConvergenceError:
-                wide = weights.robust_scale(whitened[used])
+                wide = self._scale(noise.whitened(self.estimator.derivative(noise), left)[used], used)
                 if wide < WIDE:
                     raise
                 weigh = self._weigher(tails, wide)
