@@ -18,7 +18,7 @@ from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
 from gtpin.diagnosis.linear.hold_out import blocks_of
-from gtpin.diagnosis.linear.left_out_block import Block
+from gtpin.calibration.left_out_block import Block
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
 from gtpin.model.measured_robot import robot_of
