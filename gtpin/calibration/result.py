@@ -154,7 +154,7 @@ class Calibration(Shown):
                 final.point.model,
                 covariance=covariance,
                 solver="arrays",
-                fit=FitConditions.of(settled.noise, settled.chi2, settled.dof, dataset.covariates),
+                fit=FitConditions.of(settled.noise, settled.chi2, settled.dof, dataset.covariates, unexplained),
                 unexplained=unexplained,
             ),
             covariance=covariance,

@@ -28,3 +28,7 @@ class Unexplained:
     def none(self) -> bool:
         """Whether nothing is unexplained."""
         return self.position == 0.0 and self.orientation == 0.0
+
+
+EXPLAINED = Unexplained(0.0, 0.0)
+"""Nothing is unexplained."""

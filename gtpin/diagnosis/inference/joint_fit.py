@@ -69,8 +69,8 @@ def fit_together(
     if isinstance(observed.noise, Noise):
         dof = max(found.residual.size - found.taken, 1.0)
         chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
-        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates)
         left = _unexplained(problem, found, observed.noise)
+        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, left)
     plain = problem.calibration
     instruments = start.instruments
     if isinstance(plain, ReadingsProblem):
