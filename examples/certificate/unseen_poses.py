@@ -34,7 +34,8 @@ SCATTER = (1e-6, 5e-6)
 SHIFT = 5e-4
 """Errors of the geometry, m and rad: the tolerances that gtpin assumes."""
 WAVES = 60
-FEWER = 10
+DIAGNOSED = {1: 10, 3: 50}
+"""By number of visits: of so many machines one is diagnosed, because that takes longer."""
 BASES = ("fitted", "new", "left_out")
 LINKS = (("z", (0.0, 0.0, 0.4)), ("y", (0.1, 0.0, 0.2)), ("y", (0.45, 0.0, 0.0)), ("", (0.4, 0.0, 0.0)))
 """Axis of each joint, and its place in the frame before it, m; the last is the tool's."""
@@ -57,7 +58,11 @@ class Machine:
         """Frequencies (W, 3), 1/rad, phases (W,) and sizes (W, 3), m, of the smooth errors."""
         rng = np.random.default_rng([self.seed, 2])
         size = rng.uniform(*SMOOTH) * np.sqrt(2.0 / WAVES)
-        return 2.0 * rng.standard_normal((WAVES, 3)), rng.uniform(0.0, 2.0 * np.pi, WAVES), size * rng.standard_normal((WAVES, 3))
+        return (
+            2.0 * rng.standard_normal((WAVES, 3)),
+            rng.uniform(0.0, 2.0 * np.pi, WAVES),
+            size * rng.standard_normal((WAVES, 3)),
+        )
 
     @property
     def scatter(self) -> float:
@@ -107,9 +112,11 @@ def nominal() -> str:
 
 def jobs(machines: int) -> list[dict[str, object]]:
     """Which machines are certified: with one and three visits, and on each basis."""
-    most = {"fitted": machines, "new": machines, "left_out": max(machines // FEWER, 1)}
     return [
-        {"visits": visits, "basis": basis, "machine": i} for visits in (1, 3) for basis in BASES for i in range(most[basis])
+        {"visits": visits, "basis": basis, "machine": i}
+        for visits in (1, 3)
+        for basis in BASES
+        for i in range(max(machines // DIAGNOSED[visits], 1) if basis == "left_out" else machines)
     ]
 
 

@@ -22,7 +22,7 @@ TOGETHER = 500
 """Number of rows whose derivatives are in memory at the same time."""
 
 
-def poses_of(*columns: Floats) -> Groups:
+def poses_of(*columns: npt.NDArray[np.generic]) -> Groups:
     """(N,) index of each row's pose: rows with the same commands (N, n) are visits of one pose."""
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel()
 
@@ -118,7 +118,9 @@ def unexplained(
     """
     visits = np.bincount(places)
     own = np.unique(places, return_index=True)[1]  # one number of each pose and component
-    means, noise, whole = (np.bincount(places, x)[places[own]] / visits[places[own]] for x in (errors, variance, whitened))
+    means, noise, whole = (
+        np.bincount(places, x)[places[own]] / visits[places[own]] for x in (errors, variance, whitened)
+    )
     free = max(len(own) - taken, 1.0)
     power = float((visits[places[own]] * whole**2).sum())
     if known:

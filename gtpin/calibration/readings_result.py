@@ -191,10 +191,13 @@ def readings_calibration(
     left = problem.readings.at(u).minus(point.poses)
     poses = poses_of(problem.readings.q)
     out, some = left_out(final, poses)
-    out = np.linalg.solve(problem.whitening, out[..., None])[..., 0]
+    out = np.asarray(np.linalg.solve(problem.whitening, out[..., None])[..., 0])
     return ReadingsCalibration(
         model=replace(
-            point.model, covariance=covariance, instruments=readings.at(u).fitted, unexplained=_unexplained(settled, left)
+            point.model,
+            covariance=covariance,
+            instruments=readings.at(u).fitted,
+            unexplained=_unexplained(settled, left),
         ),
         covariance=covariance,
         observability=observability(factor, p, final.residual.size),
@@ -215,7 +218,9 @@ def readings_calibration(
         sigmas=tuple((one.name, len(one.declared)) for one in readings.instruments),
         u=u,
         u_covariance=whole[p:, p:] * np.outer(unit, unit),
-        by_instrument=_by_instrument(problem.readings, (before[settled.used], left, out), some, settled.noise.take(settled.used)),
+        by_instrument=_by_instrument(
+            problem.readings, (before[settled.used], left, out), some, settled.noise.take(settled.used)
+        ),
     )
 
 

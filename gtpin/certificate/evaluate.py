@@ -149,7 +149,7 @@ class Evaluation:
         """Degrees of freedom of the mean square error between poses: see :class:`~gtpin.certificate.unexplained.Excess`."""
         poses = len(np.unique(self.rows.visits))
         taken = self._left_out[1] if self.fitted or self.gap is not None else 0.0
-        return max(3.0 * poses - taken * 3.0 / self.corrected.errors.shape[1], 1.0)
+        return max(3.0 * (poses - taken / self.corrected.errors.shape[1]), 1.0)
 
     @cached_property
     def _between(self) -> list[tuple[float, float]]:

@@ -138,7 +138,7 @@ class HeldAgainst:
         half = J @ (vectors / np.sqrt(np.maximum(values, 0.0) + 1.0))
         out = of_poses(half, left, visits)
         taken = float((np.maximum(values, 0.0) / (np.maximum(values, 0.0) + 1.0)).sum())
-        return np.linalg.solve(W, out[..., None])[..., 0], taken
+        return np.asarray(np.linalg.solve(W, out[..., None])[..., 0]), taken
 
     def travel(self, errors: Floats) -> Floats | None:
         """(N, n) deviations of the actuators' travel, m or rad, for errors (N, c) of poses; None where not determined."""

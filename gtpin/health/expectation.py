@@ -59,9 +59,7 @@ class Conditions:
             )
         assert isinstance(measured, Readings)
         more = np.where(measured.group_turns, left.orientation, left.position)
-        return replace(
-            noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group])
-        )
+        return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
 
 
 def expectation(

@@ -15,7 +15,7 @@ from gtpin.effects.catalogue import effect_of
 from gtpin.effects.effect import Effect
 from gtpin.health.power import Smallest
 from gtpin.model.model import Model
-from gtpin.model.unexplained import Unexplained
+from gtpin.model.unexplained import Unexplained as LeftBefore
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation, Shown
 
@@ -84,7 +84,7 @@ class HealthCheck(Shown):
     power: float
     smallest: tuple[Smallest, ...]
     assumed: tuple[str, ...]
-    unexplained_before: Unexplained
+    unexplained_before: LeftBefore
     noise_known: bool
     free_frame: bool
     effects: tuple[Effect, ...]
