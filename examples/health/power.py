@@ -21,13 +21,12 @@ from scipy.stats import beta
 import gtpin
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.distributions import chi2
 from gtpin.effects.catalogue import catalogue
-from gtpin.health.alarm import Bench, threshold
+from gtpin.health.alarm import Bench, chance, threshold
 from gtpin.health.changes import Since, changes
 from gtpin.health.check import DRAWS, FALSE_ALARM
 from gtpin.health.earlier import Earlier
-from gtpin.health.expectation import expectation
+from gtpin.health.expectation import expectation, share_unexplained
 from gtpin.health.measured import usable
 from gtpin.plant import Case, make_case, measure_at
 from gtpin.plant.tracker import Noise
@@ -91,11 +90,12 @@ def alarms_of(model: gtpin.Model, datasets: Sequence[gtpin.Dataset]) -> list[boo
         since = Since.of(known, earlier, data.how.temperature, len(data.dataset), PRIORS.warmer)
         design = expectation(earlier, data.measured, known, data.how, since.covariates)
         if bench is None:
-            bench = Bench(changes(design, scope, since.assumed).hypotheses)
+            bench = Bench(changes(design, scope, since.assumed).hypotheses, share_unexplained(design, data.how))
             level = threshold(bench, PRIORS.named_alarms * FALSE_ALARM, DRAWS, np.random.default_rng(0))
         y = design.y[:, None]
         power = float(bench.hypotheses.groups.marginal.product(y, y)[0, 0])
-        left = chi2.sf(power, design.dof) < (1.0 - PRIORS.named_alarms) * FALSE_ALARM
+        by_chance = chance(bench, power, DRAWS, np.random.default_rng(1))
+        left = by_chance < (1.0 - PRIORS.named_alarms) * FALSE_ALARM
         alarms.append(bool(left or bench.largest(y)[0] >= level))
     return alarms
 

@@ -83,6 +83,8 @@ FIGURES = (
     Figure("instruments", "instruments/smallest_shown.py", 3),
     Figure("closed_circle", "simulator/closed_circle.py", 2),
     Figure("health", "health/power.py", 40),
+    Figure("unlisted", "health/unlisted.py", 200),
+    Figure("certificate", "certificate/unseen_poses.py", 100),
     Figure("pairs", "blind/pairs.py", 114),
     Figure("forms", "blind/forms.py", 2),
 )

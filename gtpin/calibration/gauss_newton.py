@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -88,7 +89,20 @@ class Fit(Generic[P]):
     @property
     def covariance(self) -> Floats:
         """(size, size) covariance of x given the data and the prior, for noise of unit weight."""
-        return np.asarray(np.linalg.inv(self.information + np.diag(self.problem.prior)))
+        root = self.root
+        return np.asarray(root @ root.T)
+
+    @cached_property
+    def root(self) -> Floats:
+        """(size, size) F with F F' the covariance.
+
+        From eigenvectors. The errors of an inverse are as large as those of its largest elements; what the data determine well
+        has variances that are smaller than these errors where the noise is small.
+        """
+        whole = self.information + np.diag(self.problem.prior)
+        size = np.sqrt(whole.diagonal())
+        values, vectors = np.linalg.eigh(whole / np.outer(size, size))
+        return np.asarray(vectors / np.sqrt(np.maximum(values, np.finfo(float).eps)) / size[:, None])
 
     @property
     def factor(self) -> Floats:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.left_out import left_out, poses_of, unexplained
 from gtpin.calibration.observability import UNSEEN, observability
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.calibration.result import Calibration
@@ -18,6 +19,7 @@ from gtpin.data import Dataset, Instrument
 from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown
 from gtpin.instruments.readings import Readings
+from gtpin.model.unexplained import Unexplained
 from gtpin.noise.reading_noise import ReadingNoise
 
 Floats = npt.NDArray[np.float64]
@@ -40,6 +42,9 @@ class InstrumentFit:
         The root mean square error that noise alone would leave, in ``unit``.
     unit
         ``m`` or ``rad``.
+    left_out
+        The root mean square error of its readings, in ``unit``, each pose predicted by a fit without it. What the other poses
+        do not determine counts as 0.
     """
 
     name: str
@@ -49,12 +54,14 @@ class InstrumentFit:
     after: float
     floor: float
     unit: str
+    left_out: float
 
     def to_json(self) -> dict[str, Any]:
         """As in ``calibration.json``."""
         return {
             "rms_before": self.before,
             "rms_after": self.after,
+            "rms_left_out": self.left_out,
             "noise_floor": self.floor,
             "unit": self.unit,
         }
@@ -104,6 +111,7 @@ class ReadingsCalibration(Calibration):
         errors = {
             "position_rms_before": tracker.before if tracker else None,
             "position_rms_after": tracker.after if tracker else None,
+            "position_rms_left_out": tracker.left_out if tracker else None,
             "orientation_rms_before": None,
             "orientation_rms_after": None,
         }
@@ -181,8 +189,16 @@ def readings_calibration(
     priors = np.diag(problem.prior)[p:]
     factor = np.vstack([final.factor, priors[priors.any(axis=1)]])
     left = problem.readings.at(u).minus(point.poses)
+    poses = poses_of(problem.readings.q)
+    out, some = left_out(final, poses)
+    out = np.asarray(np.linalg.solve(problem.whitening, out[..., None])[..., 0])
     return ReadingsCalibration(
-        model=replace(point.model, covariance=covariance, instruments=readings.at(u).fitted),
+        model=replace(
+            point.model,
+            covariance=covariance,
+            instruments=readings.at(u).fitted,
+            unexplained=_unexplained(settled, left),
+        ),
         covariance=covariance,
         observability=observability(factor, p, final.residual.size),
         noise=settled.noise,
@@ -202,7 +218,31 @@ def readings_calibration(
         sigmas=tuple((one.name, len(one.declared)) for one in readings.instruments),
         u=u,
         u_covariance=whole[p:, p:] * np.outer(unit, unit),
-        by_instrument=_by_instrument(problem.readings, before[settled.used], left, settled.noise.take(settled.used)),
+        by_instrument=_by_instrument(
+            problem.readings, (before[settled.used], left, out), some, settled.noise.take(settled.used)
+        ),
+    )
+
+
+def _unexplained(settled: Settled[ReadingsProblem], left: Floats) -> Unexplained:
+    """What the fit leaves unexplained between poses; ``left`` (N, c): its residuals, m and rad."""
+    readings, each = settled.fit.problem.readings, settled.noise.take(settled.used).each
+    group = readings.group
+    columns = np.broadcast_to(np.arange(group.shape[1]), group.shape)
+    # What an instrument reads of one pose, again and again, is one place.
+    kinds = np.column_stack([readings.rows.read, readings.q])
+    places = poses_of(np.repeat(kinds, group.shape[1], axis=0), columns.ravel(), group.ravel())
+    counted = readings.counted.ravel() > 0.0
+    places = np.unique(places[counted], return_inverse=True)[1]
+    return unexplained(
+        left.ravel()[counted],
+        (left / each).ravel()[counted],
+        (each**2).ravel()[counted],
+        places,
+        readings.group_turns[group].ravel()[counted],
+        settled.fit.taken,
+        known=settled.noise.source != "residuals",
+        dof=settled.noise.dof,
     )
 
 
@@ -211,13 +251,17 @@ def _count(readings: Readings, used: npt.NDArray[np.bool_]) -> int:
     return len(np.unique(np.column_stack([readings.rows.of[used], readings.rows.line[used]]), axis=0))
 
 
-def _by_instrument(readings: Readings, before: Floats, after: Floats, noise: ReadingNoise) -> tuple[InstrumentFit, ...]:
+def _by_instrument(
+    readings: Readings, errors: tuple[Floats, Floats, Floats], some: npt.NDArray[np.bool_], noise: ReadingNoise
+) -> tuple[InstrumentFit, ...]:
+    """Errors of each instrument: before, after, and left out; the last are of the rows ``some`` (N,)."""
     found = []
-    each = noise.each
+    before, after, out = errors
+    each, part = noise.each, readings.take(some)
     for i, one in enumerate(readings.instruments):
         mine = readings.rows.of == i
         count = max(len(np.unique(readings.rows.line[mine])), 1)
         unit = next(c.unit for c in one.components if c.shown)
         b, a, n = (readings.rms(i, values) for values in (before, after, each))
-        found.append(InstrumentFit(one.name, one.kind, count, b, a, n, unit))
+        found.append(InstrumentFit(one.name, one.kind, count, b, a, n, unit, part.rms(i, out[some])))
     return tuple(found)

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.gauss_newton import Fit
+from gtpin.calibration.left_out import left_out, poses_of, unexplained_poses
 from gtpin.calibration.observability import Direction, Observability, observability
-from gtpin.calibration.problem import Problem
-from gtpin.calibration.result_json import calibration_json
+from gtpin.calibration.problem import Problem, in_frame
+from gtpin.calibration.result_json import calibration_json, lengths
 from gtpin.calibration.settled import Settled
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
@@ -21,6 +23,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation, Shown
 
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
+Lengths = tuple[float, float | None]
 CORRELATED = 0.7
 """Smallest absolute correlation of two parameters that is listed."""
 
@@ -70,6 +74,11 @@ class Calibration(Shown):
         The input data.
     paper_model
         Number of the paper's model 1 to 5 whose parameters these are; None for the default parameters.
+    left_out
+        Root mean square length of the position errors, m, and of the orientation errors, rad (None where not measured), each
+        pose predicted by a fit without it: see :func:`~gtpin.calibration.left_out.left_out`. None for readings.
+    floor
+        The same lengths as the noise alone would give; None where the noise was neither declared nor shown by repeated visits.
 
     Examples
     --------
@@ -100,6 +109,8 @@ class Calibration(Shown):
     instrument: Instrument
     dataset: Dataset
     paper_model: int | None = None
+    left_out: Lengths | None = None
+    floor: Lengths | None = None
 
     @staticmethod
     def of(
@@ -131,12 +142,19 @@ class Calibration(Shown):
         x_covariance, noise = final.covariance, settled.noise.as_poses()
         p, tolerance = problem.n_geometry, geometry.tolerance
         covariance = x_covariance[:p, :p] * np.outer(tolerance, tolerance)
+        residual = problem.measured.minus(final.point.model.seen(final.point.poses))
+        poses, known = poses_of(problem.measured.q), settled.noise.source != "residuals"
+        variance = _variances(final, settled.noise.take(settled.used))
+        unexplained = unexplained_poses(judged, residual, variance, poses, known=known, dof=settled.noise.dof)
+        out, some = left_out(final, poses)
+        out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
         return Calibration(
             model=replace(
                 final.point.model,
                 covariance=covariance,
                 solver="arrays",
-                fit=FitConditions.of(noise, settled.chi2, settled.dof, dataset.covariates),
+                fit=FitConditions.of(noise, settled.chi2, settled.dof, dataset.covariates, unexplained),
+                unexplained=unexplained,
             ),
             covariance=covariance,
             observability=observability(final.factor, p, final.residual.size),
@@ -149,10 +167,12 @@ class Calibration(Shown):
             chi2=settled.chi2,
             dof=settled.dof,
             iterations=settled.steps,
-            residual=problem.measured.minus(final.point.model.seen(final.point.poses)),
+            residual=residual,
             residual_before=problem.measured.minus(before),
             instrument=instrument,
             dataset=dataset,
+            left_out=lengths(out),
+            floor=lengths(np.sqrt(variance)) if known else None,
         )
 
     def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
@@ -291,3 +311,12 @@ class Calibration(Shown):
         from gtpin.report.show.calibration import CalibrationPresentation
 
         return CalibrationPresentation(self)
+
+
+def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
+    """(N, c) variance of the noise of each component of the poses of a fit, m^2 and rad^2."""
+    model, measured, found = fit.point.model, fit.problem.measured, []
+    for rows in fit.problem.chunks():
+        J = in_frame(model.kinematics.command_jacobian(measured.q[rows], fit.point.poses[rows]), model.frame)
+        found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
+    return np.concatenate(found)

@@ -15,12 +15,17 @@ Floats = npt.NDArray[np.float64]
 
 def calibration_json(calibration: Calibration) -> dict[str, Any]:
     """The content of ``calibration.json``."""
-    before, after = _rms(calibration.residual_before), _rms(calibration.residual)
+    before, after = lengths(calibration.residual_before), lengths(calibration.residual)
+    out, floor = (found or (None, None) for found in (calibration.left_out, calibration.floor))
     errors = {
         "position_rms_before": before[0],
         "position_rms_after": after[0],
+        "position_rms_left_out": out[0],
+        "position_noise_floor": floor[0],
         "orientation_rms_before": before[1],
         "orientation_rms_after": after[1],
+        "orientation_rms_left_out": out[1],
+        "orientation_noise_floor": floor[1],
     }
     noise = {
         "position_sigma": calibration.noise.position_sigma,
@@ -76,7 +81,7 @@ def fit_json(calibration: Calibration, errors: dict[str, Any], noise: dict[str, 
     }
 
 
-def _rms(residual: Floats) -> tuple[float, float | None]:
+def lengths(residual: Floats) -> tuple[float, float | None]:
     """Root mean square length of position (m) and rotation (rad) residuals."""
     position = float(np.sqrt((residual[:, :3] ** 2).sum(axis=1).mean()))
     if residual.shape[1] == 3:

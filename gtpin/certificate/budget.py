@@ -175,28 +175,28 @@ def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool,
     seed
         Seed of the machines that are drawn for ``radius``.
     """
-    model, count = posterior.model, len(at.q)
-    D, covariance, p = posterior.derivatives(at), posterior.covariance, len(posterior.model.geometry.parameters)
+    model, count, p = posterior.model, len(at.q), len(posterior.model.geometry.parameters)
+    D, root = posterior.derivatives(at), posterior.root
+    # All rows from one root of the covariance, which is positive: differences of large products would not be.
+    G, E = D[:, :, :p] @ root[:p], D[:, :, p:] @ root[p:]
 
-    def through(J: Floats, S: Floats) -> Floats:
-        return np.asarray(J @ S @ np.swapaxes(J, 1, 2))
+    def squared(A: Floats, B: Floats) -> Floats:
+        return np.asarray(A @ np.swapaxes(B, 1, 2))
 
-    geometry = through(D[:, :, :p], covariance[:p, :p])
-    rows = [Contribution("geometry", geometry)]
+    rows = [Contribution("geometry", squared(G, G))]
     if model.effects:
-        effects = through(D[:, :, p:], covariance[p:, p:])
         rows += [
-            Contribution("effects", effects),
-            Contribution("correlation", through(D, covariance) - geometry - effects),
+            Contribution("effects", squared(E, E)),
+            Contribution("correlation", squared(G, E) + squared(E, G)),
         ]
     else:
         rows.append(Contribution("effects", None, missing="no_effects"))
-    fixed, fresh = [D @ posterior.root], [np.zeros((count, 6, 0))]
+    fixed, fresh = [G + E], [np.zeros((count, 6, 0))]
     if posterior.frame is None:
         rows.append(Contribution("frame", None, missing="frame_is_base"))
     else:
         F = posterior.frame.motions(model, at)
-        rows.append(Contribution("frame", through(F, posterior.frame.covariance)))
+        rows.append(Contribution("frame", F @ posterior.frame.covariance @ np.swapaxes(F, 1, 2)))
         fixed.append(F @ root_of(posterior.frame.covariance))
     J, r = by_commands(model, at), spreads.repeatability
     if r is None:

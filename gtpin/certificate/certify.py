@@ -79,7 +79,7 @@ def certify(
     used = found.model if found is not None else model
     assert used is not None
     rows = _rows(dataset, used, found)
-    noise, free = _noise(dataset, used, found is not None), dataset.instrument.frame == "free"
+    noise, free = _noise(dataset, used), dataset.instrument.frame == "free"
     held = HeldAgainst.of(used, rows, noise, align=free and found is None)
     posterior = Posterior(held.model, held.frame() if free else None)
     basis: Basis = "left_out" if found is not None else "fitted" if held.fitted(posterior) else "new"
@@ -151,12 +151,11 @@ def _rows(dataset: Dataset, model: Model, found: Diagnosis | None) -> Dataset:
     return rows
 
 
-def _noise(dataset: Dataset, model: Model, diagnosed: bool) -> Noise:
-    """The noise: declared sigmas, else those of the model's fit. After a diagnosis those of the fit, because the diagnosis may
-    have replaced declared sigmas."""
+def _noise(dataset: Dataset, model: Model) -> Noise:
+    """The noise: declared sigmas, else those of the model's fit."""
     known, declared = model.fit, dataset.instrument
     position, turns = declared.position_sigma, declared.orientation_sigma
     if known is not None:
-        position = known.position_sigma if diagnosed or position is None else position
-        turns = known.orientation_sigma if diagnosed or turns is None else turns
+        position = known.position_sigma if position is None else position
+        turns = known.orientation_sigma if turns is None else turns
     return known_noise(dataset, position, turns, 0.0 if known is None else known.drives)

@@ -11,7 +11,13 @@ import numpy.typing as npt
 
 from gtpin.certificate.budget import Spreads
 from gtpin.certificate.held_against import HeldAgainst, approaches
-from gtpin.certificate.pose_accuracy import VisitScatter, accuracy, left_out_accuracy, standard_accuracy
+from gtpin.certificate.pose_accuracy import (
+    VisitScatter,
+    accuracy,
+    left_out_accuracy,
+    means_of_visits,
+    standard_accuracy,
+)
 from gtpin.certificate.positioning import mean_reversal, positioning
 from gtpin.certificate.quantity import Missing, Quantity, blank
 from gtpin.certificate.repeatability import Scatter, pooled_repeatability, standard_repeatability
@@ -83,13 +89,15 @@ class Evaluation:
         return self._one_way[1]
 
     def scatter(self, held: HeldAgainst, part: slice) -> VisitScatter:
-        """Scatter of single visits to a pose, from any direction: from repeated visits, else the declared noise.
+        """Scatter of single visits to a pose, from any direction: from repeated visits, else the declared noise, else none.
 
         ``held``: the errors to take. ``part``: their columns, of the position or the orientation.
         """
         noise, pooled = self.corrected.noise, Scatter.of(self.rows.visits, held.errors)
         if pooled.covariance is not None:
             return VisitScatter(pooled.covariance[part, part], pooled.repeats)
+        if self.noise_known == "no":
+            return VisitScatter(np.zeros((3, 3)), np.inf)
         sigma = noise.position_sigma if part.start == 0 else noise.orientation_sigma
         return VisitScatter(sigma**2 * np.eye(3), np.inf)
 
@@ -107,31 +115,58 @@ class Evaluation:
     def spreads(self, instrument: float | None) -> Spreads:
         """Contributions that are not in the model's posterior: see :class:`~gtpin.certificate.budget.Spreads`.
 
-        All rows determine the errors beyond noise and the model's uncertainty. Repeatability is a part of these errors and is
-        estimated from repeated visits alone, so it is limited to the whole. ``instrument``: as for :func:`gtpin.certify`.
+        What repeats is not what is right: unexplained errors are those between poses, beyond the scatter of visits and the
+        model's uncertainty. Repeatability is that of repeated visits; where these are few, it is limited to what all errors
+        show. ``instrument``: as for :func:`gtpin.certify`.
         """
         held = self.corrected
         J = by_commands(held.model, held.at)
-        covariance, noise = self.posterior.poses(held.at), self._noise()
-        excess = [
-            Excess(
-                self._after(k) ** 2, noise[k], mean_trace(covariance[:, part, part]), len(self.rows), self.fitted
-            ).power
-            for k, (_, _, part) in enumerate(ORDER[: held.errors.shape[1] // 3])
-        ]
+        covariance, instrument_noise = self.posterior.poses(held.at), self._noise()
         gain = [mean_trace((J @ np.swapaxes(J, 1, 2))[:, part, part]) for _, _, part in ORDER]
         declared = self.noise_known == "declared"
         r = held.repeatability(self.rows.visits) if declared else None
-        if r is not None and r**2 * gain[0] > excess[0]:
-            r, excess[0] = float(np.sqrt(excess[0] / gain[0])), 0.0
-        elif r is not None:
-            excess[0] -= r**2 * gain[0]
-        if len(excess) == 2:
-            excess[1] = max(excess[1] - (r or 0.0) ** 2 * gain[1], 0.0)
-        left = np.sqrt(np.array(excess) / 3.0)
+        excess = []
+        for kind, (_, _, part) in enumerate(ORDER[: held.errors.shape[1] // 3]):
+            observed, share = self._between[kind]
+            expected = mean_trace(covariance[:, part, part])
+            if kind == 0 and r is not None:
+                most = max(observed - share * instrument_noise[0], 0.0) / share
+                r = min(r, float(np.sqrt(most / gain[0])))
+            noise = share * (instrument_noise[kind] + (r or 0.0) ** 2 * gain[kind])
+            excess.append(Excess(observed, noise, expected, self._freedom).power)
+        left = np.sqrt(np.maximum(excess, 0.0) / 3.0)
         turns = float(left[1]) if len(left) == 2 else 0.0
         why: Missing | None = None if r is not None else "few_visits" if declared else "not_declared"
         return Spreads(r, (float(left[0]), turns), instrument, why)
+
+    @cached_property
+    def _left_out(self) -> tuple[Floats, float]:
+        """(N, c) errors at poses that are left out of the fit of the model to these rows, and its number of parameters."""
+        return self.corrected.left_out(self.posterior, self.rows.visits)
+
+    @property
+    def _freedom(self) -> float:
+        """Degrees of freedom of the mean square error between poses: see :class:`~gtpin.certificate.unexplained.Excess`."""
+        poses = len(np.unique(self.rows.visits))
+        taken = self._left_out[1] if self.fitted or self.gap is not None else 0.0
+        return float(max(3.0 * (poses - taken / self.corrected.errors.shape[1]), 1.0))
+
+    @cached_property
+    def _between(self) -> list[tuple[float, float]]:
+        """For positions and orientations, the mean square error of poses that were not fitted, m^2 or rad^2, and the share of
+        the scatter of a visit in it.
+
+        It is that of the means of the visits, or of single visits where a diagnosis predicted left-out poses.
+        """
+        errors = self._left_out[0] if self.fitted else self.corrected.errors
+        found = []
+        for kind, (_, _, part) in enumerate(ORDER[: errors.shape[1] // 3]):
+            if self.gap is not None:
+                found.append((self._after(kind) ** 2, 1.0))
+                continue
+            means, counts = means_of_visits(self.rows.visits, errors[:, part])
+            found.append((float((means**2).sum(axis=1).mean()), float((1.0 / counts).mean())))
+        return found
 
     def _noise(self) -> tuple[float, float]:
         """Mean square length of the noise of position, m^2, and orientation, rad^2, as far as it is known."""
@@ -144,12 +179,10 @@ class Evaluation:
         return float(np.trace(scatter[:3, :3])), float(np.trace(scatter[3:, 3:]))
 
     def _after(self, kind: int) -> float:
-        """Root mean square error of the corrected machine, m (kind 0) or rad (1): on left-out poses where a diagnosis made the
-        model, else on all rows."""
-        if self.gap is not None:
-            part = self.gap if kind == 0 or self.gap.turns is None else self.gap.turns
-            return part.after
-        return float(np.sqrt((self.corrected.errors[:, ORDER[kind][2]] ** 2).sum(axis=1).mean()))
+        """Root mean square error of single visits of left-out poses, m (kind 0) or rad (1), if a diagnosis made the model."""
+        assert self.gap is not None
+        part = self.gap if kind == 0 or self.gap.turns is None else self.gap.turns
+        return part.after
 
     def _accuracy(self) -> list[Quantity]:
         visits, found = self.rows.visits, []
@@ -173,7 +206,7 @@ class Evaluation:
                 poses = len(np.unique(visits))
                 left = self._after(kind)
                 found.append(
-                    left_out_accuracy(f"{symbol}_corrected", unit, left, scatter, poses, len(visits))
+                    left_out_accuracy(f"{symbol}_corrected", unit, left, scatter, poses, len(visits), self._freedom)
                     if kind == 0 or self.gap.turns is not None
                     else blank(names[2], unit, "known_in_mean")
                 )

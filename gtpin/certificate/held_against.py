@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.left_out import of_poses
 from gtpin.calibration.problem import Measured, in_frame, measured_poses, rough_frame
-from gtpin.certificate.response import At, FreeFrame, Posterior, by_commands
+from gtpin.certificate.response import At, FreeFrame, Posterior, by_commands, by_unknowns
 from gtpin.data import Dataset
-from gtpin.effects.situation import Column
+from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.rotations import exp, frame_motions
 from gtpin.model.model import Frame, Model
 from gtpin.noise.estimate import likeliest
@@ -23,6 +24,8 @@ Floats = npt.NDArray[np.float64]
 DETERMINED, FEWEST = 0.5, 10
 """The test whether the model was fitted to the poses uses only directions of the unknowns that these poses determine at least
 half as well as the best direction, and needs at least ten such directions."""
+FREE = 1.0
+"""Prior standard deviation of a free frame's shift, m, and rotation, rad: so wide that it has no influence."""
 SMALL = 0.2
 """Mean square of the score, in its standard deviations, below which the poses count as fitted. Its expected value is 1 for new
 poses; for ten directions it is then below 0.2 in 4 of 1,000 cases (chi-square)."""
@@ -70,6 +73,12 @@ class HeldAgainst:
         """(N, c, c) whitening matrices W of the noise: W'W is the inverse of its covariance."""
         return self.noise.whitening(by_commands(self.model, self.at), self.errors.shape[1])
 
+    @property
+    def _misfit(self) -> float:
+        """Root mean square of the errors in units of the noise, at least 1."""
+        left = np.einsum("nij,nj->ni", self.whitening, self.errors)
+        return max(1.0, float(np.sqrt((left**2).mean())))
+
     def frame(self) -> FreeFrame:
         """The instrument's free frame, as these rows determine it."""
         return FreeFrame.of(self.model, self.at, self.whitening)
@@ -90,9 +99,9 @@ class HeldAgainst:
 
         The score z = L' D' W'W e, with e the errors, D their derivative by the unknowns and L L' the posterior covariance, is
         nearly zero at the rows of a fit (not exactly, because of the prior). For new rows it has the covariance M + M^2 with
-        M = L' D' W'W D L.
+        M = L' D' W'W D L. The noise is at least as large as the errors: a fit with unexplained errors counts them as noise.
         """
-        W, c = self.whitening, self.errors.shape[1]
+        W, c = self.whitening / self._misfit, self.errors.shape[1]
         root = posterior.root
         D = (W @ posterior.derivatives(self.at)[:, :c]).reshape(-1, len(root)) @ root
         M = D.T @ D
@@ -102,6 +111,35 @@ class HeldAgainst:
         squares = score[own] ** 2 / (size[own] + size[own] ** 2)
         return bool(own.sum() >= FEWEST and squares.mean() < SMALL)
 
+    def left_out(self, posterior: Posterior, visits: npt.NDArray[np.intp]) -> tuple[Floats, float]:
+        """Errors at poses that are left out, each with all its visits, of the fit to these rows; and its number of parameters.
+
+        Parameters
+        ----------
+        posterior
+            Uncertainty of the model that was fitted to these rows. Only its frame is used: its covariance may be that of
+            another noise.
+        visits
+            (N,) index of each row's pose.
+
+        Returns
+        -------
+        errors, taken
+            (N, c) errors, m and rad; and the effective number of fitted parameters.
+        """
+        W, c = self.whitening / self._misfit, self.errors.shape[1]
+        left = np.einsum("nij,nj->ni", W, self.errors)
+        columns = by_unknowns(self.model, self.at)[:, :c] * _sizes(self.model, self.at)
+        if posterior.frame is not None:
+            columns = np.concatenate([columns, FREE * posterior.frame.motions(self.model, self.at)[:, :c]], axis=2)
+        J = W @ columns
+        flat = J.reshape(-1, J.shape[2])
+        values, vectors = np.linalg.eigh(flat.T @ flat)
+        half = J @ (vectors / np.sqrt(np.maximum(values, 0.0) + 1.0))
+        out = of_poses(half, left, visits)
+        taken = float((np.maximum(values, 0.0) / (np.maximum(values, 0.0) + 1.0)).sum())
+        return np.asarray(np.linalg.solve(W, out[..., None])[..., 0]), taken
+
     def travel(self, errors: Floats) -> Floats | None:
         """(N, n) deviations of the actuators' travel, m or rad, for errors (N, c) of poses; None where not determined."""
         J = in_frame(self.model.kinematics.command_jacobian(self.at.q, self.at.plain)[:, :6], self.model.frame)
@@ -110,6 +148,18 @@ class HeldAgainst:
         if n > components:
             return None
         return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(J[:, :components]), errors[:, :components]))
+
+
+def _sizes(model: Model, at: At) -> Floats:
+    """(p + m,) prior standard deviations of the geometry's parameters and the effects' coefficients.
+
+    The scale of an effect's coefficients is not in the model: that of the fitted ones takes its place, and at least 1.
+    """
+    found = [model.geometry.tolerance]
+    for active in model.effects:
+        sigma = active.basis(Situation(model.kinematics, at.q, at.plain, at.covariates, fixed=active.references)).sigma
+        found.append(sigma * max(1.0, float(np.sqrt(((active.coefficients / sigma) ** 2).mean()))))
+    return np.concatenate(found)
 
 
 def approaches(covariates: Mapping[str, Column], n: int) -> Floats | None:

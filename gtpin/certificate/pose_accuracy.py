@@ -93,16 +93,19 @@ def accuracy(
     of_largest = np.sqrt(float(means[largest] @ S @ means[largest]) / counts[largest] / squares[largest])
     return (
         _root_mean_square(symbol, unit, float((squares - scatter.trace / counts).mean()), float(doubt), P, len(errors)),
-        Quantity(f"{symbol}_max", float(np.sqrt(squares[largest])), unit, float(of_largest), P, len(errors)),
+        Quantity(f"{symbol}_max", float(np.sqrt(squares[largest])), unit, float(of_largest) or None, P, len(errors)),
     )
 
 
-def left_out_accuracy(symbol: str, unit: str, after: float, scatter: VisitScatter, poses: int, rows: int) -> Quantity:
+def left_out_accuracy(
+    symbol: str, unit: str, after: float, scatter: VisitScatter, poses: int, rows: int, freedom: float
+) -> Quantity:
     """AP of the corrected machine: the root mean square error ``after``, m or rad, on left-out poses, less the scatter.
 
-    Errors are assumed to be isotropic normal vectors: the relative standard deviation of their mean square is sqrt(2 / (3 N)).
+    Errors are assumed to be isotropic normal vectors: the relative standard deviation of their mean square with f degrees of
+    ``freedom`` is sqrt(2 / f).
     """
-    doubt = np.sqrt(after**4 * 2.0 / (3.0 * rows) + _of_scatter(scatter, 1.0))
+    doubt = np.sqrt(after**4 * 2.0 / freedom + _of_scatter(scatter, 1.0))
     return _root_mean_square(symbol, unit, after**2 - scatter.trace, float(doubt), poses, rows)
 
 
@@ -112,6 +115,11 @@ def _of_scatter(scatter: VisitScatter, share: float) -> float:
 
 
 def _root_mean_square(symbol: str, unit: str, power: float, doubt: float, poses: int, rows: int) -> Quantity:
-    """The root of a mean square, whose estimate ``power`` has the standard uncertainty ``doubt`` and can be negative."""
+    """The root of a mean square, whose estimate ``power`` has the standard uncertainty ``doubt`` and can be negative.
+
+    Without doubt, the scatter of a visit is not known, and so the uncertainty of the root is not either.
+    """
+    if doubt == 0.0:
+        return Quantity(f"{symbol}_rms", float(np.sqrt(max(power, 0.0))), unit, None, poses, rows)
     rms = float(np.sqrt(truncated(power, doubt)[0]))
     return Quantity(f"{symbol}_rms", rms, unit, min(doubt / (2.0 * rms), rms), poses, rows)

@@ -16,7 +16,7 @@ from gtpin.diagnosis.inference.candidates import considered
 from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.findings import Cause, Doubt
 from gtpin.diagnosis.inference.named_causes import decide
-from gtpin.diagnosis.inference.unexplained import marginal_chance, unexplained
+from gtpin.diagnosis.inference.unexplained import marginal_power, unexplained
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.inference.where import where
 from gtpin.diagnosis.linear.cross_validation import Gap, gap
@@ -26,10 +26,10 @@ from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import Effect
-from gtpin.health.alarm import Bench, threshold
+from gtpin.health.alarm import Bench, chance, threshold
 from gtpin.health.changes import Changes, Since, Tested, changes
 from gtpin.health.earlier import Earlier
-from gtpin.health.expectation import expectation
+from gtpin.health.expectation import expectation, share_unexplained
 from gtpin.health.measured import Usable, places, usable
 from gtpin.health.power import smallest_changes
 from gtpin.health.readings import reading_model
@@ -103,10 +103,10 @@ class _Tried:
         since = Since.of(known, earlier, how.temperature, len(data.dataset), priors.warmer)
         design = expectation(earlier, data.measured, known, how, since.covariates)
         possible = changes(design, scope, since.assumed)
-        bench = Bench(possible.hypotheses)
+        bench = Bench(possible.hypotheses, share_unexplained(design, how))
         level = threshold(bench, priors.named_alarms * scope.false_alarm, DRAWS, rng)
         hypotheses = possible.hypotheses.at_threshold(level, scope)
-        return _Tried(data, possible, bench, hypotheses, concluded(hypotheses, scope))
+        return _Tried(data, possible, bench, hypotheses, concluded(hypotheses, bench, scope, rng))
 
     @property
     def design(self) -> Design:
@@ -119,11 +119,12 @@ class _Tried:
         return np.hstack([none, *(self.hypotheses.groups.columns(c) * found.scale[c] for c in some)])
 
 
-def concluded(hypotheses: Tested, scope: Scope) -> Conclusion:
+def concluded(hypotheses: Tested, bench: Bench, scope: Scope, rng: np.random.Generator) -> Conclusion:
     """Decide which changes are named, and whether the poses show something that they do not explain."""
     found = decide(hypotheses)
     priors = scope.priors
-    if marginal_chance(hypotheses, found.model) >= (1.0 - priors.named_alarms) * scope.false_alarm:
+    by_chance = chance(bench, marginal_power(hypotheses, found.model), DRAWS, rng)
+    if by_chance >= (1.0 - priors.named_alarms) * scope.false_alarm:
         return found
     return found.only(hypotheses, found.sure()).doubted(Doubt("chi_square"))
 
@@ -197,7 +198,8 @@ def _result(
         power=POWER,
         smallest=tuple(smallest_changes(tried.bench, hypotheses.threshold, POWER, POWER_DRAWS, rng)),
         assumed=tried.changes.assumed,
-        noise=float(np.sqrt(_floor(tried).mean())) if design.tracked else whole.floor,
+        unexplained_before=data.how.unexplained,
+        noise_known=data.how.noise_known,
         free_frame=data.how.free_frame,
         effects=scope.effects,
         dataset=dataset,
@@ -238,9 +240,12 @@ def _gaps(tried: _Tried, rng: np.random.Generator) -> tuple[Gap, dict[tuple[str,
 
 
 def _floor(tried: _Tried) -> Floats:
-    """(N,) expected squared length of each pose's position noise, m^2; 1 for readings: their errors are in units of noise."""
+    """(N,) expected squared length of each pose's position noise, m^2, without unexplained errors of the earlier model where
+    the noise is known; 1 for readings: their errors are in units of noise."""
     design = tried.design
     if not design.tracked:
         return np.ones(len(tried.data.dataset))
-    covariance = tried.data.how.noise.covariance(design.command_jacobian, design.components)
+    how = tried.data.how
+    noise = how.noise if how.noise_known else how.expected(design.measured)
+    covariance = noise.covariance(design.command_jacobian, design.components)
     return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))

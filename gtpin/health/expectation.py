@@ -14,6 +14,7 @@ from gtpin.effects.situation import Column, Situation
 from gtpin.health.earlier import Earlier
 from gtpin.health.readings import with_unknowns
 from gtpin.instruments.readings import Readings
+from gtpin.model.unexplained import EXPLAINED, Unexplained
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 
@@ -32,11 +33,33 @@ class Conditions:
         Whether the pose of the instrument is unknown.
     temperature
         Reference temperature, degC, at which the geometry holds.
+    unexplained
+        What the earlier model left unexplained of its own data: a part of the uncertainty of every prediction.
+    noise_known
+        Whether ``noise`` was declared, or repeated visits showed it. Otherwise it is as small as noise can be, and what was
+        left of the earlier fit is all in ``unexplained``.
     """
 
     noise: Noise | ReadingNoise
     free_frame: bool
     temperature: float = 20.0
+    unexplained: Unexplained = EXPLAINED
+    noise_known: bool = True
+
+    def expected(self, measured: Measured | Readings) -> Noise | ReadingNoise:
+        """Noise and unexplained errors together, as if these were independent from pose to pose."""
+        left, noise = self.unexplained, self.noise
+        if left.none:
+            return noise
+        if isinstance(noise, Noise):
+            return replace(
+                noise,
+                position_sigma=float(np.hypot(noise.position_sigma, left.position)),
+                orientation_sigma=float(np.hypot(noise.orientation_sigma, left.orientation)),
+            )
+        assert isinstance(measured, Readings)
+        more = np.where(measured.group_turns, left.orientation, left.position)
+        return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
 
 
 def expectation(
@@ -74,13 +97,13 @@ def expectation(
     plain = kinematics.forward(q)
     poses = earlier.predicted(q, covariates, plain)
     model, at = earlier.model, Situation(kinematics, q, plain, since, temperature=how.temperature)
-    c = measured.components
+    c, noise = measured.components, how.expected(measured)
     if isinstance(measured, Readings):
-        assert isinstance(how.noise, ReadingNoise)
-        measured = with_unknowns(measured, how.noise, at.command_jacobian, poses)
+        assert isinstance(noise, ReadingNoise)
+        measured = with_unknowns(measured, noise, at.command_jacobian, poses)
     elif how.free_frame:
         model = replace(model, frame=rough_frame(poses, measured))
-    W = how.noise.whitening(measured.scatter(at.command_jacobian, model, poses), c)
+    W = noise.whitening(measured.scatter(at.command_jacobian, model, poses), c)
     by_model = measured.seen(earlier.jacobian(q, covariates, plain) @ earlier.root, model, poses)
     unknowns, free = measured.unknown_columns(model, poses, how.free_frame, None)
     B = np.asarray((W @ np.concatenate([by_model, unknowns], axis=2)).reshape(len(q) * c, -1))
@@ -88,3 +111,13 @@ def expectation(
     y = np.einsum("nij,nj->ni", W, measured.left(model, poses)).ravel()
     y = y + B[:, B.shape[1] - free - known : B.shape[1] - free] @ measured.deviation
     return Design(at, W, model, y, B, B.shape[1] - free, measured.taken(how.free_frame), measured)
+
+
+def share_unexplained(design: Design, how: Conditions) -> float:
+    """Share of unexplained errors in the mean variance of the whitened residuals; the rest is noise."""
+    if how.unexplained.none:
+        return 0.0
+    measured, at = design.measured, design.situation
+    noise = how.noise.covariance(measured.scatter(at.command_jacobian, design.model, at.poses), design.components)
+    W = design.whitening
+    return float(np.clip(1.0 - np.einsum("nij,njk,nik->ni", W, noise, W).mean(), 0.0, 1.0))

@@ -94,7 +94,7 @@ class Entry(Part):
             poses=check.poses,
             verdict=check.verdict,
             position_rms=check.gap.before,
-            noise_floor=check.noise,
+            noise_floor=check.gap.floor,
             changes=changes,
         )
 

@@ -21,7 +21,8 @@ from gtpin.health.expectation import Conditions
 from gtpin.health.readings import noise_of_readings, usable_readings
 from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
+from gtpin.model.unexplained import EXPLAINED
+from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.noise.reading_noise import ReadingNoise
 
 FEWEST = 3
@@ -77,8 +78,7 @@ def usable(dataset: Dataset, model: Model) -> Usable:
     kept = kept.take(plausible_rows(kept, geometry, poses)).in_order()
     _check_count(kept)
     measured = measured_poses(replace(kept, orientation=None) if model.geometry.reduced else kept)
-    how = Conditions(noise_of(dataset, model), free, dataset.conditions.reference_temperature)
-    return Usable(kept, measured, how)
+    return Usable(kept, measured, _conditions(dataset, model, noise_of(dataset, model), free))
 
 
 def _readings(dataset: Dataset, model: Model) -> Usable:
@@ -88,14 +88,28 @@ def _readings(dataset: Dataset, model: Model) -> Usable:
     known = model.fit
     scatter = least_scatter(model) if known is None else max(known.drives, least_scatter(model))
     noise = noise_of_readings(readings, scatter).scaled(1.0 if known is None else known.misfit)
-    return Usable(kept, readings, Conditions(noise, False, dataset.conditions.reference_temperature))
+    return Usable(kept, readings, _conditions(dataset, model, noise, False))
+
+
+def _conditions(dataset: Dataset, model: Model, noise: Noise | ReadingNoise, free: bool) -> Conditions:
+    """How a check was measured. Noise that is known from nowhere but the residuals of the earlier fit is none."""
+    left, declared = model.unexplained or EXPLAINED, dataset.instrument
+    lacking = declared.position_sigma is None, declared.orientation_sigma is None
+    unknown = isinstance(noise, Noise) and not left.noise_known and any(lacking)
+    if isinstance(noise, Noise) and unknown:
+        noise = replace(
+            noise,
+            position_sigma=SMALLEST if lacking[0] else noise.position_sigma,
+            orientation_sigma=SMALLEST if lacking[1] else noise.orientation_sigma,
+        )
+    return Conditions(noise, free, dataset.conditions.reference_temperature, left, not unknown)
 
 
 def noise_of(dataset: Dataset, model: Model) -> Noise:
     """The noise of a check: the instrument's declared sigmas, else those of the model's fit; and the actuators' in that fit.
 
     The actuators' noise is at least :func:`least_scatter`. All sigmas are multiplied by the fit's ratio of residuals to noise,
-    ``misfit``.
+    ``misfit``. What the model left unexplained is not in it.
     """
     declared, known = dataset.instrument, model.fit
     position, turns = declared.position_sigma, declared.orientation_sigma

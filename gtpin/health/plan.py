@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -24,11 +24,12 @@ from gtpin.health.changes import Changes, Since, changes
 from gtpin.health.check import DRAWS, FALSE_ALARM, POWER, POWER_DRAWS
 from gtpin.health.choice import Choice
 from gtpin.health.earlier import Earlier
-from gtpin.health.expectation import Conditions, expectation
+from gtpin.health.expectation import Conditions, expectation, share_unexplained
 from gtpin.health.measured import FEWEST, least_scatter
 from gtpin.health.power import Smallest, smallest_changes
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
+from gtpin.model.unexplained import EXPLAINED
+from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.output.shown import Presentation, Shown
 from gtpin.threads import in_one_thread
 
@@ -193,6 +194,7 @@ def plan(
     """
     if purpose not in get_args(Purpose):
         raise ModelError(f"no plan is called {purpose!r}", hint=f"use {', '.join(get_args(Purpose))}")
+    left, given = model.unexplained or EXPLAINED, noise is not None
     noise = noise if noise is not None else _noise_of(model)
     where: Place = frame or ("robot" if model.frame.is_base else "free")
     rng = np.random.default_rng(seed)
@@ -202,7 +204,11 @@ def plan(
         raise ModelError(f"{poses} poses out of {len(some)}", hint=hint)
     if purpose == "calibration":
         return _for_calibration(model, some, poses, noise, where, orientation, seed)
-    how = Conditions(noise, where == "free")
+    if given or left.noise_known:
+        how = Conditions(noise, where == "free", unexplained=left)
+    else:  # the noise of the fit is what it left
+        least = replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
+        how = Conditions(least, where == "free", unexplained=left, noise_known=False)
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
     design, possible = _possible(Earlier(model), some, how, scope, orientation)
     wanted = _wanted(possible, checked_first() if purpose == "health" else tuple(between), model)
@@ -212,8 +218,8 @@ def plan(
     if purpose == "discrimination":
         random = [rng.choice(len(some), poses, replace=False) for _ in range(RANDOM)]
         return PosePlan(purpose, commands, model, noise, where, told=tuple(_told(design, choice, wanted, rows, random)))
-    _, chosen = _possible(Earlier(model), _taken(some, rows), how, scope, orientation)
-    bench = Bench(chosen.hypotheses)
+    planned, chosen = _possible(Earlier(model), _taken(some, rows), how, scope, orientation)
+    bench = Bench(chosen.hypotheses, share_unexplained(planned, how))
     level = threshold(bench, PRIORS.named_alarms * false_alarm, DRAWS, rng)
     smallest = tuple(smallest_changes(bench, level, POWER, POWER_DRAWS, rng))
     return PosePlan(purpose, commands, model, noise, where, smallest, false_alarm, POWER, level)

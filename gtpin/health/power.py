@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.health.alarm import Axes, Bench, unchanged
+from gtpin.health.alarm import Axes, Bench
 
 Floats = npt.NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def smallest_changes(
     The probability of an alarm is at least this: another hypothesis, or chi-square, may raise the alarm too.
     """
     at = bench.hypotheses.design.situation
-    y = unchanged(bench.hypotheses.design, draws, rng)
+    y = bench.unchanged(draws, rng)
     for axes in bench.axes:
         hypothesis = axes.hypothesis
         shape = shapes(axes, draws, rng)

@@ -15,6 +15,7 @@ from gtpin.effects.catalogue import effect_of
 from gtpin.effects.effect import Effect
 from gtpin.health.power import Smallest
 from gtpin.model.model import Model
+from gtpin.model.unexplained import Unexplained as LeftBefore
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation, Shown
 
@@ -41,8 +42,12 @@ class HealthCheck(Shown):
     assumed
         Names of the temperatures whose change since the earlier model is not known. A check assumes that they may have
         changed.
-    noise
-        Root mean square length of the position error, m, that noise alone gives at these poses.
+    unexplained_before
+        What the earlier model left unexplained of the data that it was fitted to. It is a part of the uncertainty of what the
+        model predicts, so that changes that are smaller can't be told from it.
+    noise_known
+        Whether the noise was declared, or shown by repeated visits. Otherwise the noise floor of ``gap`` is what was left of
+        the earlier model's fit.
     free_frame
         Whether the pose of the instrument is unknown and identified too.
     effects
@@ -79,7 +84,8 @@ class HealthCheck(Shown):
     power: float
     smallest: tuple[Smallest, ...]
     assumed: tuple[str, ...]
-    noise: float
+    unexplained_before: LeftBefore
+    noise_known: bool
     free_frame: bool
     effects: tuple[Effect, ...]
     dataset: Dataset

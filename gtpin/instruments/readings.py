@@ -127,6 +127,17 @@ class Readings:
         return tuple(sigma for one in self.instruments for sigma in one.declared)
 
     @cached_property
+    def group_turns(self) -> npt.NDArray[np.bool_]:
+        """(G,) whether the numbers of each group are angles, rad."""
+        return np.array(
+            [
+                next(c.unit for c in one.components if c.group == group) == "rad"
+                for one in self.instruments
+                for group in range(len(one.declared))
+            ]
+        )
+
+    @cached_property
     def usual(self) -> Floats:
         """(G,) declared sigmas, m or rad; where none is declared, the one at which its estimation starts."""
         found = []

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.data.table import Column
+from gtpin.model.unexplained import Unexplained
 from gtpin.noise.noise import Noise
 
 TEMPERATURES = ("temp_frame", "temp_link")
@@ -26,7 +27,7 @@ class FitConditions:
         Noise of every actuator, m or rad: repeatability, and errors along its motion that the model does not explain.
     misfit
         Ratio of the residuals to this noise, sqrt(chi-square per degree of freedom), plus one standard deviation and at least
-        1. A check multiplies its noise by it.
+        1. A check multiplies its noise by it. It is 1 where the model states what it left unexplained.
     temp_frame, temp_link
         Mean temperatures, degC; None where they were not recorded.
     """
@@ -39,10 +40,12 @@ class FitConditions:
     temp_link: float | None = None
 
     @staticmethod
-    def of(noise: Noise, chi2: float, dof: float, covariates: Mapping[str, Column]) -> FitConditions:
-        """The conditions of a fit, from its noise, its chi-square with ``dof`` degrees of freedom, and covariates (N,) by
-        name."""
-        power = chi2 / dof * (1.0 + np.sqrt(2.0 / dof))
+    def of(
+        noise: Noise, chi2: float, dof: float, covariates: Mapping[str, Column], unexplained: Unexplained
+    ) -> FitConditions:
+        """The conditions of a fit, from its noise, its chi-square with ``dof`` degrees of freedom, covariates (N,) by name,
+        and what it left unexplained."""
+        power = chi2 / dof * (1.0 + np.sqrt(2.0 / dof)) if unexplained.none else 1.0
         mean = {n: float(np.mean(np.asarray(covariates[n], dtype=float))) for n in TEMPERATURES if n in covariates}
         return FitConditions(
             position_sigma=float(noise.position_sigma),

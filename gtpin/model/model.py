@@ -18,6 +18,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.posterior import block_of, draws, joined
+from gtpin.model.unexplained import Unexplained
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 
@@ -77,6 +78,8 @@ class Model:
         order of ``effects``. None where it is not known, or there are no effects.
     fit
         Noise and temperatures of the poses that the model was fitted to; None where they are not known.
+    unexplained
+        What the model left unexplained of the data that it was fitted to; None where it is not known.
 
     Examples
     --------
@@ -94,6 +97,7 @@ class Model:
     instruments: tuple[FittedInstrument, ...] = ()
     joint_covariance: Floats | None = None
     fit: FitConditions | None = None
+    unexplained: Unexplained | None = None
 
     def __repr__(self) -> str:
         effects = ", ".join(active.name for active in self.effects) or "none"

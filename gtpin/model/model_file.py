@@ -16,7 +16,7 @@ from gtpin.robot.parameters import Per
 
 SCHEMA: Final = "gtpin-model/1"
 AGAIN = "write the model again"
-LATER_KEYS = ("joint_covariance", "fit")
+LATER_KEYS = ("joint_covariance", "fit", "unexplained")
 """Keys that were added after the first version."""
 
 
@@ -56,6 +56,14 @@ class FitRecord(Record):
     temp_link: Finite | None = None
 
 
+class UnexplainedRecord(Record):
+    """What a fit left unexplained; see :class:`~gtpin.model.unexplained.Unexplained`."""
+
+    position: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    orientation: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    noise_known: bool
+
+
 class ModelFile(Record):
     """The whole of ``model.json``; docs/model.md explains the keys."""
 
@@ -72,6 +80,7 @@ class ModelFile(Record):
     covariance: list[list[Finite]] | None = None
     joint_covariance: list[list[Finite]] | None = None
     fit: FitRecord | None = None
+    unexplained: UnexplainedRecord | None = None
     base_in_instrument: FrameRecord | None
     effects: list[EffectRecord] = Field(default_factory=list)
     instruments: list[InstrumentRecord] = Field(default_factory=list)

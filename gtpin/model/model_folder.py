@@ -30,9 +30,11 @@ from gtpin.model.model_file import (
     InstrumentRecord,
     ModelFile,
     TrackRecord,
+    UnexplainedRecord,
     explained,
     read_model_file,
 )
+from gtpin.model.unexplained import Unexplained
 from gtpin.output.results import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.export import placements_to_urdf, to_urdf
@@ -124,6 +126,7 @@ def _content(model: Model) -> ModelFile:
         covariance=None if model.covariance is None else model.covariance.tolist(),
         joint_covariance=None if model.joint_covariance is None else model.joint_covariance.tolist(),
         fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
+        unexplained=None if model.unexplained is None else UnexplainedRecord(**asdict(model.unexplained)),
         base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
         effects=[record(active) for active in model.effects],
         instruments=[_instrument_record(one) for one in model.instruments],
@@ -210,7 +213,17 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
     effects = _effects(content, geometry, file, own)
     fit = None if content.fit is None else FitConditions(**content.fit.model_dump())
-    return Model(geometry, frame, effects, covariance, instruments=instruments, joint_covariance=joint, fit=fit)
+    left = None if content.unexplained is None else Unexplained(**content.unexplained.model_dump())
+    return Model(
+        geometry,
+        frame,
+        effects,
+        covariance,
+        instruments=instruments,
+        joint_covariance=joint,
+        fit=fit,
+        unexplained=left,
+    )
 
 
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:

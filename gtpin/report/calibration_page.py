@@ -32,6 +32,8 @@ CONTENTS = (
     ("data", "Data"),
     ("provenance", "Provenance"),
 )
+UNKNOWN = "noise as the fit shows it: it was not declared"
+"""What the noise of readings is called where no instrument has declared it."""
 SHOWN = 8
 """Largest number of listed correlations and unobservable directions."""
 
@@ -90,11 +92,18 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
             f"{quantity(one.before, one.unit)} to {quantity(one.after, one.unit)} ({one.name})"
             for one in c.by_instrument
         ]
-        headline = f"Calibration reduces the errors of the readings, RMS, from {joined(changes)}."
+        others = [f"{quantity(one.left_out, one.unit)} ({one.name})" for one in c.by_instrument]
+        headline = (
+            f"Calibration reduces the errors of the readings, RMS, from {joined(changes)} on the fitted poses. "
+            f"At poses that are left out of the fit they are {joined(others)}."
+        )
     else:
         values = c.to_json()
-        before, after = length(values["position_rms_before"]), length(values["position_rms_after"])
-        headline = f"Calibration reduces the position error from {before} to {after}, RMS, on the fitted poses."
+        before, after, out = (length(values[f"position_rms_{which}"]) for which in ("before", "after", "left_out"))
+        headline = (
+            f"Calibration reduces the position error from {before} to {after}, RMS, on the fitted poses. "
+            f"At poses that are left out of the fit it is {out}."
+        )
     if c.enlarged > 1.0:
         advice = [
             f"The residuals are {c.enlarged:.2f} times the noise: geometry alone does not explain these data.",
@@ -115,20 +124,28 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
 
 
 def _numbers(c: Calibration) -> list[tuple[str, str]]:
-    values = c.to_json()
+    values, known = c.to_json(), c.model.unexplained is None or c.model.unexplained.noise_known
     if isinstance(c, ReadingsCalibration):
         numbers = []
         for one in c.by_instrument:
             numbers.append((quantity(one.before, one.unit), f"error of {one.name}, nominal"))
             numbers.append((quantity(one.after, one.unit), "calibrated"))
+            numbers.append((quantity(one.left_out, one.unit), "at poses left out of the fit"))
+            numbers.append((quantity(one.floor, one.unit), "noise alone" if known else UNKNOWN))
     else:
         numbers = [
             (length(values["position_rms_before"]), "position error, nominal"),
             (length(values["position_rms_after"]), "calibrated"),
+            (length(values["position_rms_left_out"]), "at poses left out of the fit"),
         ]
+        if known:
+            numbers.append((length(values["position_noise_floor"]), "noise alone"))
+        else:
+            numbers.append(("not known", "noise: neither declared nor shown by repeated visits"))
     if values["orientation_rms_after"] is not None:
         numbers.append((quantity(values["orientation_rms_before"], "rad"), "orientation error, nominal"))
         numbers.append((quantity(values["orientation_rms_after"], "rad"), "calibrated"))
+        numbers.append((quantity(values["orientation_rms_left_out"], "rad"), "at poses left out of the fit"))
     numbers.append(
         (
             f"{c.chi2_per_dof:.2f}",

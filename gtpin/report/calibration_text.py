@@ -37,19 +37,23 @@ def _fit(c: Calibration) -> str:
     of = "readings" if isinstance(c, ReadingsCalibration) else "measured poses"
     lines = [f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} {of}"]
     if isinstance(c, ReadingsCalibration):
-        lines += [
-            _before_after(f"error of {one.name}, RMS", one.before, one.after, 1e6, f"u{one.unit}")
-            for one in c.by_instrument
-        ]
+        for one in c.by_instrument:
+            lines.append(_before_after(f"error of {one.name}, RMS", one.before, one.after, 1e6, f"u{one.unit}"))
+            lines.append(f"    {'at poses left out of the fit':<31} {one.left_out * 1e6:.1f} u{one.unit}")
     else:
         position = values["position_rms_before"], values["position_rms_after"]
         lines.append(_before_after("position error, RMS", *position, 1e6, "um"))
+        lines.append(f"    {'at poses left out of the fit':<31} {values['position_rms_left_out'] * 1e6:.1f} um")
+        floor = values["position_noise_floor"]
+        noise = "not known: declare it, or repeat visits" if floor is None else f"{floor * 1e6:.1f} um"
+        lines.append(f"    {'noise alone':<31} {noise}")
     if values["orientation_rms_before"] is not None:
         lines.append(
             _before_after(
                 "orientation error, RMS", values["orientation_rms_before"], values["orientation_rms_after"], 1e6, "urad"
             )
         )
+        lines.append(f"    {'at poses left out of the fit':<31} {values['orientation_rms_left_out'] * 1e6:.1f} urad")
     spread = np.sqrt(2.0 / c.dof)
     meaning = cannot_judge(c) or f"1 +- {spread:.3f} for a model that fits"
     lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.3f}  ({meaning})")

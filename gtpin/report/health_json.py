@@ -21,6 +21,11 @@ def health_json(check: HealthCheck) -> dict[str, Any]:
         "threshold": check.threshold,
         "power": check.power,
         "assumed": list(check.assumed),
+        "unexplained": {
+            "position": check.unexplained_before.position,
+            "orientation": check.unexplained_before.orientation,
+            "noise_known": check.noise_known,
+        },
         "smallest": [
             {"effect": s.effect, "site": s.site, "parameter": s.parameter, "value": s.value, "unit": s.unit}
             for s in check.smallest

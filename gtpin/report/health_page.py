@@ -7,7 +7,7 @@ import numpy as np
 from gtpin.health.result import HealthCheck
 from gtpin.report.drawing import drawing
 from gtpin.report.gap_words import gap_words
-from gtpin.report.health_words import advice, error_of, headline, power_words, unseen
+from gtpin.report.health_words import advice, error_of, floor_words, headline, power_words, unseen
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.reasons import reason_words
@@ -61,7 +61,7 @@ def _numbers(check: HealthCheck) -> list[tuple[str, str]]:
     found = [(str(check.poses), "poses"), (size.before, f"{error_of(check).lower()} of the earlier model, RMS")]
     if check.causes:
         found.append((size.after, "with the changes"))
-    return [*found, (size.floor, "noise alone")]
+    return [*found, (size.floor, floor_words(check))]
 
 
 def _changes(check: HealthCheck) -> Table:

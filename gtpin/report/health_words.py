@@ -57,8 +57,15 @@ def advice(check: HealthCheck) -> list[str]:
     after = f"with the changes: {size.after}; " if check.causes else ""
     found = [
         f"{error_of(check)} of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; "
-        f"{after}noise alone: {size.floor}."
+        f"{after}{floor_words(check)}: {size.floor}."
     ]
+    left = check.unexplained_before
+    if not left.none:
+        parts = [quantity(size, unit) for size, unit in ((left.position, "m"), (left.orientation, "rad")) if size]
+        found.append(
+            f"The earlier model did not explain its own data: {joined(parts)} per axis were left between poses, and count as a "
+            f"part of its uncertainty. Changes that are smaller can't be told. {smallest_words(check)}"
+        )
     for cause in check.causes:
         found.append(
             f"{cause.effect} at {site_words(cause.site)}: {remedy(check.effect(cause.effect), check.model.robot)}"
@@ -76,6 +83,20 @@ def advice(check: HealthCheck) -> list[str]:
             "The instrument stood anywhere: changes that look like another place of the instrument are hidden."
         )
     return found
+
+
+def floor_words(check: HealthCheck) -> str:
+    """What the noise floor of a check is called: it is noise only where that is known."""
+    return "noise alone" if check.noise_known else "left of the earlier model's own fit"
+
+
+def smallest_words(check: HealthCheck) -> str:
+    """What would make smaller changes visible."""
+    if check.unexplained_before.noise_known:
+        return "gtpin diagnose at many poses finds what the earlier model lacks."
+    return (
+        "Its noise is neither declared nor shown by repeated visits: declare it, or repeat visits, and calibrate again."
+    )
 
 
 def _thermal(check: HealthCheck, effect: str, site: str) -> bool:

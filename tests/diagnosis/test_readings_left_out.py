@@ -14,11 +14,11 @@ from numpy.testing import assert_allclose
 from scipy.stats import binomtest, chi2
 
 import gtpin
+from gtpin.calibration.left_out_block import Block
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
 from gtpin.diagnosis.linear.hold_out import blocks_of
-from gtpin.diagnosis.linear.left_out_block import Block
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
 from gtpin.model.measured_robot import robot_of

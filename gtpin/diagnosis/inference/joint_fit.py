@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.gauss_newton import fit
+from gtpin.calibration.gauss_newton import Fit, fit
+from gtpin.calibration.left_out import poses_of, unexplained_poses
 from gtpin.calibration.problem import Point, Problem, in_frame
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
@@ -21,6 +22,7 @@ from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
+from gtpin.model.unexplained import Unexplained
 from gtpin.noise.noise import Noise
 
 Floats = npt.NDArray[np.float64]
@@ -63,11 +65,12 @@ def fit_together(
         ) from error
     covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
     joint = problem.joint_covariance(covariance) if causes else None
-    fitted = start.fit
+    fitted, left = start.fit, start.unexplained
     if isinstance(observed.noise, Noise):
         dof = max(found.residual.size - found.taken, 1.0)
         chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
-        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates)
+        left = _unexplained(problem, found, observed.noise)
+        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, left)
     plain = problem.calibration
     instruments = start.instruments
     if isinstance(plain, ReadingsProblem):
@@ -79,7 +82,17 @@ def fit_together(
         instruments=instruments,
         joint_covariance=joint,
         fit=fitted,
+        unexplained=left,
     )
+
+
+def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: Noise) -> Unexplained:
+    """What geometry and causes leave unexplained between poses."""
+    colour = np.linalg.inv(problem.calibration.whitening)
+    errors = np.einsum("nij,nj->ni", colour, found.residual)
+    variance = (colour**2).sum(axis=2)
+    poses, known = poses_of(problem.observed.measured.q), noise.source != "residuals"
+    return unexplained_poses(found, errors, variance, poses, known=known, dof=noise.dof)
 
 
 def _without_causes(observed: Observed, nominal: Model, at: Situation, start: Model) -> Problem | ReadingsProblem:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.left_out_block import Block
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import LeftOut, leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.exchange import without
-from gtpin.diagnosis.linear.left_out_block import Block
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

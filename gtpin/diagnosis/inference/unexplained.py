@@ -25,7 +25,7 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
         Whether something unknown is assumed as well.
     """
     groups, design = hypotheses.groups, hypotheses.design
-    power = _power(hypotheses, model)
+    power = marginal_power(hypotheses, model)
     gram = np.vstack([np.zeros((0, len(model.mean))), *(groups.across(n, model.terms) for n in model.terms)])
     taken = float(np.einsum("ij,ji->", model.covariance, gram))
     dof = max(design.dof - taken, 1.0)
@@ -50,10 +50,10 @@ def marginal_chance(hypotheses: HypothesisSet, model: Model) -> float:
 
     y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y has a chi-square distribution with as many degrees of freedom as y has numbers.
     """
-    return float(chi2.sf(_power(hypotheses, model), hypotheses.design.dof))
+    return float(chi2.sf(marginal_power(hypotheses, model), hypotheses.design.dof))
 
 
-def _power(hypotheses: HypothesisSet, model: Model) -> float:
+def marginal_power(hypotheses: HypothesisSet, model: Model) -> float:
     """Chi-square of the residual with geometry and a model's causes marginalised: y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y."""
     moment = np.concatenate([np.zeros(0), *(hypotheses.groups.moment(n) for n in model.terms)])
     return hypotheses.groups.power - float(moment @ model.mean)

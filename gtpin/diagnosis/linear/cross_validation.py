@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.left_out_block import Block
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.hold_out import HoldOut
-from gtpin.diagnosis.linear.left_out_block import Block
 from gtpin.instruments.readings import Readings
 
 Floats = npt.NDArray[np.float64]
