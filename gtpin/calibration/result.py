@@ -69,6 +69,8 @@ class Calibration(Shown):
         The input data.
     paper_model
         Number of the paper's model 1 to 5 whose parameters these are; None for the default parameters.
+    warnings
+        Texts of all warnings, also of those when the dataset was read.
 
     Examples
     --------
@@ -99,6 +101,7 @@ class Calibration(Shown):
     instrument: Instrument
     dataset: Dataset
     paper_model: int | None = None
+    warnings: tuple[str, ...] = ()
 
     @staticmethod
     def of(

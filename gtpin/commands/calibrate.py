@@ -14,11 +14,11 @@ from gtpin.commands.terminal import (
     Force,
     Output,
     Tcp,
+    TrustData,
     progress_of,
+    read_dataset,
     tell,
-    with_tcp,
 )
-from gtpin.data import Dataset
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.calibration_text import calibration_summary
@@ -45,12 +45,13 @@ def calibrate(
         ),
     ] = None,
     tcp: Tcp = None,
+    trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Identify the robot's geometry from measured poses."""
     with results_folder(output, CALIBRATION, force=force) as folder:
-        read = with_tcp(Dataset.read(dataset), tcp)
+        read = read_dataset(dataset, tcp, trust=trust_data)
         kept = () if keep_effects is None else read_model(keep_effects, tcp=tcp).effects
         with progress_of("calibrating") as progress:
             calibration = run_calibration(

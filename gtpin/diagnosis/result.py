@@ -58,6 +58,8 @@ class Diagnosis(Shown):
         The effects that were tried.
     seed
         Seed of the random numbers.
+    warnings
+        Texts of all warnings, also of those when the dataset was read.
     doubts
         Reasons for which something unknown is assumed. Each makes the verdict ``unknown``.
 
@@ -91,6 +93,7 @@ class Diagnosis(Shown):
     effects: tuple[Effect, ...] = field(default_factory=catalogue)
     seed: int = 0
     doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def effect(self, name: str) -> Effect:
         """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""
