@@ -10,6 +10,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Situation
+from gtpin.errors import unheard
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
