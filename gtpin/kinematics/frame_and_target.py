@@ -25,12 +25,16 @@ AWAY, TURN = 0.3, 2.0
 target is some tenths of metres from the TCP, turned in any way."""
 SEEN = 0.5
 """Smallest share of the prior variance of a target's coordinate that must be taken away for the coordinate to be determined."""
-ROWS, FEW = 2000, 200
+ROWS, FEW = 2000, 60
 """Number of poses that are enough for the fit, and for the choice of its starts. Assumed."""
 ROUNDS = 40
 """Number of Gauss-Newton steps, each with new weights and scales."""
 TRIED = 5
 """Number of starts that are fitted: those with the largest likelihood. Assumed."""
+ROUGH = 12
+"""Number of steps that choose among these starts."""
+SETTLED = 1e-7
+"""Change of the log likelihood of a pose at which the fit has settled."""
 LEAST = 1e-9
 """Smallest scale of residuals, m and rad."""
 MEDIAN = 1.538
@@ -86,8 +90,8 @@ def frame_and_target(poses: Poses, T: Floats, R: Floats | None, *, free_frame: b
     some = np.linspace(0, len(every) - 1, min(len(every), FEW)).astype(int)
     rough = _Fit(fit.poses[some], fit.T[some], None if fit.R is None else fit.R[some], free_frame)
     starts = sorted((rough.started(F) for F in rough.frames()), key=rough.cost)[:TRIED]
-    best = min((rough.settled(start) for start in starts), key=rough.cost)
-    return fit.placement(fit.settled(best))
+    best = min((rough.settled(start, ROUGH) for start in starts), key=rough.cost)
+    return fit.placement(fit.settled(best, ROUNDS))
 
 
 @dataclass(frozen=True)
@@ -161,16 +165,18 @@ class _Fit:
             found += 3.0 * len(rotation) * np.log(_scale(rotation))
         return float(found + 0.5 * (s.t @ s.t) / AWAY**2 + 0.5 * float((log(s.X[None])[0] ** 2).sum()) / TURN**2)
 
-    def settled(self, s: _State) -> _State:
+    def settled(self, s: _State, rounds: int) -> _State:
         """The state after Gauss-Newton steps; the one with the largest likelihood on the way."""
         best, least = s, self.cost(s)
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             normal, gradient = self.normal(s)
             step = np.asarray(np.linalg.solve(normal + 1e-9 * np.diag(np.diag(normal)), gradient), dtype=np.float64)
             s = self.stepped(s, step)
-            if (cost := self.cost(s)) < least:
+            cost = self.cost(s)
+            still = abs(cost - least) < SETTLED * len(self.T)
+            if cost < least:
                 best, least = s, cost
-            if np.abs(step).max() < 1e-12:
+            if still:
                 break
         return best
 

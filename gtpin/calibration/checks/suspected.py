@@ -20,7 +20,7 @@ UNFIT = 10.0
 """Residuals, in units of the noise, from which data do not fit. Assumed."""
 FITS = 3.0
 """Residuals, in units of the noise, up to which data fit. Assumed: effects that are not fitted make some of them."""
-FAR_LOWER = 30.0
+FAR_LOWER = 10.0
 """Factor by which a correction lowers residuals that only a mistake can make so much smaller. Assumed."""
 BEYOND: Size = (1e-2, 2e-2)
 """Residuals of a fit, m and rad, that no effect of the catalogue leaves. Assumed. There `LOWER` is enough."""
