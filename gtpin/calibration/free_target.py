@@ -78,7 +78,9 @@ def with_target(geometry: Geometry, measured: Measured, *, free_frame: bool) -> 
     for i, p in enumerate(geometry.parameters):
         if p.kind == "platform":
             values[i] = guess[p.component]
-            own = max(POSITION, place.at_sigma) if p.component < 3 else max(ROTATION, place.mount_sigma)
+            # A wide place together with any rotation would be a curved valley: twists couple them.
+            wide = POSITION if seen.R is None else max(POSITION, place.at_sigma)
+            own = wide if p.component < 3 else max(ROTATION, place.mount_sigma)
             p = replace(p, nominal=float(values[i]), tolerance=own)
         parameters.append(p)
     return Geometry(geometry.robot, tuple(parameters), values), place

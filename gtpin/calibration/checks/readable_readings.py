@@ -33,7 +33,7 @@ STRAINED = 10.0
 """Deviation of an unknown from its declared value, in prior sigmas, from which other ways to read a table are tried too.
 Assumed."""
 FAR_PRIORS = 30.0
-"""Deviation of an unknown from its declared value after a fit, in prior sigmas, that shows a mistake in dataset.toml. Assumed."""
+"""Deviation of an unknown from its declared value after a fit, in prior sigmas, with which the data are not fitted. Assumed."""
 USUAL = 1e-3
 """Usual error of a nominal robot, m and rad: it counts as much as a deviation of one prior sigma. Assumed."""
 VARIATION = 0.3
