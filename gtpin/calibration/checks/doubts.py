@@ -135,7 +135,7 @@ def check_convention(dataset: Dataset, settled: Settled) -> None:
     if found:
         looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
         error = DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
-        suspect(error, dataset, before, after)
+        suspect(error, dataset, before, after, exact=True)
 
 
 def check_fit(dataset: Dataset, settled: Settled, nominal: Poses) -> None:

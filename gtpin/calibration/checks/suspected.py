@@ -26,13 +26,16 @@ BEYOND: Size = (1e-2, 2e-2)
 """Residuals of a fit, m and rad, that no effect of the catalogue leaves. Assumed. There `LOWER` is enough."""
 LOWER = 4.0
 """The same factor for residuals `BEYOND` all effects. Assumed."""
+EXACT, ABOVE = 1.2, 1.3
+"""Residuals, in units of the declared noise, up to which a correction without a free number fits exactly, and above which the
+data did not fit before. Assumed: an effect does not have the pattern of another convention, so that more would be left."""
 PLAUSIBLE: Size = (1e-4, 3e-4)
 """Noise of a usual instrument, m and rad, where none is declared. Assumed."""
 SMALLEST: Size = (1e-6, 1e-6)
 """Smallest noise, m and rad."""
 
 
-def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size) -> None:
+def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *, exact: bool = False) -> None:
     """Raise the error of a suspected mistake, or warn of it.
 
     Parameters
@@ -43,6 +46,9 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size) ->
         The data. With ``dataset.trusted`` every error becomes a warning.
     before, after
         What a fit leaves of the data as they are, and with the mistake corrected.
+    exact
+        Whether the correction has no free number, and the fit is as close as the data allow. Then residuals that fall from
+        above the declared noise to the noise itself are enough.
 
     Raises
     ------
@@ -54,7 +60,7 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size) ->
     GtpinWarning
         Otherwise.
     """
-    if not dataset.trusted and certain(dataset, before, after):
+    if not dataset.trusted and (certain(dataset, before, after) or (exact and _exactly(dataset, before, after))):
         raise error
     left = ""
     if np.isfinite(before).all():
@@ -79,6 +85,12 @@ def certain(dataset: Dataset, before: Size, after: Size) -> bool:
     now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
     beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
     return now > UNFIT and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
+
+
+def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:
+    """Whether orientations have exactly the declared noise once a mistake is corrected, and more as they are."""
+    sigma = dataset.instrument.orientation_sigma
+    return sigma is not None and before[1] > ABOVE * sigma and after[1] <= EXACT * sigma
 
 
 def _sizes(sizes: Size) -> str:
