@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from types import FrameType
 
@@ -113,9 +116,38 @@ class GtpinWarning(UserWarning):
     """
 
 
+_notes: ContextVar[tuple[list[str], ...]] = ContextVar("notes", default=())
+"""Lists that take the texts of warnings, of all :func:`noted` blocks that are open."""
+
+
+@contextmanager
+def noted() -> Iterator[list[str]]:
+    """Context that lists the texts of the warnings in it, for a result; they are issued all the same."""
+    texts: list[str] = []
+    token = _notes.set((*_notes.get(), texts))
+    try:
+        yield texts
+    finally:
+        _notes.reset(token)
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Context whose gtpin warnings are neither issued nor noted: of steps that are not the result."""
+    token = _notes.set(())
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", GtpinWarning)
+            yield
+    finally:
+        _notes.reset(token)
+
+
 def warn(text: str, category: type[Warning] = GtpinWarning) -> None:
     """Issue a warning whose place is the line of the user's code that called gtpin."""
     text = harmless(text)
+    for texts in _notes.get():
+        texts.append(text)
     frame = user = sys._getframe(1)
     while frame.f_back is not None:
         called, frame = frame, frame.f_back

@@ -27,7 +27,7 @@ from gtpin.data import Dataset, Instrument
 from gtpin.data.rounding import with_rounding
 from gtpin.data.sane import sane_rows
 from gtpin.effects.active import ActiveEffect
-from gtpin.errors import DatasetError, ModelError, warn
+from gtpin.errors import DatasetError, ModelError, noted, warn
 from gtpin.kinematics.kinematics import Solver
 from gtpin.memory import amount, require
 from gtpin.model.measured_robot import robot_of
@@ -57,6 +57,7 @@ def calibrate(
     without: Iterable[str] = (),
     kinematics: Solver = "arrays",
     keep_effects: Iterable[ActiveEffect] = (),
+    trust_data: bool = False,
     progress: Progress | None = None,
 ) -> Calibration:
     """Identify joint offsets, rod lengths and track geometry by Gauss-Newton with manufacturing tolerances as priors.
@@ -84,6 +85,8 @@ def calibrate(
     keep_effects
         Effects of an earlier model of the machine (``model.effects``), which stay as they are: the same machine with another
         tool or instrument. See :func:`~gtpin.calibration.kept_effects.with_kept_effects`.
+    trust_data
+        Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
     progress
         Called with the name of the step, the number of the iteration, and the RMS residual in units of the noise; None: no
         calls.
@@ -105,7 +108,8 @@ def calibrate(
     Warns
     -----
     GtpinWarning
-        Names the poses whose rows are rejected as outliers.
+        Names the poses whose rows are rejected as outliers, and mistakes that the data may have. ``warnings`` of the result has
+        the texts.
 
     Examples
     --------
@@ -114,7 +118,36 @@ def calibrate(
     >>> calibration["length[2a]"].unit, len(calibration.names)
     ('m', 48)
     """
-    robot = robot_of(dataset) if robot is None else robot
+    with noted() as texts:
+        found = _calibrate(
+            replace(dataset, trusted=True) if trust_data else dataset,
+            robot_of(dataset) if robot is None else robot,
+            model=model,
+            orientations=orientations,
+            directions=directions,
+            scale=scale,
+            without=without,
+            kinematics=kinematics,
+            keep_effects=keep_effects,
+            progress=progress,
+        )
+    return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts))
+
+
+def _calibrate(
+    dataset: Dataset,
+    robot: Robot,
+    *,
+    model: int | None,
+    orientations: bool,
+    directions: Per,
+    scale: Per | None,
+    without: Iterable[str],
+    kinematics: Solver,
+    keep_effects: Iterable[ActiveEffect],
+    progress: Progress | None,
+) -> Calibration:
+    """As :func:`calibrate`."""
     _check_tolerances(dataset)
     left_out = tuple(without)
     if model is None:
@@ -140,8 +173,7 @@ def calibrate(
         )
 
     kept = tuple(keep_effects)
-    found = with_kept_effects(dataset, kept, robot, calibrated) if kept else calibrated(dataset)
-    return replace(found, dataset=dataset, paper_model=model)
+    return with_kept_effects(dataset, kept, robot, calibrated) if kept else calibrated(dataset)
 
 
 @in_one_thread

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.checks.declared_sigmas import settled_with_sigmas
-from gtpin.calibration.checks.readable_readings import check_fitted, check_readable, explained
+from gtpin.calibration.checks.readable_readings import Misfit, check_fitted, check_readable, explained
 from gtpin.calibration.checks.readable_sockets import check_distances, check_sockets
 from gtpin.calibration.checks.rejected_rows import check_used, poses_of
 from gtpin.calibration.checks.strayed import warn_of_strayed
@@ -23,7 +23,7 @@ from gtpin.data import Dataset, check_commands
 from gtpin.data.duplicates import counted_once
 from gtpin.data.extremes import check_extremes
 from gtpin.data.sane import sane_rows
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.instruments.up import up_of
 from gtpin.kinematics.kinematics import Solver
@@ -96,17 +96,28 @@ def calibrate_readings(
     if len(kept) * readings.components <= free:
         what = f"{len(kept) * readings.components} readings for {free} unknowns of the instruments alone"
         raise DatasetError(what, file=dataset.file, hint="measure more")
-    check_distances(readings, near, reach_of(geometry))
+    check_distances(dataset, readings, near, reach_of(geometry))
     fitted = with_unknowns(readings, near)
-    check_readable(fitted, near, reach_of(geometry))
+
+    def fit_of(some: Readings) -> RobustFit:
+        c = some.components
+        problem = ReadingsProblem(nominal, some, np.broadcast_to(np.eye(c), (len(kept), c, c)))
+        return RobustFit(problem, kept.row, kept.visits, near, progress)
+
+    def misfit(some: Readings, index: int) -> Misfit | None:
+        try:
+            fit = fit_of(some).run().fit
+        except ConvergenceError:
+            return None
+        return Misfit.of(fit.problem.readings.at(fit.problem.unknowns(fit.point.x)), fit.point.poses, index)
+
+    check_readable(dataset, fitted, near, reach_of(geometry), misfit)
     with explained(fitted, near, reach_of(geometry)):
-        c = fitted.components
-        problem = ReadingsProblem(nominal, fitted, np.broadcast_to(np.eye(c), (len(kept), c, c)))
-        settled = settled_with_sigmas(RobustFit(problem, kept.row, kept.visits, near, progress))
+        settled = settled_with_sigmas(fit_of(fitted))
     check_used(kept, fitted, settled.used)
     check_freedom(dataset, settled.fit.problem.count, settled.dof)
     problem, point = settled.fit.problem, settled.fit.point
-    check_fitted(problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
+    check_fitted(dataset, problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
     if settled.excess > MISFIT:
         excess = f"residuals are {settled.excess:.0f} times the noise"
         warn(f"{excess}: the geometry does not explain these data, or the declared sigma is too small")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.extrapolated import warn_of_extrapolation
 from gtpin.effects.lasting import lasts
 from gtpin.effects.where_measured import part_of_turn
-from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError, warn
+from gtpin.errors import ConvergenceError, DatasetError, ModelError, unheard, warn
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
 from gtpin.robot.robot import Robot
 
@@ -111,8 +110,7 @@ def _with_kept(
     dataset: Dataset, kept: Sequence[ActiveEffect], calibrated: Callable[[Dataset], Calibration]
 ) -> Calibration:
     """The calibration of the poses less the motions by these effects, repeated until the motions no longer change."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)  # of a fit that does not take the effects into account yet
+    with unheard():  # of a fit that does not take the effects into account yet
         found, before = calibrated(dataset), np.zeros((len(dataset), 6))
     for _ in range(PASSES):
         model = replace(found.model, effects=tuple(kept))

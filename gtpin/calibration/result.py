@@ -79,6 +79,8 @@ class Calibration(Shown):
         pose predicted by a fit without it: see :func:`~gtpin.calibration.left_out.left_out`. None for readings.
     floor
         The same lengths as the noise alone would give; None where the noise was neither declared nor shown by repeated visits.
+    warnings
+        Texts of all warnings, also of those when the dataset was read.
 
     Examples
     --------
@@ -111,6 +113,7 @@ class Calibration(Shown):
     paper_model: int | None = None
     left_out: Lengths | None = None
     floor: Lengths | None = None
+    warnings: tuple[str, ...] = ()
 
     @staticmethod
     def of(

@@ -78,6 +78,7 @@ def fit_json(calibration: Calibration, errors: dict[str, Any], noise: dict[str, 
             "tail_freedom": calibration.freedom if np.isfinite(calibration.freedom) else None,
             "enlarged": calibration.enlarged,
         },
+        "warnings": list(calibration.warnings),
     }
 
 

@@ -14,11 +14,11 @@ from gtpin.commands.terminal import (
     Force,
     Output,
     Tcp,
+    TrustData,
     progress_of,
+    read_dataset,
     tell,
-    with_tcp,
 )
-from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
@@ -47,12 +47,13 @@ def calibrate(
         ),
     ] = None,
     tcp: Tcp = None,
+    trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Identify the robot's geometry from measured poses."""
     with results_folder(output, CALIBRATION, force=force) as folder:
-        read = with_tcp(Dataset.read(dataset), tcp)
+        read = read_dataset(dataset, tcp, trust=trust_data)
         kept: tuple[ActiveEffect, ...] = ()
         if keep_effects is not None:
             earlier = read_model(keep_effects, tcp=tcp)

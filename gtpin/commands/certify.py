@@ -7,8 +7,18 @@ from typing import Annotated
 import typer
 
 from gtpin.certificate.certify import certify as run_certificate
-from gtpin.commands.terminal import AsJson, DatasetFolder, Force, Output, Seed, progress_of, rendered, tell
-from gtpin.data import Dataset
+from gtpin.commands.terminal import (
+    AsJson,
+    DatasetFolder,
+    Force,
+    Output,
+    Seed,
+    TrustData,
+    progress_of,
+    read_dataset,
+    rendered,
+    tell,
+)
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.certificate_files import CERTIFICATE, write_certificate
@@ -37,13 +47,14 @@ def certify(
         ),
     ] = None,
     seed: Seed = 0,
+    trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Certify accuracy and repeatability (ISO 9283, ISO 230-2), with an uncertainty budget (GUM) of the corrected machine."""
     with results_folder(output, CERTIFICATE, force=force) as folder:
         corrects = None if model is None else read_model(model)
-        read = Dataset.read(dataset)
+        read = read_dataset(dataset, trust=trust_data)
         with progress_of("certifying") as progress:
             found = run_certificate(read, corrects, instrument=instrument, seed=seed, progress=progress)
         result = write_certificate(found, folder)

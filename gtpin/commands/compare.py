@@ -7,10 +7,20 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, CartOrientation, DatasetFolder, Force, Output, Seed, progress_of, tell
+from gtpin.commands.terminal import (
+    AsJson,
+    CartOrientation,
+    DatasetFolder,
+    Force,
+    Output,
+    Seed,
+    TrustData,
+    progress_of,
+    read_dataset,
+    tell,
+)
 from gtpin.comparison.compare import compare as run_comparison
 from gtpin.comparison.figures import FILES, write_comparison
-from gtpin.data import Dataset
 from gtpin.errors import GtpinError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.results import results_folder
@@ -31,6 +41,7 @@ def compare(
     ] = False,
     seed: Seed = 0,
     orientations: CartOrientation = False,
+    trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -41,7 +52,7 @@ def compare(
             hint=f"what has changed since a model: gtpin diagnose {newer} --against {dataset} -o {output}",
         )
     with results_folder(output, (*FILES, "report.html"), force=force) as folder:
-        read = Dataset.read(dataset)
+        read = read_dataset(dataset, trust=trust_data)
         with progress_of("comparing") as progress:
             comparison = run_comparison(
                 read,

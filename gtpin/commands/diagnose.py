@@ -15,12 +15,12 @@ from gtpin.commands.terminal import (
     Output,
     Seed,
     Tcp,
+    TrustData,
     progress_of,
+    read_dataset,
     rendered,
     tell,
-    with_tcp,
 )
-from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.linear.hold_out import HoldOut
@@ -76,6 +76,7 @@ def diagnose(
     ] = None,
     tcp: Tcp = None,
     seed: Seed = 0,
+    trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -83,12 +84,12 @@ def diagnose(
     if against is not None:
         _refuse_alone(tcp is not None, "--tcp", "the model has its own")
         _refuse_alone(hold_out != "region", "--hold-out", "each pose is left out in turn")
-        options = {"exclude": exclude or (), "false_alarm": false_alarm, "seed": seed}
+        options = {"exclude": exclude or (), "false_alarm": false_alarm, "seed": seed, "trust_data": trust_data}
         changed_since(dataset, against, output, history, force, as_json, **options)
         return
     _refuse_alone(history is not None, "--history", "it needs --against MODEL")
     with results_folder(output, DIAGNOSIS, force=force) as folder:
-        read = with_tcp(Dataset.read(dataset), tcp)
+        read = read_dataset(dataset, tcp, trust=trust_data)
         with progress_of("diagnosing") as progress:
             found = run_diagnosis(
                 read,
@@ -123,7 +124,7 @@ def changed_since(
         add = None if log is None else stack.enter_context(history_of(log, force=force))
         folder = stack.enter_context(results_folder(output, CHECK, force=force))
         earlier = read_model(model)
-        read = Dataset.read(dataset)
+        read = read_dataset(dataset)
         if log is not None:
             refuse_readings(read)
         with progress_of("checking") as progress:

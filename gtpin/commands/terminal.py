@@ -65,13 +65,19 @@ Tcp = Annotated[
     ),
 ]
 
+TrustData = Annotated[
+    bool,
+    typer.Option("--trust-data", help="Checks for usual mistakes in the data only warn, and never refuse them."),
+]
+
 PIPED_WIDTH = 120
 """Width of tables, in characters, where the output is not a terminal."""
 
 
-def with_tcp(dataset: Dataset, tcp: str | None) -> Dataset:
-    """The dataset with another TCP, where one is given on the command line."""
-    return dataset if tcp is None else replace(dataset, tcp=tcp)
+def read_dataset(folder: Path, tcp: str | None = None, *, trust: bool = False) -> Dataset:
+    """The dataset of a folder, with the TCP and the trust of the command line."""
+    found = replace(Dataset.read(folder), trusted=trust)
+    return found if tcp is None else replace(found, tcp=tcp)
 
 
 def write_json(file: Path, content: object) -> None:

@@ -35,7 +35,7 @@ from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_name
 from gtpin.data.read_instruments import InstrumentContents, is_second, read_instruments
 from gtpin.data.second_schema import write_second
 from gtpin.data.table import Column, Floats
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import DatasetError, noted, warn
 from gtpin.output.ownership import refuse_foreign, was_moved_aside
 from gtpin.output.results import results_folder, writing
 from gtpin.output.shown import Presentation, Shown
@@ -88,6 +88,10 @@ class Dataset(Shown):
     readings
         The rows of the instruments of a dataset of schema 2; None where the dataset has the poses of one tracker. With
         readings, ``position`` is not measured: it is zero until a robot is known, then the nominal TCP in the base frame.
+    warnings
+        Texts of the warnings when it was read: results repeat them.
+    trusted
+        Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
 
     Raises
     ------
@@ -123,6 +127,8 @@ class Dataset(Shown):
     file: Path | None = None
     unusable: frozenset[str] = frozenset()
     readings: InstrumentRows | None = None
+    warnings: tuple[str, ...] = ()
+    trusted: bool = False
 
     def __post_init__(self) -> None:
         description = self._description(self.robot)
@@ -177,6 +183,11 @@ class Dataset(Shown):
         """The commands and covariates without what was measured."""
         return Commands(self.pose, self.q, self.covariates, self.row, self.file)
 
+    def told(self, texts: Iterable[str]) -> tuple[str, ...]:
+        """Texts of its own warnings and of others, each once; files are named without the folder that holds the dataset."""
+        folder = "" if self.path is None else f"{self.path}{os.sep}"
+        return tuple(dict.fromkeys(text.replace(folder, "") if folder else text for text in (*self.warnings, *texts)))
+
     def without(self, names: Collection[str]) -> Dataset:
         """The dataset without the covariates ``names``, which have impossible values; ``unusable`` then lists them."""
         kept = {name: values for name, values in self.covariates.items() if name not in names}
@@ -218,7 +229,13 @@ class Dataset(Shown):
         Raises `DatasetError`, with file, line, column and what to do, for anything that the format does not allow.
         Warns of columns that have text in place of numbers, and of covariates that do not vary.
         """
-        path = Path(path)
+        with noted() as texts:
+            found = cls._read(Path(path), instruments)
+        return replace(found, warnings=tuple(texts))
+
+    @classmethod
+    def _read(cls, path: Path, instruments: Iterable[type[Any]]) -> Dataset:
+        """The dataset of a folder."""
         check_folder(path, "a dataset is the folder that holds dataset.toml")
         values = read_toml(path / "dataset.toml")
         if is_second(values):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
-from gtpin.data.quaternion_order import first_misplaced, misplaced_order
+from gtpin.data.quaternion_order import first_misplaced, in_order, misplaced_order
 from gtpin.data.table import Floats
 from gtpin.errors import DatasetError, warn
+
+Doubt = Callable[[DatasetError, Any], None]
+"""Decides on a suspected mistake, by its error and the rows without the mistake: it raises the error, or returns."""
 
 _NEARLY_ALL = 0.95
 """Share of a column's values that must fit another unit for the message that they look like it. Assumed."""
@@ -20,6 +24,11 @@ TURNS = 3.0
 """Turns from zero, in either direction, beyond which commands of a joint without limits look like degrees. Assumed."""
 _SEVERAL = 6
 """Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
+
+
+def certainly(error: DatasetError, _: Any) -> None:
+    """Raise the error: no mistake is doubted."""
+    raise error
 
 
 def check_plausible(
@@ -44,7 +53,13 @@ def check_plausible(
 
 
 def check_commands(
-    rows: Dataset | Commands, *, names: Sequence[str], lower: ArrayLike, upper: ArrayLike, revolute: ArrayLike
+    rows: Dataset | Commands,
+    *,
+    names: Sequence[str],
+    lower: ArrayLike,
+    upper: ArrayLike,
+    revolute: ArrayLike,
+    suspect: Doubt = certainly,
 ) -> None:
     """Check commands against the ranges of a robot's n actuators.
 
@@ -54,10 +69,11 @@ def check_commands(
         Names of the actuators for messages, in the order of q.
     lower, upper, revolute
         (n,) ends of each range, m or rad, and whether the actuator turns.
+    suspect
+        What is done where most commands of a joint without limits are more than `TURNS` turns from zero, as degrees are.
 
-    Raises `DatasetError` for another number of actuators; for a command that is outside its range by more than the range's
-    width, with the unit that it looks like; and where most commands of a joint without limits are more than `TURNS` turns from
-    zero, as degrees are. Warns of poses that are outside by less.
+    Raises `DatasetError` for another number of actuators, and for a command that is outside its range by more than the range's
+    width, with the unit that it looks like; of a trusted dataset it only warns. Warns of poses that are outside by less.
     """
     low, high, turns = np.asarray(lower, float), np.asarray(upper, float), np.asarray(revolute, bool)
     if rows.n_actuators != len(names):
@@ -71,8 +87,11 @@ def check_commands(
     if far.any():
         index, actuator = (int(i) for i in np.argwhere(far)[0])
         limits = (low[actuator], high[actuator])
-        raise _far_outside(rows, index, actuator, names[actuator], *limits, turns[actuator], far[:, actuator])
-    _check_endless(rows, names, turns & ~np.isfinite(high - low))
+        error = _far_outside(rows, index, actuator, names[actuator], *limits, turns[actuator], far[:, actuator])
+        if not getattr(rows, "trusted", False):
+            raise error
+        warn(str(error))
+    _check_endless(rows, names, turns & ~np.isfinite(high - low), suspect)
     outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
     if outside.any():
         text = f"commands a little outside the robot's range: {_poses(rows, outside)}"
@@ -80,7 +99,12 @@ def check_commands(
 
 
 def check_measurements(
-    dataset: Dataset, *, predicted_position: ArrayLike, predicted_rotation: ArrayLike, reach: float
+    dataset: Dataset,
+    *,
+    predicted_position: ArrayLike,
+    predicted_rotation: ArrayLike,
+    reach: float,
+    suspect: Doubt = certainly,
 ) -> NDArray[np.bool_]:
     """Check measurements against a nominal prediction; give the (N,) mask of rows that the robot can reach.
 
@@ -90,6 +114,8 @@ def check_measurements(
         (N, 3) m and (N, 3, 3): pose of the TCP by the nominal model, base frame; NaN where it can't reach the commands.
     reach
         Largest displacement of the TCP that deviations of the geometry within its tolerances cause, m.
+    suspect
+        What is done with a suspected mistake.
 
     Raises `DatasetError` for measurements that look like millimetres or quaternions in another order than qw qx qy qz,
     and where no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are accepted.
@@ -102,12 +128,14 @@ def check_measurements(
     free = dataset.instrument.frame == "free"
     if _looks_like_millimetres(dataset.position[keep], position[keep], reach, free):
         hint = "divide x, y and z by 1000"
-        raise DatasetError("the measured position looks like millimetres", file=dataset.file, column="x y z", hint=hint)
+        what = "the measured position looks like millimetres"
+        error = DatasetError(what, file=dataset.file, column="x y z", hint=hint)
+        suspect(error, replace(dataset, position=dataset.position / 1000.0))
     at = (dataset.position[keep], position[keep]) if free else None
     if dataset.orientation is not None:
         order = misplaced_order(dataset.orientation[keep], rotation[keep], at)
         if order is not None:
-            raise misplaced(dataset, order)
+            suspect(misplaced(dataset, order), replace(dataset, orientation=in_order(dataset.orientation, order)))
     if not keep.all():
         text = f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}"
         warn(_located(dataset, text))
@@ -121,8 +149,8 @@ def misplaced(dataset: Dataset, order: str) -> DatasetError:
     return DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
 
 
-def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDArray[np.bool_]) -> None:
-    """Refuse the commands of a joint without limits that look like degrees.
+def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDArray[np.bool_], suspect: Doubt) -> None:
+    """Suspect the commands of a joint without limits that look like degrees.
 
     Most are more than `TURNS` turns from zero, and nearly all are within one turn when they are read in degrees.
     """
@@ -134,7 +162,10 @@ def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDAr
             what = f"most commands of {names[actuator]} are more than {TURNS:g} turns from zero, and look like degrees"
             hint = "write commands in rad; if the joint did turn so often, take whole turns away"
             file, line = rows.place(index)
-            raise DatasetError(what, file=file, row=line, column=f"q{actuator + 1}", hint=hint)
+            scaled = rows.q.copy()
+            scaled[:, actuator] = np.deg2rad(scaled[:, actuator])
+            error = DatasetError(what, file=file, row=line, column=f"q{actuator + 1}", hint=hint)
+            suspect(error, replace(rows, q=scaled))
 
 
 def _far_outside(

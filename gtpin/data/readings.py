@@ -93,6 +93,11 @@ class Orientations:
     left: Floats
     right: Floats
 
+    @property
+    def of_target(self) -> bool:
+        """Whether only the target's axes on the platform are others."""
+        return bool((self.right != np.eye(3)).any())
+
     def read(self, rotation: Rotation) -> Floats:
         """(N, 3, 3) rotations without the mistake, from those that were read."""
         wxyz = rotation.as_quat(scalar_first=True)

@@ -29,7 +29,7 @@ from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import driver_effects
 from gtpin.effects.driver_motion import Instrument
 from gtpin.effects.effect import Effect
-from gtpin.errors import warn
+from gtpin.errors import noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.model.model import Model
@@ -59,6 +59,7 @@ def diagnose(
     priors: Priors = PRIORS,
     hold_out: HoldOut = "region",
     seed: int = 0,
+    trust_data: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find the causes of the error that remains after geometric calibration.
@@ -86,6 +87,8 @@ def diagnose(
         (neighbours in time) or ``random``. Only ``gap`` and the causes' ``shrinkage`` depend on it.
     seed
         Seed of the random numbers: subsets of large datasets, and the draws from which intervals are computed.
+    trust_data
+        Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
     progress
         Called at each stage with a message, the number of the iteration, and the RMS residual in units of the noise (NaN where
         there is none); None: no calls.
@@ -103,6 +106,25 @@ def diagnose(
     >>> any((cause.effect, cause.site) == ("backlash", "cart1") for cause in diagnosis.causes)
     False
     """
+    with noted() as texts:
+        trusted = replace(dataset, trusted=True) if trust_data else dataset
+        options = (effects, exclude, false_alarm, priors, hold_out, seed, progress or _silent)
+        found = _diagnose(trusted, robot, *options)
+    return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))
+
+
+def _diagnose(
+    dataset: Dataset,
+    robot: Robot | Model | None,
+    effects: Iterable[Effect] | None,
+    exclude: Collection[str],
+    false_alarm: float,
+    priors: Priors,
+    hold_out: HoldOut,
+    seed: int,
+    report: Progress,
+) -> Diagnosis:
+    """As :func:`diagnose`."""
     nominal = measuring(robot.robot if isinstance(robot, Model) else robot or robot_of(dataset), dataset)
     known = tuple(catalogue() if effects is None else effects)
     scope = Scope.of((*known, *driver_effects(dataset, nominal)), exclude, false_alarm, nominal, priors)
@@ -110,12 +132,11 @@ def diagnose(
     _require_memory(dataset)
     _warn_of_masses(nominal)
     rng = np.random.default_rng(seed)
-    report = progress or _silent
 
-    prepared = prepare(dataset, nominal, progress, priors)
+    prepared = prepare(dataset, nominal, report, priors)
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
-        prepared = prepared.undeclared(small, nominal, progress, priors)
+        prepared = prepared.undeclared(small, nominal, report, priors)
     check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
     if dataset.drivers:
         scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
@@ -140,7 +161,7 @@ def diagnose(
         unseen_noise=any(d.reason == "excess" for d in fitted.conclusion.doubts),
         rng=rng,
     )
-    return replace(_diagnosis(prepared, settled, fitted, experiments, scope), dataset=dataset, seed=seed)
+    return _diagnosis(prepared, settled, fitted, experiments, scope)
 
 
 def _diagnosis(

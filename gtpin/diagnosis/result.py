@@ -61,6 +61,8 @@ class Diagnosis(Shown):
         The effects that were tried.
     seed
         Seed of the random numbers.
+    warnings
+        Texts of all warnings, also of those when the dataset was read.
     doubts
         Reasons for which something unknown is assumed. Each makes the verdict ``unknown``.
 
@@ -95,6 +97,7 @@ class Diagnosis(Shown):
     seed: int = 0
     doubts: tuple[Doubt, ...] = ()
     noise_source: Source = "declared"
+    warnings: tuple[str, ...] = ()
 
     def effect(self, name: str) -> Effect:
         """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""

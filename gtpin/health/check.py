@@ -26,6 +26,7 @@ from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import Effect
+from gtpin.errors import noted
 from gtpin.health.alarm import Bench, chance, threshold
 from gtpin.health.changes import Changes, Since, Tested, changes
 from gtpin.health.earlier import Earlier
@@ -61,6 +62,7 @@ def check(
     false_alarm: float = FALSE_ALARM,
     priors: Priors = PRIORS,
     seed: int = 0,
+    trust_data: bool = False,
     progress: Progress | None = None,
 ) -> HealthCheck:
     """Find what has changed since ``model`` was identified: :func:`gtpin.diagnose` with ``against=model``.
@@ -73,9 +75,17 @@ def check(
         If the dataset does not match the model's robot, or an excluded effect is not known.
     """
     check_same_robot(model.robot, dataset)
-    model = reading_model(model, dataset)
+    with noted() as texts:
+        trusted = replace(dataset, trusted=True) if trust_data else dataset
+        model = reading_model(model, dataset)
+        scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, model.robot, priors)
+        found = _checked(trusted, model, scope, seed, progress)
+    return replace(found, dataset=dataset, warnings=dataset.told(texts))
+
+
+def _checked(dataset: Dataset, model: Model, scope: Scope, seed: int, progress: Progress | None) -> HealthCheck:
+    """As :func:`check`."""
     earlier, rng = Earlier(model), np.random.default_rng(seed)
-    scope = Scope.of(catalogue() if effects is None else effects, exclude, false_alarm, model.robot, priors)
     data = usable(dataset, model)
     if progress is not None:
         progress("simulating machines that have not changed", 0, float("nan"))

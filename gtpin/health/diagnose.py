@@ -32,6 +32,7 @@ def diagnose(
     priors: Priors = PRIORS,
     hold_out: HoldOut = "region",
     seed: int = 0,
+    trust_data: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis: ...
 
@@ -47,6 +48,7 @@ def diagnose(
     false_alarm: float = FALSE_ALARM,
     priors: Priors = PRIORS,
     seed: int = 0,
+    trust_data: bool = False,
     progress: Progress | None = None,
 ) -> HealthCheck: ...
 
@@ -62,6 +64,7 @@ def diagnose(
     priors: Priors = PRIORS,
     hold_out: HoldOut = "region",
     seed: int = 0,
+    trust_data: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis | HealthCheck:
     """Find the causes of the error that remains after geometric calibration; or, with ``against``, of what has changed.
@@ -96,6 +99,8 @@ def diagnose(
         used: each pose is left out by itself.
     seed
         Seed of the random numbers: subsets of large datasets, and the draws from which intervals and thresholds are computed.
+    trust_data
+        Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
     progress
         Called at each stage with a message, the number of the iteration, and the RMS residual in units of the noise (NaN where
         there is none); None: no calls.
@@ -128,6 +133,7 @@ def diagnose(
             priors=priors,
             hold_out=hold_out,
             seed=seed,
+            trust_data=trust_data,
             progress=progress,
         )
     if robot is not None:
@@ -140,5 +146,6 @@ def diagnose(
         false_alarm=false_alarm,
         priors=priors,
         seed=seed,
+        trust_data=trust_data,
         progress=progress,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,7 +12,7 @@ import numpy.typing as npt
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.lasting import lasts
 from gtpin.effects.situation import Column, Situation
-from gtpin.errors import GtpinWarning, ModelError
+from gtpin.errors import ModelError, unheard
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 
@@ -83,8 +82,7 @@ class Earlier:
         ModelError
             If a covariate is missing that an effect needs.
         """
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", GtpinWarning)  # sessions of a check are never those of the model
+        with unheard():  # sessions of a check are never those of the model
             try:
                 return with_effects(self.model.kinematics, q, self._then(covariates, len(q)), self.effects, plain)
             except ModelError as error:
@@ -96,8 +94,7 @@ class Earlier:
         kinematics = self.model.kinematics
         columns = [kinematics.geometry_jacobian(q, poses)]
         then = self._then(covariates, len(q))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", GtpinWarning)
+        with unheard():
             for active in self.effects:
                 at = Situation(kinematics, q, poses, then, fixed=active.references)
                 columns.append(active.basis(at).displacement(at))

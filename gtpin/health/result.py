@@ -56,6 +56,8 @@ class HealthCheck(Shown):
         The input data, and the seed of the random draws.
     questions, next_experiment
         Empty: a check finds neither.
+    warnings
+        Texts of all warnings, also of those when the dataset was read.
 
     Examples
     --------
@@ -92,6 +94,7 @@ class HealthCheck(Shown):
     seed: int = 0
     questions: tuple[Question, ...] = ()
     next_experiment: tuple[Experiment, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def effect(self, name: str) -> Effect:
         """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""

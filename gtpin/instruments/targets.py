@@ -8,6 +8,7 @@ import numpy.typing as npt
 from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.errors import DatasetError
 from gtpin.instruments.instrument import Read, RowError, Unknown
+from gtpin.kinematics.frame_and_target import AWAY
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import skew
 
@@ -56,14 +57,14 @@ class Targets:
     table, read
         The instrument's table in dataset.toml, and its rows.
     free
-        True: the targets' coordinates have no prior. False: the standard deviation of their priors is ``table.target_sigma``.
+        True: the standard deviation of the priors of the targets' coordinates is `AWAY`. False: it is ``table.target_sigma``.
     """
 
     def __init__(self, table: InstrumentTable, read: Read, *, free: bool = False) -> None:
         self._named = table.fixed_targets
         self.of: npt.NDArray[np.intp] = indices(read, "target", dict(self._named), "target")
         self.declared = np.array(list(self._named.values()), dtype=float)
-        sigma = np.inf if free else table.target_sigma
+        sigma = AWAY if free else table.target_sigma
         self.unknowns: tuple[Unknown, ...] = tuple(
             Unknown(f"{table.name}.target{_in_brackets(name)}.{axis}", "m", float(at[i]), sigma)
             for name, at in zip(self._named, self.declared, strict=True)

@@ -13,6 +13,7 @@ from gtpin.data.read_instruments import SIGMAS
 from gtpin.instruments.instrument import Component, Instrument, Unknown
 from gtpin.instruments.targets import AXES, Targets
 from gtpin.kinematics.alignment import alignment
+from gtpin.kinematics.frame_and_target import TURN, frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, log, skew
 
@@ -28,8 +29,8 @@ class Tracker(Instrument):
     in the instrument's frame. M: the target's orientation on the platform. Cameras and motion capture are trackers too.
 
     Unknown, in brackets the standard deviation of the prior: the targets' points on the platform (``target_sigma``). For
-    ``target = "free"``: these points and M, without a prior; otherwise M is the identity. For ``frame = "free"``: F and f,
-    without a prior.
+    ``target = "free"``: these points (0.3 m) and M (2 rad), so that what the poses do not determine of them stays as declared;
+    otherwise M is the identity. For ``frame = "free"``: F and f, without a prior.
     """
 
     kind, Table = "tracker", TrackerTable
@@ -51,7 +52,7 @@ class Tracker(Instrument):
         # A free target's orientation on the platform is free as well, where orientations are read.
         self._mounts = list(self.table.fixed_targets) if free_target and self.turned else []
         mounts = [
-            Unknown(f"{self.table.name}.target{f'[{target}]' if target else ''}.{axis}", "rad", 0.0, np.inf)
+            Unknown(f"{self.table.name}.target{f'[{target}]' if target else ''}.{axis}", "rad", 0.0, TURN)
             for target in self._mounts
             for axis in TURNS
         ]
@@ -132,12 +133,31 @@ class Tracker(Instrument):
         return found
 
     def start(self, nominal: Poses) -> Floats:
-        """(k,) first guess: a free frame by least squares between nominal and measured poses; all else 0."""
-        u = np.zeros(len(self.unknowns))
-        if self.table.frame == "free":
+        """(k,) first guess: a free frame, and free targets, by a fit of nominal and measured poses; all else 0."""
+        u, free = np.zeros(len(self.unknowns)), self.table.frame == "free"
+        if self.table.target == "free":
+            return self._start_of_targets(nominal, u, free)
+        if free:
             at = Poses(self.targets.positions(nominal, u[: self.targets.count]), nominal.R)
-            R_measured = None if self._R is None or self._mounts else self._R
-            shift, F = alignment(at, self._T, R_measured)
+            shift, F = alignment(at, self._T, self._R)
+            u[-6:-3], u[-3:] = shift, log(F[None])[0]
+        return u
+
+    def _start_of_targets(self, nominal: Poses, u: Floats, free: bool) -> Floats:
+        """The first guess u with free targets: the frame comes from the target with most rows."""
+        k, shift, F = self.targets.count, np.zeros(3), np.eye(3)
+        for i in np.argsort(-np.bincount(self.targets.of, minlength=len(self.targets.declared)), kind="stable"):
+            rows = self.targets.of == i
+            if not rows.any():
+                continue
+            T, R = (self._T[rows] - shift) @ F, None if self._R is None else F.T @ self._R[rows]
+            place = frame_and_target(nominal[rows], T, R, free_frame=free)
+            if free:
+                shift, F, free = place.shift, place.turn, False
+            u[3 * i : 3 * i + 3] = place.at - self.targets.declared[i]
+            if self._mounts:
+                u[k + 3 * i : k + 3 * i + 3] = log(place.mount[None])[0]
+        if self.table.frame == "free":
             u[-6:-3], u[-3:] = shift, log(F[None])[0]
         return u
 

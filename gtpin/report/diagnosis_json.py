@@ -82,6 +82,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
             ],
         },
         "next_experiment": [e.to_json() for e in d.next_experiment],
+        "warnings": list(d.warnings),
     }
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.checks.frame_scan import EDGE, Scan
 from gtpin.calibration.checks.shifted_rows import own_session
+from gtpin.calibration.checks.suspected import Size, suspect
 from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Point, Problem
 from gtpin.data import Dataset
@@ -35,7 +36,7 @@ Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."
 
 
 def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise | ReadingNoise) -> None:
-    """Refuse data during which the instrument moved by much more than its noise.
+    """Suspect data during which the instrument moved by much more than its noise.
 
     Parameters
     ----------
@@ -74,13 +75,21 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise 
         if scan.left_by(_alternatives(dataset, scan.rows)) < AHEAD * scan.left(steps):
             continue
         lines = dataset.row[rows]
-        raise DatasetError(
+        error = DatasetError(
             f"rows {lines[0]} to {lines[-1]}{words} read {moved * 1e3:.2g} mm off what the others say, all by the same motion: "
             "the instrument was bumped or set up anew, or a drive's zero moved",
             file=dataset.file,
             row=int(lines[0]),
             hint="give these rows a session of their own in the column session, or leave them out",
         )
+        before, after = (_size(scan, noise, steps) for steps in ([], steps))
+        return suspect(error, dataset, before, after)
+
+
+def _size(scan: Scan, noise: Noise, steps: list[int]) -> Size:
+    """Standard deviations of the residuals with some steps, m and rad."""
+    times = float(np.sqrt(2.0 * scan.left(steps) / scan.y.size))
+    return times * noise.position_sigma, times * noise.orientation_sigma if scan.y.shape[1] == 6 else 0.0
 
 
 def _alternatives(dataset: Dataset, rows: npt.NDArray[np.intp]) -> Floats:

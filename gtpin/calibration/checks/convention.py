@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from gtpin.calibration.checks.suspected import Size
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Point, Problem
 from gtpin.data.orientation_convention import misread
@@ -25,23 +26,26 @@ factor of exp(30) in likelihood, over some 150 readings. A convention has no fre
 other convention left less than 0.96 (80 fits of 40 machines of the plant)."""
 AS_GOOD = 1.5
 """Ratio of its squared residuals to the smallest up to which a convention counts as equally good. Assumed."""
+NONE: Size = (0.0, 0.0)
 LEAST = 20
 """Number of poses below which nothing is reported. Assumed."""
 
 
-def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
-    """Other conventions of rotations by which the measured orientations fit the geometry far better, the most usual one first.
+def other_convention(fit: Fit[Problem], sigma: float) -> tuple[list[RotationReading], Size, Size]:
+    """Other conventions of rotations by which the measured orientations fit the geometry better, the most usual one first.
 
-    The list is empty where the orientations fit as they are. For small angles two conventions give nearly the same rotation:
-    the difference grows with the square of the angle, and a fit absorbs a part of it. Therefore the residuals of a convention
-    are those after a linearised fit to the orientations read by it: r - J dx, with dx from the normal equations with the
-    tolerances as priors.
+    Also the standard deviations of the orientation residuals as they are, and by the best convention, m (0) and rad; ``sigma``:
+    the noise of orientations of the fit, rad. The list is empty where the orientations fit as they are.
+
+    For small angles two conventions give nearly the same rotation: the difference grows with the square of the angle, and a fit
+    absorbs a part of it. Therefore the residuals of a convention are those after a linearised fit to the orientations read by
+    it: r - J dx, with dx from the normal equations with the tolerances as priors.
     """
     measured = fit.problem.measured
     if measured.R is None or len(measured.T) < LEAST:
-        return []
+        return [], NONE, NONE
     if measured.q.shape[1] == 1:  # about one axis conventions differ only in how they scale noise about other axes
-        return []
+        return [], NONE, NONE
     rows = np.linspace(0, len(measured.T) - 1, min(len(measured.T), ROWS)).astype(int)
     some = measured.take(rows)
     assert some.R is not None
@@ -68,8 +72,10 @@ def other_convention(fit: Fit[Problem]) -> list[RotationReading]:
     now, *others = left([some.R, *(reading.read(rotation) for reading in readings)])
     least = min(others)
     if not (least < LEFT * now and least < now - GAIN):
-        return []
-    return [reading for value, reading in zip(others, readings, strict=True) if value <= AS_GOOD * least]
+        return [], NONE, NONE
+    found = [reading for value, reading in zip(others, readings, strict=True) if value <= AS_GOOD * least]
+    before, after = (sigma * float(np.sqrt(value / (3.0 * fit.weight[rows].sum()))) for value in (now, least))
+    return found, (0.0, before), (0.0, after)
 
 
 @cache

@@ -14,6 +14,7 @@ from gtpin.calibration.checks.frame_scan import nominal_problem
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
+from gtpin.calibration.checks.suspected import BEYOND, refuse, suspect
 from gtpin.calibration.checks.usable_rows import reach_of
 from gtpin.calibration.problem import Measured, Problem
 from gtpin.calibration.settled import Settled
@@ -71,9 +72,9 @@ def settled_in_doubt(
 
 
 def check_used(kept: Dataset, measured: Measured, settled: Settled[Problem]) -> None:
-    """Raise `DatasetError` if the fit set aside a sequence of rows, or a large part of them.
+    """Raise `DatasetError` if the fit set aside a sequence of rows, or a large part of them, that no effect can explain.
 
-    The fit then does not describe the whole machine.
+    The fit then does not describe the whole machine. Where an effect can explain these rows, this is a warning.
     """
     if settled.used.all():
         return
@@ -88,12 +89,17 @@ def check_used(kept: Dataset, measured: Measured, settled: Settled[Problem]) -> 
     if found is None and aside.mean() < MOST:
         return
     where = f"rows {lines.min()} to {lines.max()}" if found is not None else f"{aside.sum()} of {len(aside)} rows"
-    raise DatasetError(
-        f"{where} do not fit the others, by {1e3 * np.nanmedian(off[aside]):.3g} mm in the median",
+    left = float(np.nanmedian(off[aside]))
+    error = DatasetError(
+        f"{where} do not fit the others, by {1e3 * left:.3g} mm in the median",
         file=kept.file,
         row=int(lines.min()),
         hint="commands or readings of other rows, signs or units of a part of the table; correct them, or leave them out",
     )
+    if left > BEYOND[0]:
+        refuse(error, kept)
+    else:
+        warn(str(error))
 
 
 def unstrained(
@@ -133,11 +139,12 @@ def unstrained(
 
 
 def check_convention(dataset: Dataset, settled: Settled[Problem]) -> None:
-    """Raise `DatasetError` for orientations that fit far better when they are read by another convention."""
-    found = other_convention(settled.fit)
+    """Suspect orientations that fit far better when they are read by another convention."""
+    found, before, after = other_convention(settled.fit, float(settled.noise.sigma[-1]))
     if found:
         looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
-        raise DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
+        error = DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
+        suspect(error, dataset, before, after, exact=True)
 
 
 def check_fit(dataset: Dataset, settled: Settled[Problem], nominal: Poses) -> None:
@@ -157,11 +164,8 @@ def check_fit(dataset: Dataset, settled: Settled[Problem], nominal: Poses) -> No
         share = f"{MOST:.0%} of the poses"
         what = f"calibration leaves {worst * 1e3:.3g} mm and more at {share}: these can't be the robot's poses"
     if what:
-        raise DatasetError(
-            what,
-            file=dataset.file,
-            hint='check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")',
-        )
+        hint = 'check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")'
+        refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
     if left < SMALLEST and dataset.instrument.position_sigma is None:
         warn(
             f"the positions agree with the calibrated kinematics to {left * 1e6:.2g} um in the median, and no instrument "

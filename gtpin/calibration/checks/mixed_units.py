@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset
 from gtpin.data.readings import UNITS
@@ -29,7 +30,7 @@ TRIPLES = 400
 
 
 def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
-    """Refuse positions that are in another unit in a part of the rows.
+    """Suspect positions that are in another unit in a part of the rows.
 
     Parameters
     ----------
@@ -45,9 +46,9 @@ def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
     found = _part(dataset.position[there], poses[there], dataset.instrument.frame == "free") if there.any() else None
     if found is None:
         return
-    rows, unit, factor = found
+    rows, unit, factor, before, after = found
     lines = dataset.row[there][rows]
-    raise DatasetError(
+    error = DatasetError(
         f"x y z look like {unit} in {rows.sum()} of {len(dataset)} rows, the first in line {lines.min()} and the last in line "
         f"{lines.max()} of the file, and like metres in the others",
         file=dataset.file,
@@ -55,10 +56,14 @@ def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
         column="x y z",
         hint=f"multiply x, y and z of these rows by {factor:g}",
     )
+    suspect(error, dataset, (before, 0.0), (after, 0.0))
 
 
-def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float] | None:
-    """The rows in another unit, the name of the unit, and its length in metres; None where there is no such part."""
+def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float, float] | None:
+    """The rows in another unit, the name of the unit, and its length in metres; None where there is no such part.
+
+    The last two numbers are the median distances of these rows from where they should be, m: read in metres, and in the unit.
+    """
     least = max(FEWEST, int(np.ceil(SHARE * len(T))))
     if len(T) < 2 * least:
         return None
@@ -71,7 +76,7 @@ def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float] | None
     ):
         rows = (left <= near) & (off[0] > BETTER * left)
         if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= REST:
-            return rows, unit, factor
+            return rows, unit, factor, float(np.median(off[0][rows])), float(np.median(left[rows]))
     return None
 
 

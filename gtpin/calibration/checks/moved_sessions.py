@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.checks.frame_scan import Scan, nominal_problem
+from gtpin.calibration.checks.suspected import refuse
 from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Measured, Problem, rough_frame
 from gtpin.data import Dataset
@@ -63,7 +64,7 @@ def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: 
         frame = rough_frame(poses, measured) if dataset.instrument.frame == "free" else Frame()
         start = replace(nominal, frame=frame)
         moved = _moved_linear(part, *nominal_problem(start, measured, poses, dataset.instrument), poses)
-    _refuse(dataset, moved, FAR)
+    _suspect(dataset, moved, FAR)
 
 
 def check_sessions_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses) -> None:
@@ -79,7 +80,7 @@ def check_sessions_linear(dataset: Dataset, problem: Problem, noise: Noise, near
     DatasetError
         If motions of the frame between sessions explain most of the power of the residuals.
     """
-    _refuse(dataset, _moved_linear(dataset, problem, noise, near), FAILED)
+    _suspect(dataset, _moved_linear(dataset, problem, noise, near), FAILED)
 
 
 def _moved_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses) -> dict[str, float]:
@@ -96,20 +97,24 @@ def _moved_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses)
     return dict(zip(names, [0.0, *(float(size) for size in scan.moved_by(columns))], strict=True))
 
 
-def _refuse(dataset: Dataset, moved: dict[str, float], least: float) -> None:
-    """Raise an error where the instrument moved by ``least`` m or more; ``moved``: distances from the first session, m."""
+def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
+    """Suspect an instrument that moved by ``least`` m or more; ``moved``: distances from the first session, m.
+
+    The motion is at least `CLEAR` times what is left with a frame for each session, or is the reason why a fit failed.
+    """
     first, *others = moved or [""]
     far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
     if not far:
         return
     moves = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[:NAMED])
     more = f" and {len(far) - NAMED} more sessions" if len(far) > NAMED else ""
-    raise DatasetError(
+    error = DatasetError(
         f"the instrument moved between sessions: from where it stood in session {first} by {moves}{more}",
         file=dataset.file,
         column="session",
         hint="make a dataset of each session, or register the sessions to common marks and give all poses in one frame",
     )
+    refuse(error, dataset)
 
 
 def _sessions(dataset: Dataset) -> tuple[npt.NDArray[np.str_], list[str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,8 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.checks.read_otherwise import Otherwise, ways
+from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.instrument_unknowns import with_unknowns
-from gtpin.errors import ConvergenceError, DatasetError
+from gtpin.data import Dataset
+from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 
@@ -30,6 +32,8 @@ Assumed."""
 STRAINED = 10.0
 """Deviation of an unknown from its declared value, in prior sigmas, from which other ways to read a table are tried too.
 Assumed."""
+FAR_PRIORS = 30.0
+"""Deviation of an unknown from its declared value after a fit, in prior sigmas, with which the data are not fitted. Assumed."""
 USUAL = 1e-3
 """Usual error of a nominal robot, m and rad: it counts as much as a deviation of one prior sigma. Assumed."""
 VARIATION = 0.3
@@ -94,44 +98,61 @@ class Misfit:
         return f"{1e3 * self.off[unit]:.3g} {'mm' if unit == 'm' else 'mrad'}"
 
 
-def check_readable(readings: Readings, poses: Poses, reach: float) -> None:
-    """Refuse readings whose errors relative to the nominal robot are larger than its tolerances allow.
+def check_readable(
+    dataset: Dataset, readings: Readings, poses: Poses, reach: float, fitted: Callable[[Readings, int], Misfit | None]
+) -> None:
+    """Suspect readings whose errors relative to the nominal robot are larger than its tolerances allow.
 
     Parameters
     ----------
+    dataset
+        The data.
     readings
         The readings, with the unknowns' values that fit best.
     poses
         (N) nominal poses, base frame.
     reach
         Largest displacement of the TCP that deviations of the geometry within its tolerances cause, m.
+    fitted
+        Gives the misfit of an instrument, by its index, after a fit of the geometry to all readings; None where it fails.
 
     Raises
     ------
     DatasetError
-        If there are such readings; it names the unit or the sign that fits, where there is one.
+        If such readings can't be fitted; it names the unit or the sign with which they can, where there is one.
+
+    Warns
+    -----
+    GtpinWarning
+        If they can be fitted as they are.
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)
         if not now.suspicious(reach):
             continue
-        best, other = _best(
-            [(_read(readings, poses, i, other), other) for other in ways(readings.rows, i, one.components[0].unit)]
-        )
+        tried = ((_read(readings, poses, i, other), other) for other in ways(readings.rows, i, one.components[0].unit))
+        found, other = _best([(None if read is None else (read, Misfit.of(read, poses, i)), o) for read, o in tried])
         file = readings.rows.files[i]
-        if best is not None and other is not None and not best.exceeds(reach) and best.size < now.size / BETTER:
+        read, best = (None, None) if found is None else found
+        if read is not None and best is not None and other is not None and _explains(best, now, reach):
             by = f"{now} off, read so {best}" if now.size > now.strain else "possible only far from what is declared"
             what = f"{one.name}: {other.looks} (as it stands, readings are {by})"
-            if other.column is not None:
-                raise DatasetError(what, file=file, column=other.column, hint=other.hint)
-            toml = None if file is None else Path(file).parent / "dataset.toml"
-            raise DatasetError(what, file=toml, column=f"instrument.{i}.{other.key}", hint=other.hint)
-        if now.exceeds(reach):
-            raise DatasetError(
+            error = DatasetError(what, file=file, column=other.column, hint=other.hint)
+            if other.column is None:
+                toml = None if file is None else Path(file).parent / "dataset.toml"
+                error = DatasetError(what, file=toml, column=f"instrument.{i}.{other.key}", hint=other.hint)
+            suspect(error, dataset, _size(fitted(readings, i)), _size(fitted(read, i)))
+        elif now.exceeds(reach):
+            error = DatasetError(
                 f"readings of {one.name} are {now} off what the nominal robot gives",
                 file=file,
                 hint="check units, signs, commands, and where the instrument stood",
             )
+            after = fitted(readings, i)
+            if after is None or after.exceeds(LEFT * reach):
+                refuse(error, dataset)
+            else:
+                warn(str(error))
 
 
 @contextlib.contextmanager
@@ -161,11 +182,13 @@ def explained(readings: Readings, poses: Poses, reach: float) -> Iterator[None]:
         ) from None
 
 
-def check_fitted(readings: Readings, poses: Poses, reach: float) -> None:
+def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: float) -> None:
     """Refuse readings with large errors relative to the fitted robot: the fit has not found their minimum.
 
     Parameters
     ----------
+    dataset
+        The data.
     readings, poses
         The readings that the fit used, with the fitted unknowns, and the fitted poses (N), base frame.
     reach
@@ -180,18 +203,33 @@ def check_fitted(readings: Readings, poses: Poses, reach: float) -> None:
         now = Misfit.of(readings, poses, i)
         if now.exceeds(LEFT * reach):
             what = f"readings of {one.name} are {now} off what the calibrated robot gives"
-            raise DatasetError(what, file=readings.rows.files[i], hint=LOOK)
+            refuse(DatasetError(what, file=readings.rows.files[i], hint=LOOK), dataset)
 
 
-def _best(tried: list[tuple[Misfit | None, Otherwise]]) -> tuple[Misfit | None, Otherwise | None]:
+def _explains(best: Misfit, now: Misfit, reach: float) -> bool:
+    return not best.exceeds(reach) and best.size < now.size / BETTER
+
+
+def _size(misfit: Misfit | None) -> Size:
+    """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns that can't be."""
+    if misfit is None or misfit.strain > FAR_PRIORS:
+        return NO_FIT
+    return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
+
+
+Found = tuple[Readings, Misfit]
+"""Readings that are read in another way, and the misfit of their instrument."""
+
+
+def _best(tried: list[tuple[Found | None, Otherwise]]) -> tuple[Found | None, Otherwise | None]:
     """The first way to read an instrument that is about as good as the best: the usual and simple ones come first."""
-    least = min((misfit.size for misfit, _ in tried if misfit is not None), default=np.inf)
-    alike = (found for found in tried if found[0] is not None and found[0].size <= ALIKE * least)
+    least = min((found[1].size for found, _ in tried if found is not None), default=np.inf)
+    alike = (pair for pair in tried if pair[0] is not None and pair[0][1].size <= ALIKE * least)
     return next(alike, (None, None))
 
 
-def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Misfit | None:
-    """The misfit of an instrument that is read in another way; None where it can't be computed, or is not accepted."""
+def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Readings | None:
+    """The readings with an instrument that is read in another way; None where it can't be read so, or is not accepted."""
     rows = readings.rows
     mine = rows.rows_of(index)
     numbers = {n: np.array(c[mine], dtype=float) for n, c in rows.columns.items() if c.dtype != object}
@@ -205,10 +243,11 @@ def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Mis
     try:
         found = replace(readings, rows=replace(rows, tables=tables, columns=columns), u=np.zeros(0))
         found = found.at(np.zeros(len(found.unknowns)))
-        misfit = Misfit.of(with_unknowns(found.at(found.start(poses)), poses), poses, index)
+        found = with_unknowns(found.at(found.start(poses)), poses)
+        misfit = Misfit.of(found, poses, index)
     except (DatasetError, np.linalg.LinAlgError):
         return None
     varied = {name: (float(np.std(numbers[name])), float(np.std(values))) for name, values in new.items()}
     smaller = any(now < 0.5 * before for before, now in varied.values())
     left = misfit.off[readings.instruments[index].components[0].unit]
-    return None if smaller and left > VARIATION * max(now for _, now in varied.values()) else misfit
+    return None if smaller and left > VARIATION * max(now for _, now in varied.values()) else found

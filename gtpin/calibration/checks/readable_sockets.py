@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.checks.read_otherwise import UNITS
+from gtpin.calibration.checks.suspected import refuse
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
@@ -43,11 +44,13 @@ def check_sockets(dataset: Dataset, robot: Robot) -> None:
             warn(f"{rows.files[i]}: visited once, so that they say nothing: sockets {', '.join(once)}")
 
 
-def check_distances(readings: Readings, poses: Poses, reach: float) -> None:
+def check_distances(dataset: Dataset, readings: Readings, poses: Poses, reach: float) -> None:
     """Refuse known distances of sockets that are far from those of the nominal robot.
 
     Parameters
     ----------
+    dataset
+        The data.
     readings
         The readings, with the sockets' points from the nominal robot.
     poses, reach
@@ -74,7 +77,8 @@ def check_distances(readings: Readings, poses: Poses, reach: float) -> None:
                 f"it looks like {like[0][0]}: multiply by {like[0][1]:g}" if like else "check it, and the rows' sockets"
             )
             what = f"{one.name}: {a} and {b} are {given:.6g} m apart here, for the nominal robot {found:.3g} m"
-            raise DatasetError(what, file=toml, column=f"instrument.{i}.distances.{k}", hint=hint)
+            column = f"instrument.{i}.distances.{k}"
+            refuse(DatasetError(what, file=toml, column=column, hint=hint), dataset)
 
 
 def _missed(readings: Readings, poses: Poses, index: int, one: Socket, names: tuple[str, str]) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from gtpin.calibration.checks.command_readings import command_readings
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data.orientation_convention import misread
-from gtpin.data.readings import RotationReading, orientation_readings, position_readings
+from gtpin.data.readings import Orientations, RotationReading, orientation_readings, position_readings
+from gtpin.kinematics.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Frame, Model
@@ -42,6 +43,8 @@ STEPS = 4
 """Number of Gauss-Newton steps that determine the shift of a drive's commands."""
 REACHED = 0.75
 """Share of the rows that the nominal model must reach when commands are read in another way. Assumed."""
+MOVED = 1e-9
+"""Distance, m, from which a target is not at the TCP."""
 MOST_NAMED = 3
 """Largest number of readings that are named where several fit equally well."""
 
@@ -62,7 +65,9 @@ class Reading:
     mistakes
         Number of mistakes that are corrected.
     measured, poses
-        The measured poses, read in this way, and those that the nominal model predicts, base frame.
+        The measured poses, read in this way, and those that the nominal model predicts of the target, base frame.
+    elsewhere
+        Whether the instrument is assumed to stand elsewhere than in the base frame, though it is not declared free.
     """
 
     columns: str
@@ -71,9 +76,26 @@ class Reading:
     mistakes: int
     measured: Measured
     poses: Poses
+    elsewhere: bool = False
+
+    def corrected(self, nominal: Model, free_frame: bool) -> Measured:
+        """The measured poses of the TCP, without the mistakes: ``poses`` may be those of a target at another place."""
+        q, T, R = self.measured.q, self.measured.T, self.measured.R
+        tcp = nominal.kinematics.forward(q)
+        if not tcp.reached.all():
+            return self.measured
+        aside = self.poses.T - tcp.T
+        if np.abs(aside).max(initial=0.0) > MOVED:
+            F = rough_frame(self.poses, self.measured).R if free_frame else np.eye(3)
+            T = T - aside @ F.T
+        if R is not None:
+            R = R @ np.swapaxes(self.poses.R, 1, 2) @ tcp.R
+        return Measured(q, T, R)
 
 
-def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) -> Reading | None:
+def recognised(
+    nominal: Model, poses: Poses, measured: Measured, *, free: bool, free_target: bool = False
+) -> Reading | None:
     """The usual mistake that makes data fit the nominal model; None where they fit without a correction, or no mistake fits.
 
     These are tried, alone and together: units of lengths, of some axes or all; axes that are swapped or reversed; quaternions
@@ -84,11 +106,11 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
     ----------
     poses
         (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach.
-    free
-        Whether the instrument's pose is declared unknown.
+    free, free_target
+        Whether the instrument's pose, and the target's place on the platform, are declared unknown.
     """
     some = np.linspace(0, len(poses) - 1, min(len(poses), ROWS)).astype(int)
-    search = Search(nominal, measured.take(some), poses[some], free)
+    search = Search(nominal, measured.take(some), poses[some], free, free_target)
     if not search.suspicious:
         return None
     most = min(search.misfit / BETTER, search.accepted)
@@ -104,7 +126,7 @@ def recognised(nominal: Model, poses: Poses, measured: Measured, *, free: bool) 
     best = min(misfit for misfit, _ in chosen)
     alike = [reading for misfit, reading in chosen if misfit <= max(AS_GOOD * best, search.fits)]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in alike), strict=True))
-    return Reading(alike[0].columns, looks, hints, fewest, alike[0].measured, alike[0].poses)
+    return replace(alike[0], looks=looks, hint=hints, mistakes=fewest)
 
 
 def either(words: Iterable[str]) -> str:
@@ -117,8 +139,8 @@ def either(words: Iterable[str]) -> str:
 class Search:
     """Compares data with a nominal model. A misfit is a distance, m; angles are multiplied by the workspace's size."""
 
-    def __init__(self, nominal: Model, measured: Measured, poses: Poses, free: bool) -> None:
-        self.nominal, self.all, self.free = nominal, measured, free
+    def __init__(self, nominal: Model, measured: Measured, poses: Poses, free: bool, free_target: bool = False) -> None:
+        self.nominal, self.all, self.free, self.free_target = nominal, measured, free, free_target
         there = poses.reached
         self.reached = float(there.mean())
         self.measured, self.poses = measured.take(there), poses[there]
@@ -205,7 +227,9 @@ class Search:
                 f"{b}, and {a}" if a else b for a, b in zip((reading.looks, reading.hint), _ELSEWHERE, strict=True)
             )
             columns = reading.columns if reading.looks else "x y z"
-            reading = Reading(columns, looks, hint, reading.mistakes + 1, reading.measured, reading.poses)
+            reading = replace(
+                reading, columns=columns, looks=looks, hint=hint, mistakes=reading.mistakes + 1, elsewhere=True
+            )
         return (misfit if reading.looks else np.inf), reading
 
     def _measurements(self, turned: bool) -> Iterator[Reading]:
@@ -228,6 +252,8 @@ class Search:
             seen = self._seen(poses, Measured(q, T, None), turned)
             plain, conjugate, *others = orientation_readings(positions, turned=turned)
             rotations: list[RotationReading] = [plain, conjugate, *misread(), *others]
+            if not self.nominal.robot.rods:  # other axes of the target are a free target
+                rotations = [o for o in rotations if not (isinstance(o, Orientations) and o.of_target)]
             for o in rotations:
                 R = o.read(rotation)
                 # Where positions determine the frame, orientations are compared in it.
@@ -265,30 +291,43 @@ class Search:
                     break
             else:
                 looks = f"q{j + 1} looks shifted by {shift:+.3g} (the drive's zero)"
-                yield Reading(f"q{j + 1}", looks, f"add {shift:.6g} to q{j + 1}", 1, self.measured, poses)
+                moved = replace(self.measured, q=q + shift * np.eye(q.shape[1])[j])
+                yield Reading(f"q{j + 1}", looks, f"add {shift:.6g} to q{j + 1}", 1, moved, poses)
 
     def _targets(self, turned: bool) -> Iterator[Reading]:
         """Readings by which the target is not at the TCP on the platform: displaced, rotated, or both."""
-        if self.lost:
+        if self.lost or self.free_target:
+            return
+        if not self.nominal.robot.rods:
+            yield self._free_target(turned)
             return
         frame = self._frame(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
         seen = self.poses.moved(frame.T, frame.R)
         aside = np.median(np.einsum("nji,nj->ni", seen.R, self.measured.T - seen.T), axis=0)
         there = Poses(self.poses.T + self.poses.R @ aside, self.poses.R)
-        place = f"the target looks to sit at ({', '.join(f'{v:.3g}' for v in aside)}) m in the TCP's frame"
+        place = f"the target looks to sit at {_metres(aside)} m in the TCP's frame"
         hint = "move the URDF's tcp link there"
         if not turned:
             yield Reading("x y z", place, hint, 1, self.measured, there)
         if self.measured.R is None:
             return
         turn = _middle(np.swapaxes(seen.R, 1, 2) @ self.measured.R)
-        vector = ", ".join(f"{v:.1f}" for v in np.degrees(log(turn[None])[0]))
-        way = f"the target looks turned by the rotation vector ({vector}) degrees in the TCP's frame"
+        way = f"the target looks turned by the rotation vector {_degrees(turn)} degrees in the TCP's frame"
         turned_poses = Poses(self.poses.T, self.poses.R @ turn)
         yield Reading("qw qx qy qz", way, "turn the URDF's tcp link so", 2, self.measured, turned_poses)
         if not turned:
             both, what = Poses(there.T, there.R @ turn), f"{place}, and {way}"
             yield Reading("x y z qw qx qy qz", what, "move and turn the URDF's tcp link", 3, self.measured, both)
+
+    def _free_target(self, turned: bool) -> Reading:
+        """The reading by which the target of a robot without rods is anywhere on the platform."""
+        T, R = self.measured.T, self.measured.R
+        place = frame_and_target(self.poses, T, R, free_frame=turned)
+        there = Poses(self.poses.T + self.poses.R @ place.at, self.poses.R @ place.mount)
+        looks = f"the target looks to sit at {_metres(place.at)} m in the TCP's frame"
+        if R is not None:
+            looks += f", turned by the rotation vector {_degrees(place.mount)} degrees"
+        return Reading("x y z", looks, 'set target = "free" under [instrument]', 1, self.measured, there)
 
     def _misfit(self, measured: Measured, poses: Poses, turned: bool) -> float:
         """Median distance of what was measured from what is predicted, m, in the frame that fits best if ``turned``."""
@@ -308,6 +347,14 @@ class Search:
     @staticmethod
     def _frame(poses: Poses, measured: Measured, turned: bool) -> Frame:
         return rough_frame(poses, measured) if turned else Frame()
+
+
+def _metres(at: Floats) -> str:
+    return f"({', '.join(f'{v:.3g}' for v in at)})"
+
+
+def _degrees(turn: Floats) -> str:
+    return f"({', '.join(f'{v:.1f}' for v in np.degrees(log(turn[None])[0]))})"
 
 
 def _joined(one: str, other: str) -> str:

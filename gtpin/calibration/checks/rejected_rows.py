@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.checks.suspected import refuse
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings
@@ -46,11 +47,12 @@ def check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
         mine = readings.rows.of == i
         share = float((~used[mine]).mean()) if mine.any() else 0.0
         if share > MOST:
-            raise DatasetError(
+            error = DatasetError(
                 f"{100.0 * share:.0f} % of the readings of {one.name} do not fit the others",
                 file=readings.rows.files[i],
                 hint="check its units, its rows' commands, and where it stood",
             )
+            refuse(error, kept)
     for i in range(len(readings.instruments)):
         for text in _off_together(readings, used, i):
             warn(text)

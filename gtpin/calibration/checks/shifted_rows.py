@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
@@ -45,7 +46,7 @@ class Stretch:
 
 
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask) -> None:
-    """Refuse data in which a stretch of rows is shifted relative to its commands, or was measured from another place.
+    """Suspect data in which a stretch of rows is shifted relative to its commands, or was measured from another place.
 
     Parameters
     ----------
@@ -71,23 +72,25 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
         inner = slice(found.first + 1, found.last)  # the ends have no neighbour in the stretch
         left = np.nanmedian(_off(measured.T[inner], neighbour[inner]))
         if left < max(MENDED * np.nanmedian(off[part]), 3.0 * usual):
-            raise DatasetError(
+            error = DatasetError(
                 f"the commands look one row off in {rows}: what was measured there fits the commands of the row "
                 f"{'before' if by > 0 else 'after'}",
                 file=dataset.file,
                 row=int(dataset.row[found.first]),
                 hint="move the commands of these rows, or export the table anew",
             )
+            return suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
     moved = _moved(measured, predicted, part)
     left = np.float64(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
     if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, found.rows):
-        raise DatasetError(
+        error = DatasetError(
             f"{rows} are {1e3 * np.nanmedian(off[part]):.3g} mm from where the other rows say, all by the same motion: the "
             "instrument was bumped or set up anew",
             file=dataset.file,
             row=int(dataset.row[found.first]),
             hint="give these rows a session of their own in the column session, or leave them out",
         )
+        suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
 
 
 def stretch(far: Mask) -> Stretch | None:

@@ -10,6 +10,8 @@ import numpy.typing as npt
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved_sessions import check_sessions
 from gtpin.calibration.checks.recognise import REACHED, Reading, recognised
+from gtpin.calibration.checks.suspected import suspect
+from gtpin.calibration.checks.trial import left_after_fit, left_in
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset, check_commands, check_measurements
 from gtpin.data.names import ORIENTATION
@@ -46,36 +48,51 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     check_sessions(inside, nominal, measured_poses(inside), seen)
     if poses.reached.mean() <= REACHED:
         _check_readings(dataset, nominal, poses, ~outside)
+
+    def doubt(error: DatasetError, corrected: Dataset) -> None:
+        if error.column == " ".join(ORIENTATION):
+            alone = replace(dataset, orientation=None)
+            if _looks(alone, nominal, poses, ~outside):  # where positions do not fit either, the order is not known
+                _check_readings(dataset, nominal, poses, ~outside)
+                _check_readings(alone, nominal, poses, ~outside)
+                return
+        suspect(error, dataset, *(left_in(rows, nominal, measured_poses(rows)) for rows in (dataset, corrected)))
+
     try:
-        check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+        check_commands(
+            dataset,
+            names=robot.sites,
+            lower=robot.lower,
+            upper=robot.upper,
+            revolute=robot.revolute,
+            suspect=doubt,
+        )
     except DatasetError:
         _check_readings(dataset, nominal, poses, ~outside)  # the measurements may show which unit it is
         raise
-    try:
-        plausible = check_measurements(
-            dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach_of(geometry)
-        )
-    except DatasetError as error:
-        if error.column == " ".join(ORIENTATION):  # where positions do not fit either, the order is not known
-            alone = replace(dataset, orientation=None)
-            if _read_otherwise(alone, nominal, poses, ~outside) is not None:
-                _check_readings(dataset, nominal, poses, ~outside)
-                _check_readings(alone, nominal, poses, ~outside)
-        raise
+    plausible = check_measurements(
+        dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach_of(geometry), suspect=doubt
+    )
     _check_readings(dataset, nominal, poses, plausible & ~outside)
     return np.asarray(plausible & ~outside)
 
 
 def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> None:
-    """Refuse data that only fit the robot when they are read in another way than the format's."""
-    looks = _read_otherwise(dataset, nominal, poses, rows)
-    if looks is not None:
-        raise DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
+    """Suspect a usual mistake where data only fit the nominal robot when they are read in another way than the format's."""
+    looks = _looks(dataset, nominal, poses, rows)
+    if looks is None:
+        return
+    error = DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
+    free = dataset.instrument.frame == "free" or looks.elsewhere
+    read = dataset.instrument.model_copy(update={"frame": "free"}) if free else dataset.instrument
+    before = left_in(dataset, nominal, measured_poses(dataset.take(rows)))
+    suspect(error, dataset, before, left_after_fit(nominal, looks.corrected(nominal, free), read))
 
 
-def _read_otherwise(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> Reading | None:
-    free = dataset.instrument.frame == "free"
-    return recognised(nominal, poses[rows], measured_poses(dataset.take(rows)), free=free)
+def _looks(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> Reading | None:
+    known = dataset.instrument
+    measured = measured_poses(dataset.take(rows))
+    return recognised(nominal, poses[rows], measured, free=known.frame == "free", free_target=known.target == "free")
 
 
 def reach_of(geometry: Geometry) -> float:

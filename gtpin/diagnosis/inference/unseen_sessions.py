@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Situation
-from gtpin.errors import GtpinWarning
+from gtpin.errors import unheard
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -62,8 +61,7 @@ def _columns(design: Design, cause: Hypothesis, block: Mask, lost: set[str]) -> 
         at.temperature,
         at.unusable,
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)  # of sessions that were not fitted: here they are intended
+    with unheard():  # of sessions that were not fitted: here they are intended
         basis = cause.basis(some)
     moved = basis.displacement(some) * basis.sigma
     seen = design.measured.take(block).seen(moved, design.model, some.poses)

@@ -1,0 +1,98 @@
+"""What follows from a suspected mistake of the user: an error or a warning. All checks that name a mistake decide here.
+
+It is an error only where the data can't be fitted as they are, and can be fitted with the mistake corrected. Otherwise it is a
+warning, and the data are used as they are: a large effect, or a nominal robot that is far off, can look like a mistake.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.data import Dataset
+from gtpin.errors import DatasetError, warn
+
+Size = tuple[float, float]
+"""Robust standard deviation of what a fit leaves: of positions, m, and of rotations, rad; 0 where there are none."""
+
+NO_FIT: Size = (np.inf, np.inf)
+"""Size of the residuals of a fit that fails."""
+UNFIT = 10.0
+"""Residuals, in units of the noise, from which data do not fit. Assumed."""
+FITS = 3.0
+"""Residuals, in units of the noise, up to which data fit. Assumed: effects that are not fitted make some of them."""
+FAR_LOWER = 10.0
+"""Factor by which a correction lowers residuals that only a mistake can make so much smaller. Assumed."""
+BEYOND: Size = (1e-2, 2e-2)
+"""Residuals of a fit, m and rad, that no effect of the catalogue leaves. Assumed. There `LOWER` is enough."""
+LOWER = 4.0
+"""The same factor for residuals `BEYOND` all effects. Assumed."""
+EXACT, ABOVE = 1.2, 1.3
+"""Residuals, in units of the declared noise, up to which a correction without a free number fits exactly, and above which the
+data did not fit before. Assumed: an effect does not have the pattern of another convention, so that more would be left."""
+PLAUSIBLE: Size = (1e-4, 3e-4)
+"""Noise of a usual instrument, m and rad, where none is declared. Assumed."""
+SMALLEST: Size = (1e-6, 1e-6)
+"""Smallest noise, m and rad."""
+
+
+def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *, exact: bool = False) -> None:
+    """Raise the error of a suspected mistake, or warn of it.
+
+    Parameters
+    ----------
+    error
+        The error that names the mistake.
+    dataset
+        The data. With ``dataset.trusted`` every error becomes a warning.
+    before, after
+        What a fit leaves of the data as they are, and with the mistake corrected.
+    exact
+        Whether the correction has no free number, and the fit is as close as the data allow. Then residuals that fall from
+        above the declared noise to the noise itself are enough.
+
+    Raises
+    ------
+    DatasetError
+        If the data can't be fitted as they are, and can with the mistake corrected.
+
+    Warns
+    -----
+    GtpinWarning
+        Otherwise.
+    """
+    if not dataset.trusted and (certain(dataset, before, after) or (exact and _exactly(dataset, before, after))):
+        raise error
+    left = ""
+    if np.isfinite(before).all():
+        left = f": a fit leaves {_sizes(before)} of the data as they are, {_sizes(after)} if it is so"
+    warn(f"{error} (not certain, so that the data are used as they are{left})")
+
+
+def refuse(error: DatasetError, dataset: Dataset) -> None:
+    """Raise the error of data that can't be fitted as they are, or only warn of it for a trusted dataset."""
+    if not dataset.trusted:
+        raise error
+    warn(str(error))
+
+
+def certain(dataset: Dataset, before: Size, after: Size) -> bool:
+    """Whether data can't be fitted as they are, and can be fitted once a mistake is corrected."""
+    declared = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
+    noise = [
+        min(usual, max(left, least)) if sigma is None else sigma
+        for sigma, usual, left, least in zip(declared, PLAUSIBLE, after, SMALLEST, strict=True)
+    ]
+    now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
+    beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
+    return now > UNFIT and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
+
+
+def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:
+    """Whether orientations have exactly the declared noise once a mistake is corrected, and more as they are."""
+    sigma = dataset.instrument.orientation_sigma
+    return sigma is not None and before[1] > ABOVE * sigma and after[1] <= EXACT * sigma
+
+
+def _sizes(sizes: Size) -> str:
+    parts = [f"{1e3 * size:.2g} {unit}" for size, unit in zip(sizes, ("mm", "mrad"), strict=True) if size > 0.0]
+    return " and ".join(parts) or "0 mm"
