@@ -38,6 +38,7 @@ def test_diagnosis_and_effects_leave_sentences_to_the_report() -> None:
     ("reason", "words"),
     [
         (Untestable("missing", "speed2"), "the covariate speed2 is missing"),
+        (Untestable("unusable", "session"), "the values of the covariate session can't be used: a warning says why"),
         (Untestable("constant", "session"), "the covariate session does not vary"),
         (Untestable("too_few_commands", "q3"), "the commands of cart3 are too few, or too close together"),
         (Untestable("absorbed"), "geometric calibration absorbs it"),
