@@ -21,7 +21,7 @@ def test_every_kind_of_reason_has_words() -> None:
 def test_the_page_of_the_statistics_lists_every_kind_with_its_words() -> None:
     page = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE))
-    names = {"missing": "speed2", "constant": "session"}
+    names = {"missing": "speed2", "unusable": "session", "constant": "session"}
     for kind in set(WORDS) - {"other"}:
         assert rows[kind] == reason_words(Untestable(kind, names.get(kind, "")), "cart1")
 
