@@ -16,6 +16,7 @@ from gtpin.certificate.region import between
 from gtpin.certificate.response import Posterior
 from gtpin.certificate.result import Basis, Certificate
 from gtpin.data import Dataset
+from gtpin.data.duplicates import copies
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
@@ -92,6 +93,7 @@ def certify(
         progress("propagating the uncertainty over the workspace", 0, float("nan"))
     at = between(rows, held.model, np.random.default_rng(seed))
     turned = held.errors.shape[1] == 6
+    aside = ~np.isin(dataset.row, rows.row) & ~copies(dataset)
     return Certificate(
         model=held.model,
         quantities=evaluation.quantities(),
@@ -103,7 +105,7 @@ def certify(
         verdict=None if found is None else found.verdict,
         poses=len(np.unique(rows.visits)),
         rows=len(rows),
-        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[~np.isin(dataset.row, rows.row)])),
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside])),
         dataset=dataset,
         seed=seed,
     )

@@ -2,86 +2,181 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betainc, ndtr
 
 from gtpin.data.dataset import Dataset
+from gtpin.data.rounding import coarsest_step
 from gtpin.errors import warn
 
-COARSE = 1e-5
-"""Rounding of readings, m, from which two of them can be equal by chance; with finer readings noise makes them different."""
+Floats = NDArray[np.float64]
+Codes = NDArray[np.intp]
+
+CHANCE = 1e-5
+"""Probability of as many equal rows below which they are copies. Assumed."""
+LEAST_SCATTER = 1e-6
+"""Scatter of a reading between visits, m or rad, where no visits differ that could show it. Assumed: few machines repeat to
+less."""
+SCATTERS = np.geomspace(0.02, 1e9, 120)
+"""Scatters that are tried, in units of the step to which readings are rounded."""
+NEAR = 2.0
+"""Loss in log likelihood, nats, up to which a smaller scatter is not excluded. Derived: two standard deviations."""
+STEPS = tuple(m * 10.0**-k for k in range(2, 10) for m in (1.0, 0.5))
+"""Steps that readings are rounded to, m or rad, the coarsest first."""
+FINEST = 1e-12
+"""Step of readings with all digits of a binary number, m or rad."""
+FEW, MANY = 5, 1000
+"""Fewest differences between visits that show a step of their own, such as that of inches; and most that are used. Assumed."""
 
 
 def counted_once(dataset: Dataset) -> Dataset:
-    """The dataset without copies of rows: the same instrument and commands and, to the last digit, the same measurement.
-
-    A copy may have another pose id, time or temperature: noise makes no two readings equal, but joining a table with another
-    one repeats its rows. Where positions are rounded to 10 micrometres or more, or where a row has no number and only says that
-    something was touched, visits can be equal by chance. Then rows count as copies only in a table in which every row occurs
-    equally often, twice or more.
+    """The dataset without copies of rows: see :func:`copies`.
 
     Warns
     -----
     GtpinWarning
         Says how many copies are left out.
     """
-    copies = _copies(dataset)
-    if not copies.any():
+    found = copies(dataset)
+    if not found.any():
         return dataset
-    files = [dataset.place(int(row)) for row in np.flatnonzero(copies)]
+    files = [dataset.place(int(row)) for row in np.flatnonzero(found)]
     for file in dict.fromkeys(file for file, _ in files):
-        found = [line for other, line in files if other == file]
-        lines = ", ".join(map(str, found[:5])) + (", ..." if len(found) > 5 else "")
+        lines_here = [line for other, line in files if other == file]
+        lines = ", ".join(map(str, lines_here[:5])) + (", ..." if len(lines_here) > 5 else "")
         text = (
-            f"{len(found)} of {len(dataset)} rows repeat another one's commands and measurement to the last digit "
+            f"{len(lines_here)} of {len(dataset)} rows repeat another one's commands and measurement to the last digit "
             f"(rows {lines}): copies, not repeated visits; each is counted once"
         )
         warn(f"{file}: {text}" if file else text)
-    return dataset.take(~copies)
+    return dataset.take(~found)
 
 
-def _copies(dataset: Dataset) -> NDArray[np.bool_]:
-    """(N,) rows that are copies of an earlier one."""
+def copies(dataset: Dataset) -> NDArray[np.bool_]:
+    """(N,) rows that are copies of an earlier one.
+
+    Equal rows have the same instrument, commands and time, and to the last digit the same measurement. Other covariates may
+    differ, because joining a table with another one repeats its rows. Rounded readings of repeated visits are equal by chance,
+    too. Equal rows are copies in two cases: there are more of them than chance allows, given the step of the readings and
+    their scatter between visits; or every row of the table is there twice, or three times, and so on.
+    """
+    time = [dataset.covariates["time"]] if "time" in dataset.covariates else []
     readings = dataset.readings
     if readings is None:
-        parts = [dataset.position] if dataset.orientation is None else [dataset.position, dataset.orientation]
-        return _repeated([dataset.q, *parts], None, coarse=_coarse(dataset.position))
-    copies = np.zeros(len(dataset), dtype=bool)
-    for index, table in enumerate(readings.tables):
+        read = [*dataset.position.T, *([] if dataset.orientation is None else dataset.orientation.T)]
+        return _copies([*dataset.q.T, *time], read)
+    found = np.zeros(len(dataset), dtype=bool)
+    for index in range(len(readings.tables)):
         mine = readings.rows_of(index)
-        if not len(mine):
-            continue
-        columns = {name: column[mine] for name, column in readings.columns.items()}
-        ids = np.array([column for column in columns.values() if column.dtype == object]).reshape(-1, len(mine)).T
-        numbers = np.array([c for c in columns.values() if c.dtype != object], dtype=float).reshape(-1, len(mine)).T
-        numbers = np.column_stack([dataset.q[mine], readings.component[mine], numbers])
-        read = np.array([columns[name] for name in table.numbers], dtype=float)
-        copies[mine] = _repeated([numbers], ids, coarse=not read.size or _coarse(read))
-    return copies
+        columns = [column[mine] for column in readings.columns.values()]
+        ids = [column.astype(str) for column in columns if column.dtype == object]
+        read = [column for column in columns if column.dtype != object and not np.isnan(column).any()]
+        same = [*dataset.q[mine].T, *(column[mine] for column in time), readings.component[mine], *ids]
+        found[mine] = _copies(same, read)
+    return found
 
 
-def _repeated(
-    numbers: list[NDArray[np.float64]], ids: NDArray[np.object_] | None, *, coarse: bool
-) -> NDArray[np.bool_]:
-    """(N,) whether a row of ``numbers``, (N, k) each, and ``ids``, (N, m), repeats an earlier row.
+def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.bool_]:
+    """(N,) which rows are copies of an earlier one.
 
-    If ``coarse``, rows count as repeated only where each row of the table occurs equally often.
+    Parameters
+    ----------
+    same
+        (N,) each: columns that two visits to one place have in common, such as commands.
+    read
+        (N,) each: columns of what was measured.
     """
-    if any(len(np.unique(column)) == len(column) for part in reversed(numbers) for column in part.T):
-        return np.zeros(len(numbers[0]), dtype=bool)  # the usual case, without pandas, whose import takes long
-    import pandas as pd
+    count = len(same[0])
+    copied = np.zeros(count, dtype=bool)
+    if any(len(np.unique(column)) == count for column in (*read, *same)):
+        return copied  # the usual case
+    place = _codes(same)
+    row = _codes([place, *read])
+    order = np.argsort(row, kind="stable")
+    begins = np.flatnonzero(np.diff(row[order], prepend=-1))
+    times = np.diff(begins, append=count)
+    if times.max(initial=1) == 1:
+        return copied
+    # How many equal rows there are before each: a whole table that is there k times has k copies of every row.
+    earlier = np.empty(count, dtype=np.intp)
+    earlier[order] = np.arange(count) - np.repeat(begins, times)
+    whole = int(np.gcd.reduce(times))
+    if whole > 1 and len(times) > 1:
+        each = np.empty(count, dtype=np.intp)
+        each[order] = np.repeat(times // whole, times)
+        copied = earlier >= each
+    repeated = (earlier > 0) & ~copied
+    visits = np.bincount(place[~copied])
+    pairs = float((visits * (visits - 1)).sum()) / 2.0
+    equal = int(repeated.sum())
+    if equal and betainc(equal, pairs - equal + 1.0, _chance(place, row, read)) < CHANCE:
+        copied |= repeated
+    return copied
 
-    table = pd.concat([pd.DataFrame(part) for part in (*numbers, *([] if ids is None else [ids]))], axis=1)
-    table.columns = pd.RangeIndex(table.shape[1])
-    copies = np.asarray(table.duplicated())
-    if not copies.any() or not coarse:
-        return copies
-    times = table.groupby(list(table.columns), dropna=False).size()
-    return copies if len(times) > 1 and times.min() == times.max() else np.zeros(len(table), dtype=bool)
+
+def _codes(columns: list[NDArray[np.generic]]) -> Codes:
+    """(N,) numbers that are equal for rows which are equal in all columns (N,)."""
+    codes = (np.unique(column, return_inverse=True)[1].ravel() for column in columns)
+    return reduce(lambda a, b: np.unique(a * (b.max(initial=0) + 1) + b, return_inverse=True)[1].ravel(), codes)
 
 
-def _coarse(position: NDArray[np.float64]) -> bool:
-    """Whether all numbers, m, are multiples of `COARSE`."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        units = position / COARSE
-        return bool((np.abs(units - np.round(units)) < 1e-3).all())
+def _chance(place: Codes, row: Codes, read: list[Floats]) -> float:
+    """Upper bound of the probability that two visits to one place are equal in all columns: that of the most unlikely column.
+
+    Columns are not multiplied, because the errors of a drive move several of them together.
+    """
+    order = np.argsort(place, kind="stable")
+    visits = np.flatnonzero((np.diff(place[order]) == 0) & (np.diff(row[order]) != 0))
+    visits = visits[:: 1 + len(visits) // MANY]
+    chances = [1.0]
+    for column in read:
+        moved = np.abs(column[order][visits + 1] - column[order][visits])
+        moved = moved[moved > 0.0]
+        if len(moved):
+            chances.append(_equal(moved, _step(column, moved)))
+        elif not len(visits) and (column != column[0]).any():
+            chances.append(float(_rounded(LEAST_SCATTER / _step(column, moved), 0.0)))
+    return min(chances)
+
+
+def _step(column: Floats, moved: Floats) -> float:
+    """The step to which a column is rounded, given differences between visits: one that these show, or a decimal one."""
+    if len(moved) >= FEW:
+        for part in (1.0, 2.0, 3.0):
+            steps = moved * (part / moved.min())
+            if (np.abs(steps - np.round(steps)) < 1e-3).all():
+                return float(moved.min() / part)
+    return coarsest_step(column[:, None], STEPS) or FINEST
+
+
+def _equal(moved: Floats, step: float) -> float:
+    """Largest probability that two visits are equal in a column, given the differences of those that are not.
+
+    The scatter is the smallest that these differences, each a number of steps, do not exclude.
+    """
+    none = _rounded(SCATTERS, 0.0)
+    steps, times = np.unique(np.minimum(np.round(moved / step), SCATTERS[-1]), return_counts=True)
+    likely = np.log(np.maximum(_rounded(SCATTERS[:, None], steps), 1e-300)) @ times
+    likely -= len(moved) * np.log1p(-none)
+    return float(none[np.argmax(likely >= likely.max() - NEAR)])
+
+
+def _rounded(scatter: Floats | float, steps: Floats | float) -> Floats:
+    """Probability that the rounded readings of two visits differ by a number of steps, of each sign.
+
+    ``scatter``: standard deviation of a reading, in steps. The difference before rounding is normal, and the place of the
+    readings between two steps is uniform.
+    """
+    width = np.sqrt(2.0) * np.asarray(scatter)
+    k = np.asarray(steps)
+
+    def twice(x: Floats) -> Floats:
+        """The second antiderivative of the density of the difference."""
+        return np.asarray(x * ndtr(x / width) + width * np.exp(-0.5 * (x / width) ** 2) / np.sqrt(2.0 * np.pi))
+
+    exact = twice(k + 1.0) - 2.0 * twice(k) + twice(k - 1.0)
+    density = np.exp(-0.5 * (k / width) ** 2) / (width * np.sqrt(2.0 * np.pi))
+    return np.where(width > 30.0, density, np.maximum(exact, 0.0))  # a wide density hardly changes within a step

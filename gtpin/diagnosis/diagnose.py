@@ -154,7 +154,7 @@ def _diagnose(
     experiments = plan(
         settled.observed,
         prepared.baseline.model,
-        settled.hypotheses.design.situation.references,
+        settled.references,
         classes=classes(fitted.conclusion, fitted.causes, settled.hypotheses),
         untestable=settled.proposal.untested,
         unknown=next(((d.site, ",".join(d.over)) for d in fitted.conclusion.doubts if d.over), None),

@@ -201,12 +201,13 @@ class Effect(ABC):
     def untestable(self, at: Situation, site: str) -> Untestable | str | None:
         """The reason why these data can't show the effect, if it is known before a fit; otherwise None.
 
-        By default the reasons are: a covariate of :meth:`covariates` is missing or constant, or :meth:`nonlinear_values` is
-        empty. An effect of your own may return its reason as a string. Reports show this string unchanged.
+        By default the reasons are: a covariate of :meth:`covariates` is missing, unusable or constant, or
+        :meth:`nonlinear_values` is empty. An effect of your own may return its reason as a string. Reports show this string
+        unchanged.
         """
         for name in self.covariates(at.robot, site):
             if not at.has(name):
-                return Untestable("missing", name)
+                return Untestable("unusable" if name in at.unusable else "missing", name)
             if not at.varies(name):
                 return Untestable("constant", name)
         if self.has_nonlinear and not len(self.nonlinear_values(at, site)):

@@ -7,6 +7,7 @@ from typing import Literal
 
 Kind = Literal[
     "missing",
+    "unusable",
     "constant",
     "too_few_commands",
     "one_sign",
@@ -28,7 +29,8 @@ class Untestable:
     Parameters
     ----------
     kind
-        ``missing``, ``constant``: a covariate that the effect depends on has no column, or does not vary.
+        ``missing``, ``unusable``, ``constant``: a covariate that the effect depends on has no column, has values that can't be
+        right, or does not vary.
         ``too_few_commands``: the commands are too few, or too close together, for its nonlinear parameter.
         ``one_sign``: the link's force does not change its sign.
         ``no_load``: the joint carries nothing about its own axis. ``no_masses``: no load is known, because the

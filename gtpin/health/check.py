@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
+from gtpin.data.duplicates import copies
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.candidates import considered
@@ -189,7 +190,7 @@ def _result(
     left = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
     regions = by_region(data.dataset, int(np.clip(len(data.dataset) // TOGETHER, 2, REGIONS)))
     used = {tuple(place) for place in data.places}
-    aside = np.array([tuple(place) not in used for place in places(dataset)])
+    aside = np.array([tuple(place) not in used for place in places(dataset)]) & ~copies(dataset)
     return HealthCheck(
         verdict=found.verdict,
         causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),

@@ -73,4 +73,4 @@ def _at_rest(rows: Iterable[Considered]) -> str:
 
 
 def _is_missing(c: Considered) -> bool:
-    return c.reason is not None and c.reason.kind == "missing"
+    return c.reason is not None and c.reason.kind in ("missing", "unusable")

@@ -6,6 +6,7 @@ from gtpin.effects.untestable import Untestable
 
 WORDS = {
     "missing": "the covariate {covariate} is missing",
+    "unusable": "the values of the covariate {covariate} can't be used: a warning says why",
     "constant": "the covariate {covariate} does not vary",
     "too_few_commands": "the commands of {site} are too few, or too close together",
     "one_sign": "the link's force does not change its sign",

@@ -31,16 +31,15 @@ class MovingLink:
 
 def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
     """The links of the actuated joints, in the joints' order; those without a joint or TCP beyond them are left out."""
+    names: dict[int, str] = {}
+    for frame in robot.model.frames:
+        if frame.type == pin.FrameType.BODY:
+            names.setdefault(int(frame.parentJoint), str(frame.name))
     found = []
-    for actuator in robot.actuators:
-        tip = _tip(robot, actuator.joint_id)
-        names = [
-            frame.name
-            for frame in robot.model.frames
-            if frame.type == pin.FrameType.BODY and frame.parentJoint == actuator.joint_id
-        ]
-        if tip is not None and names:
-            found.append(MovingLink(str(names[0]), actuator.joint_id, tip))
+    for joint_id in (actuator.joint_id for actuator in robot.actuators):
+        tip = _tip(robot, joint_id)
+        if tip is not None and joint_id in names:
+            found.append(MovingLink(names[joint_id], joint_id, tip))
     return tuple(found)
 
 

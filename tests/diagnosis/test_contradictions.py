@@ -10,6 +10,7 @@ import pytest
 
 import gtpin
 from gtpin.diagnosis.preparation.contradictions import without_contradictions
+from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
 from gtpin.plant.conditions import Conditions
@@ -79,3 +80,37 @@ def test_commands_that_were_cut_off_name_no_cause() -> None:
     assert any("commands have steps of 0.1 mm" in str(w.message) for w in heard)
     assert found.causes == ()
     assert found.verdict == "unknown"
+
+
+def in_sessions(dataset: gtpin.Dataset, count: int) -> gtpin.Dataset:
+    """The rows in the order of time, in sessions of equal size."""
+    ordered = dataset.take(np.argsort(dataset.covariates["time"]))
+    labels = [f"2026-03-01 10:{i:04d}" for i in np.arange(len(ordered)) * count // len(ordered)]
+    return replace(ordered, covariates={**ordered.covariates, "session": np.array(labels, dtype=object)})
+
+
+def test_a_session_of_its_own_in_every_row_is_left_out_as_a_time() -> None:
+    stamped = in_sessions(measured(8, []), len(measured(8, [])))
+    with pytest.warns(GtpinWarning, match="every row has its own session: looks like a time"):
+        assert "session" not in without_contradictions(stamped).covariates
+
+
+@pytest.mark.parametrize("count", [31, 75, 100])
+def test_too_many_or_too_short_sessions_are_left_out(count: int) -> None:
+    with pytest.warns(GtpinWarning, match=rf"{count} sessions in \d+ rows: up to 30 sessions of 2 rows or more"):
+        assert "session" not in without_contradictions(in_sessions(measured(8, []), count)).covariates
+    kept = in_sessions(measured(8, []), 30)
+    assert without_contradictions(kept) is kept
+
+
+def test_a_session_in_every_row_makes_its_effects_untestable_for_that_reason() -> None:
+    dataset = measured(8, []).take(np.arange(60))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        stamped = gtpin.diagnose(in_sessions(dataset, len(dataset)))
+    reasons = {
+        c.reason
+        for c in stamped.candidates
+        if "session" in stamped.effect(c.effect).covariates(stamped.model.robot, c.site)
+    }
+    assert reasons == {Untestable("unusable", "session")}

@@ -21,7 +21,7 @@ def test_every_kind_of_reason_has_words() -> None:
 def test_the_page_of_the_statistics_lists_every_kind_with_its_words() -> None:
     page = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE))
-    names = {"missing": "speed2", "constant": "session"}
+    names = {"missing": "speed2", "unusable": "session", "constant": "session"}
     for kind in set(WORDS) - {"other"}:
         assert rows[kind] == reason_words(Untestable(kind, names.get(kind, "")), "cart1")
 
@@ -38,6 +38,7 @@ def test_diagnosis_and_effects_leave_sentences_to_the_report() -> None:
     ("reason", "words"),
     [
         (Untestable("missing", "speed2"), "the covariate speed2 is missing"),
+        (Untestable("unusable", "session"), "the values of the covariate session can't be used: a warning says why"),
         (Untestable("constant", "session"), "the covariate session does not vary"),
         (Untestable("too_few_commands", "q3"), "the commands of cart3 are too few, or too close together"),
         (Untestable("absorbed"), "geometric calibration absorbs it"),

@@ -86,10 +86,11 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise 
         return suspect(error, dataset, before, after)
 
 
-def _size(scan: Scan, noise: Noise, steps: list[int]) -> Size:
+def _size(scan: Scan, noise: Noise | ReadingNoise, steps: list[int]) -> Size:
     """Standard deviations of the residuals with some steps, m and rad."""
     times = float(np.sqrt(2.0 * scan.left(steps) / scan.y.size))
-    return times * noise.position_sigma, times * noise.orientation_sigma if scan.y.shape[1] == 6 else 0.0
+    poses = noise if isinstance(noise, Noise) else noise.as_poses()
+    return times * poses.position_sigma, times * poses.orientation_sigma if scan.y.shape[1] == 6 else 0.0
 
 
 def _alternatives(dataset: Dataset, rows: npt.NDArray[np.intp]) -> Floats:

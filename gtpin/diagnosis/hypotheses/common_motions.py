@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -48,10 +47,20 @@ def _field(at: Situation) -> tuple[Floats, Floats]:
     """Smooth functions (N, m) of all commands, and their sizes."""
     n = at.robot.n_actuators
     most = ORDERS.get(n, 1)
-    orders = [row for row in product(range(most + 1), repeat=n) if 1 <= sum(row) <= most]
+    orders = [row for row in _orders(n, most) if any(row)]
     columns = [np.prod([wave(at.travel[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in orders]
     size = np.array([float(sum(row)) for row in orders]) ** -DECAY
     return np.stack(columns, axis=1), 1.5 * size / np.linalg.norm(size)
+
+
+def _orders(n: int, most: int) -> Iterator[tuple[int, ...]]:
+    """The orders of n cosines with a sum of at most ``most``: few of the (most + 1)^n rows of orders up to ``most``."""
+    if n == 0:
+        yield ()
+        return
+    for first in range(most + 1):
+        for others in _orders(n - 1, most - first):
+            yield (first, *others)
 
 
 def _of_all(at: Situation, priors: Priors, columns: Floats, size: Floats) -> Basis:

@@ -46,9 +46,12 @@ class Hypothesis:
         return tuple(zip(self.values, (self.sigma, *self.further_sigma), strict=False))
 
     def with_lines(self, lines: Sequence[tuple[float, float]]) -> Hypothesis:
-        """The hypothesis with other values, each with its standard deviation."""
-        values, sigmas = zip(*lines, strict=True)
-        return Hypothesis(self.effect, self.site, values[0], sigmas[0], tuple(values[1:]), tuple(sigmas[1:]))
+        """The hypothesis with other values, each with its standard deviation; of equal values the first counts."""
+        kept: dict[float, float] = {}
+        for value, sigma in lines:
+            kept.setdefault(value, sigma)
+        values, sigmas = tuple(kept), tuple(kept.values())
+        return Hypothesis(self.effect, self.site, values[0], sigmas[0], values[1:], sigmas[1:])
 
     @property
     def values(self) -> tuple[float, ...]:

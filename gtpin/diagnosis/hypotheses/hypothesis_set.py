@@ -75,6 +75,8 @@ class HypothesisSet:
         Effects that can't be tested: those that lack a covariate may have a proxy.
     threshold
         Log prior odds against a first named cause, nats; by default ln(number of hypotheses / ``scope.false_alarm``).
+    of_sessions
+        Additional log prior odds against explanations that depend on the session, nats.
     """
 
     def __init__(
@@ -86,6 +88,7 @@ class HypothesisSet:
         scope: Scope,
         untestable: Sequence[Hypothesis] = (),
         threshold: float | None = None,
+        of_sessions: float = 0.0,
     ) -> None:
         self.design, self.linear, self.scanned = design, tuple(linear), tuple(scanned)
         self.untestable, self.priors = tuple(untestable), scope.priors
@@ -99,6 +102,7 @@ class HypothesisSet:
         self.smooth = tuple(found)
         usual = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
         self.threshold = usual if threshold is None else threshold
+        self.of_sessions = of_sessions
         self._scans: dict[Hypothesis, Scan] = {}
         self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
@@ -147,7 +151,9 @@ class HypothesisSet:
 
     def cost(self, term: Term) -> float:
         """Log prior odds against an explanation as the only one, nats: its gain in log evidence must exceed them."""
-        return self.threshold + (self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0)
+        unnamed = self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0
+        divided = "session" in explained_by(term).drivers(self.design.situation.robot)
+        return self.threshold + unnamed + (self.of_sessions if divided else 0.0)
 
     def share(self, term: Term, stronger: Term) -> float:
         """Share of a stronger explanation's evidence that is added to the prior odds against ``term``."""

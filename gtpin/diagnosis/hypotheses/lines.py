@@ -13,6 +13,7 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, causes
 from gtpin.diagnosis.linear.exchange import tuned
+from gtpin.diagnosis.linear.scan import LEAST
 
 FEW_LINES = 3
 """Where a periodic error has fewer other lines than this, a line is estimated again by a scan of all periods; otherwise about
@@ -122,10 +123,8 @@ def _with_lines(hypotheses: HypothesisSet, model: Model, term: Hypothesis) -> Mo
 def _estimated(
     hypotheses: HypothesisSet, model: Model, others: Hypothesis, old: tuple[float, float]
 ) -> tuple[float, float]:
-    """A line's period given the other lines, and the period's standard deviation."""
-    if len(others.values) < FEW_LINES:
-        line = hypotheses.scanned_gain(others.template, model, others.values).term
-        assert isinstance(line, Hypothesis)
-        return line.lines[0]
-    near = hypotheses.scan(others.template).near(model, old[0], others.values)
-    return near.value, near.sigma
+    """A line's period given the other lines, and its standard deviation; the old ones where no other is distinguished."""
+    scan = hypotheses.scan(others.template)
+    few = len(others.values) < FEW_LINES
+    found = scan.best(model, others.values) if few else scan.near(model, old[0], others.values)
+    return old if found.gain <= LEAST else (found.value, found.sigma)

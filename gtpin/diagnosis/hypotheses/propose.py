@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.common_motions import common_motions
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.merged_sessions import merged_sessions
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Design
@@ -56,10 +57,12 @@ def propose(design: Design, scope: Scope) -> Proposal:
             untested.append(Untested(hypothesis, reason))
         else:
             (scanned if many else linear).append(hypothesis)
+    design, odds = merged_sessions(design, marginal, linear, scope.priors)
+    at = design.situation
     scaled = any(hypothesis.effect.stretches_frame for hypothesis in linear)
     smooth = (*smooth_terms(at, scope.priors), *common_motions(at, scope.priors, scaled=scaled))
     others: Sequence[Hypothesis] = [u.hypothesis for u in untested]
-    return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others), tuple(untested))
+    return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others, of_sessions=odds), tuple(untested))
 
 
 def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> bool:

@@ -59,9 +59,9 @@ class Scope:
         return Scope(known, frozenset(exclude), false_alarm, priors)
 
     def hypotheses(self, robot: Robot) -> Iterator[Hypothesis]:
-        """Every effect at each of its sites, without those that are excluded."""
+        """Every effect at each of its sites, each once, without those that are excluded."""
         for effect in self.effects:
-            for site in effect.sites(robot):
+            for site in dict.fromkeys(effect.sites(robot)):
                 found = Hypothesis(effect, site)
                 if effect.id not in self.exclude and str(found) not in self.exclude:
                     yield found

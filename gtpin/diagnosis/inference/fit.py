@@ -136,9 +136,8 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
     scale = [
         found.scale[hypothesis] for hypothesis in named
     ]  # not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below
-    references = settled.hypotheses.design.situation.references
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
-    model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, references)
+    model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
     return model, [cause(model, own, found.classes[c]) for c, own in zip(named, ordered, strict=True)]
 
 

@@ -16,6 +16,7 @@ from gtpin.diagnosis.inference.reestimate_noise import gross_errors, reestimate_
 from gtpin.diagnosis.inference.search import MOST, rough_guess
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
+from gtpin.effects.situation import References
 
 Mask = npt.NDArray[np.bool_]
 
@@ -57,6 +58,13 @@ class Settled:
     declared: tuple[bool, bool]
     proposal: Proposal
     guess: Model
+
+    @property
+    def references(self) -> References:
+        """References for the fit of the causes: with all sessions of the search, also those that count as one there."""
+        found = self.hypotheses.design.situation.references
+        recorded = self.observed.covariates.get("session", ())
+        return replace(found, sessions=tuple(sorted({str(name) for name in recorded})) if found.sessions else ())
 
     @property
     def hypotheses(self) -> HypothesisSet:

@@ -104,8 +104,9 @@ def all_gains(groups: Groups[K], model: Posterior[K], terms: Iterable[K]) -> dic
         width = groups.width(term)
         alike[1 << (width - 1).bit_length(), groups.core[term]].append(term)
     found: dict[K, tuple[float, float]] = {}
-    for (width, core), members in alike.items():
+    for (_, core), members in alike.items():
         # Groups of similar width are filled up to one width with columns of zeros, which do not change the gain.
+        width = max(groups.width(term) for term in members)
         grams, moments = np.zeros((len(members), width, width)), np.zeros((len(members), width))
         for i, term in enumerate(members):
             gram, moment = given(groups, model, term)

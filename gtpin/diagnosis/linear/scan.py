@@ -27,7 +27,7 @@ gain is at least this share of the largest are then computed with their modulati
 KEPT = 12_000_000
 """Most numbers in the displacements of all values that are kept between scans; and in their products with groups, likewise."""
 LEAST = -1e9
-"""Gain of a value that is left out."""
+"""Gain of a value that is left out, and of a scan in which all are."""
 REFINED, REFINEMENTS = 13, 4
 """Number of values tried around the best of the scan, and number of repetitions, each on a finer grid."""
 
@@ -170,11 +170,11 @@ class Scan:
             self._with_groups |= {
                 part: some.copy() for part, some in zip(new, np.split(found, ends[:-1], axis=1), strict=True)
             }
-        used = {part: self._with_groups.pop(part) for part in parts}
+        used = {part: self._with_groups.pop(part) for part in dict.fromkeys(parts)}
         self._with_groups |= used  # the latest last
         while sum(part.size for part in self._with_groups.values()) > KEPT and len(self._with_groups) > len(used):
             del self._with_groups[next(iter(self._with_groups))]
-        return np.hstack(list(used.values()))
+        return np.hstack([used[part] for part in parts])
 
     def _parts(self, model: Posterior[Any]) -> tuple[Hashable, ...]:
         """The groups of a model, joined groups being divided into their parts; their columns are prepared."""
@@ -202,11 +202,13 @@ class Scan:
             The model to which the effect is added.
         others
             Values of the same cause that the model already has: values that can't be distinguished from them are left out.
+            Where no value is left, the gain is ``LEAST`` and the value means nothing.
         """
         products = self._prepared[1]
-        gains, scales = self._all_gains(products, model)
-        gains = np.where(self._resolved(self.values, others), gains, LEAST)
+        gains, scales = self._all_gains(products, model, self._resolved(self.values, others))
         top = int(np.argmax(gains))
+        if gains[top] <= LEAST:
+            return Found(float(self.values[top]), 0.0, LEAST, float(scales[top]))
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
         trials = float(np.log(len(self.values)))
         together = float(np.logaddexp.reduce(gains)) - trials
@@ -219,7 +221,7 @@ class Scan:
 
     def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> Found:
         """Best value given a model, within about one step of the scan from ``value``; ln(number of values) is taken off its
-        gain.
+        gain, which is less than ``LEAST`` where no value is left.
 
         Parameters
         ----------
@@ -274,20 +276,27 @@ class Scan:
             left[at] = LEAST
 
     def _resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
-        return self.effect.resolved(self.design.situation, self.site, values, others)
+        """(S,) which values an effect of a user's own or the catalogue distinguishes; never one that the model has already."""
+        found = self.effect.resolved(self.design.situation, self.site, values, others)
+        return np.asarray(found & ~np.isin(values, others))
 
-    def _all_gains(self, products: _Products, model: Posterior[Any]) -> tuple[Floats, Floats]:
-        """(S,) gains of all values, and their scales; with long models, the gain is ``LEAST`` where the core gains little."""
-        if not model.terms:
-            return self._gains(products, model, None)
-        across, core = self._across(model), list(self.effect.core)
-        if len(model.mean) < LONG or not core:
-            return self._gains(products, model, across)
+    def _all_gains(
+        self, products: _Products, model: Posterior[Any], wanted: npt.NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
+        """(S,) gains of the values that are ``wanted``, others ``LEAST``; and their scales.
+
+        With long models, the gain is also ``LEAST`` where the core gains little.
+        """
+        across, core = self._across(model) if model.terms else None, list(self.effect.core)
+        if across is None or len(model.mean) < LONG or not core or not wanted.any():
+            gains, scales = self._gains(products, model, across)
+            return np.where(wanted, gains, LEAST), scales
         by_value = across.reshape(*products.moments.shape, -1)
         rough, scales = self._gains(products.of(core), model, by_value[:, core].reshape(-1, by_value.shape[2]))
-        likely = rough >= min(LIKELY * rough.max(), rough.max())
+        top = rough[wanted].max()
+        likely = wanted & (rough >= min(LIKELY * top, top))
         likely[1:-1] |= likely[:-2] | likely[2:]
-        some = np.flatnonzero(likely)
+        some = np.flatnonzero(likely & wanted)
         gains = np.full(len(rough), LEAST)
         near = by_value[some].reshape(-1, by_value.shape[2])
         gains[some], scales[some] = self._gains(products.at(some), model, near)
