@@ -127,8 +127,8 @@ def close(
     contraction
         Bound on the ratio of successive steps.
     change
-        Bound on the change of this derivative from ``near`` to the start and to the result: see :meth:`Passive.change`. With one
-        below 1, no singularity is between the two: the closed posture has the assembly mode of the one nearby. No bound by
+        Bound on the change of this derivative from ``near`` to the start and to the result, as of :meth:`Passive.change`. With
+        one below 1, no singularity is between the two: the closed posture has the assembly mode of the one nearby. No bound by
         default.
     """
     model, passive = robot.model, robot.passive
