@@ -19,6 +19,8 @@ POSTURES = 8192
 """Number of postures of a map, reached or not: 8,192 over 5 * 17 * 17 cells are about six for each cell."""
 COUNTS = (5, 17)
 """Numbers of cells of a map along its thinnest direction, and along the other two."""
+ENDLESS = 2048
+"""Number of them for a robot with loops and drives without limits: many of its commands are far, or can't be reached."""
 CONDITIONED = 10.0
 """Largest motion of the TCP by unit commands, relative to that at home, of a robot with loops: nearer to a singularity, a small
 error of the geometry can open the loops."""
@@ -130,7 +132,8 @@ def chain_workspace(model: Model, seed: int = 0) -> ChainWorkspace:
     UnreachableError
         If no posture can be reached.
     """
-    q = chain_commands(model, POSTURES, seed)
+    endless = len(model.robot.constraints) > 0 and not np.isfinite(model.robot.upper - model.robot.lower).all()
+    q = chain_commands(model, ENDLESS if endless else POSTURES, seed)
     if not len(q):
         raise UnreachableError(f"{model.robot.name} reaches none of its range", hint="check the joints' limits")
     poses = model.kinematics.forward(q)
