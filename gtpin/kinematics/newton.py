@@ -118,24 +118,18 @@ def close(
 ) -> Closing:
     """Close the loops by Newton's method on the passive coordinates, at constant commands.
 
-        Parameters
-        ----------
-        configuration
-            (nq,) Pinocchio configuration to start from.
-        near
-            The derivative of the closures at a closed posture nearby; None: that at the start.
-        contraction
-            Bound on the ratio of successive steps.
-        change
-    <<<<<<< HEAD
-            Bound on the change of this derivative from ``near`` to the start and to the result: see :meth:`Passive.change`. With
-            one below 1, no singularity is between the two: the closed posture has the assembly mode of the one nearby. No bound
-            by default.
-    =======
-            Bound on the change of this derivative from ``near`` to the start and to the result, as of :meth:`Passive.change`. With
-            one below 1, no singularity is between the two: the closed posture has the assembly mode of the one nearby. No bound by
-            default.
-    >>>>>>> loops
+    Parameters
+    ----------
+    configuration
+        (nq,) Pinocchio configuration to start from.
+    near
+        The derivative of the closures at a closed posture nearby; None: that at the start.
+    contraction
+        Bound on the ratio of successive steps.
+    change
+        Bound on the change of this derivative from ``near`` to the start and to the result: see :meth:`Passive.change`. With
+        one below 1, no singularity is between the two: the closed posture has the assembly mode of the one nearby. No bound
+        by default.
     """
     model, passive = robot.model, robot.passive
     # Coordinates of a few metres have rounding errors of a few 1e-16 m each, and a loop is a sum of about ten of them.

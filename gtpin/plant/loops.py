@@ -133,12 +133,8 @@ class Loops:
     def led(self, q: Floats) -> Floats:
         """(N, J) coordinates at commands q (N, n), on home's assembly mode; NaN where straight lines do not lead there.
 
-        <<<<<<< HEAD
-                Each row follows the straight line of commands from home. A stride along it is halved where the slopes of the gaps
-        =======
-                Each row follows the straight line of commands from home. A stride along it is shortened where the slopes of the gaps
-        >>>>>>> loops
-                change by a large part of their distance from a singularity, so that no stride jumps over one.
+        Each row follows the straight line of commands from home. A stride along it is shortened where the slopes of the gaps
+        change by a large part of their distance from a singularity, so that no stride jumps over one.
         """
         home = self._home
         if home is None:
