@@ -11,7 +11,7 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.estimate import Estimate
 from gtpin.report.gap_words import beyond_noise, gap_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
-from gtpin.report.verdict import questions, verdict
+from gtpin.report.verdict import assumed, questions, verdict
 from gtpin.report.words import chance, percent, quantity
 
 SHOWN = 6
@@ -24,7 +24,7 @@ def diagnosis_summary(diagnosis: Diagnosis) -> RenderableType:
     if diagnosis.causes:
         parts.append(_causes(diagnosis))
     hints = (*not_recorded(diagnosis), *could_be(diagnosis), *may_hide(diagnosis))
-    return Group(*parts, *hints, *questions(diagnosis), *_gap(diagnosis), *_untestable(diagnosis))
+    return Group(*parts, *hints, *questions(diagnosis), *_gap(diagnosis), *assumed(diagnosis), *_untestable(diagnosis))
 
 
 def _others(cause: Cause) -> list[Member]:

@@ -58,24 +58,32 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
         f"instrument and repeatability alone is {size.floor}."
     )
     if d.noise_source == "residuals":
-        gap = (
-            f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to. That this is noise is an "
-            f"assumption: no sigma was declared and no pose was visited repeatedly. An error of up to {size.before} that "
-            "differs from pose to pose could hide in it; declare the instrument's sigma, or visit ten poses again."
-        )
+        gap = f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to."
     scatter, hidden = scatters(d.baseline), may_hide(d)
     if scatter and hidden:
         headline = (
             "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible "
         )
         return headline + "causes could not be tested.", [gap, scatter, *hidden]
-    advice = [f"{gap} Use it as it is: no compensation is needed."]
+    advice = [f"{gap} Use it as it is: no compensation is needed.", *assumed(d)]
     untestable = sum(not c.testable for c in d.candidates)
     if untestable:
         advice.append(
             f"{counted(untestable, 'candidate')} could not be tested with these data; a cause among them is not detected."
         )
     return "Nothing but noise is left: the calibrated geometry explains these measurements.", advice
+
+
+def assumed(d: Diagnosis) -> list[str]:
+    """A sentence where the noise is an assumption, and what gap could hide in it."""
+    if d.noise_source != "residuals":
+        return []
+    size = gap_words(d.gap).after
+    return [
+        f"That {size} are noise is an assumption: no sigma was declared, and too few poses were visited repeatedly. An error of "
+        "up to this size that differs from pose to pose could hide in it: declare the instrument's sigma, or visit ten poses "
+        "again."
+    ]
 
 
 def _explained(d: Diagnosis) -> tuple[str, list[str]]:

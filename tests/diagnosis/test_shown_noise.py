@@ -1,0 +1,82 @@
+"""The verdict is judged against the noise that was declared or that visits show, never against what is left of a fit."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+import gtpin
+
+SIGMA, TURN = 3e-5, 1e-4
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+
+
+def measured(seed, *, scatter=0.0, visits=1, sigmas=(SIGMA, TURN), poses=90):
+    """An arm within its tolerances whose target is off by a random shift at each pose, the same at all visits of the pose."""
+    rng = np.random.default_rng(seed)
+    robot = gtpin.load_robot("ur5")
+    model = robot.model.copy()
+    for joint in robot.moving_joints:
+        model.jointPlacements[joint] = model.jointPlacements[joint] * pin.exp6(3e-4 * rng.standard_normal(6))
+    data, q = model.createData(), rng.uniform(-1.5, 1.5, (poses, 6))
+    T, R = np.empty((poses, 3)), np.empty((poses, 3, 3))
+    for i, row in enumerate(q):
+        pin.forwardKinematics(model, data, robot.with_commands(robot.neutral, row))
+        at = data.oMi[robot.tcp_joint] * robot.tcp_placement
+        T[i], R[i] = at.translation, at.rotation
+    T = T + scatter * rng.standard_normal(T.shape)
+    again = np.repeat(np.arange(poses), visits)
+    turns = Rotation.from_rotvec(TURN * rng.standard_normal((len(again), 3))) * Rotation.from_matrix(R[again])
+    return gtpin.Dataset(
+        robot="ur5",
+        pose=[str(i) for i in again],
+        q=q[again],
+        position=T[again] + SIGMA * rng.standard_normal((len(again), 3)),
+        orientation=turns.as_quat(scalar_first=True),
+        instrument=gtpin.data.Instrument(position_sigma=sigmas[0], orientation_sigma=sigmas[1]),
+    )
+
+
+def test_noise_as_declared_is_nothing_beyond_noise():
+    found = gtpin.diagnose(measured(1))
+    assert found.verdict == "none"
+    assert found.noise_source == "declared"
+    assert found.gap.floor == pytest.approx(SIGMA * np.sqrt(3.0), rel=0.15)
+
+
+def test_scatter_beyond_the_declared_noise_is_unknown_and_visits_are_proposed():
+    found = gtpin.diagnose(measured(2, scatter=1.2e-4))
+    assert found.verdict == "unknown"
+    assert [doubt.reason for doubt in found.doubts] == ["excess"]
+    assert found.gap.floor == pytest.approx(SIGMA * np.sqrt(3.0), rel=0.05)
+    assert found.gap.inferred > 2.0 * found.gap.floor
+    assert any("of the measured poses twice more each" in e.measure for e in found.next_experiment)
+    assert found.to_json()["gap"]["noise_inferred"] == found.gap.inferred
+    assert "can't separate from noise: repeat visits tell" in str(found.summary())
+
+
+def test_scatter_that_repeats_at_each_pose_is_no_noise():
+    found = gtpin.diagnose(measured(3, scatter=1.2e-4, visits=3, poses=60))
+    assert found.verdict == "unknown"
+
+
+@pytest.mark.parametrize("visits", [1, 3])
+def test_noise_that_was_not_declared_is_an_assumption_unless_visits_show_it(visits):
+    data = measured(4, visits=visits, sigmas=(None, None), poses=90 if visits == 1 else 45)
+    found = gtpin.diagnose(data)
+    assert found.verdict == "none"
+    assert found.noise_source == ("residuals" if visits == 1 else "repeats")
+    assert ("are noise is an assumption" in str(found.summary())) == (visits == 1)
+
+
+def test_noise_declared_a_hundred_times_too_small_is_never_nothing_beyond_noise():
+    data = measured(5)
+    small = replace(
+        data, instrument=data.instrument.model_copy(update={"position_sigma": 3e-7, "orientation_sigma": 1e-6})
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert gtpin.diagnose(small).verdict == "unknown"
