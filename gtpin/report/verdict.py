@@ -80,9 +80,9 @@ def assumed(d: Diagnosis) -> list[str]:
         return []
     size = gap_words(d.gap).after
     return [
-        f"That {size} are noise is an assumption: no sigma was declared, and too few poses were visited repeatedly. An error of "
-        "up to this size that differs from pose to pose could hide in it: declare the instrument's sigma, or visit ten poses "
-        "again."
+        f"That {size} are noise is an assumption: no sigma was declared, and too few poses were visited repeatedly. "
+        "An error of up to this size that differs from pose to pose could hide in it: declare the instrument's sigma, or "
+        "visit ten poses again."
     ]
 
 

@@ -1,0 +1,89 @@
+"""The cases of examples/field: every command of its page gives the right answer."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.cli import main
+
+FIELD = Path(__file__).parents[2] / "examples" / "field"
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Exit code and standard error of a command."""
+
+    def command(*arguments):
+        monkeypatch.setattr(sys, "argv", ["gtpin", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, capsys.readouterr().err
+
+    return command
+
+
+def test_noise_of_millimetres_is_not_what_a_far_nominal_model_leaves():
+    found = gtpin.calibrate(gtpin.Dataset.read(FIELD / "far_nominal"))
+    errors = np.linalg.norm(found.residual[:, :3], axis=1)
+    assert np.sqrt((errors**2).mean()) < 5e-4
+    assert found.noise.position_sigma < 3e-4  # made with 20 to 200 um
+
+
+def test_scatter_beyond_the_declared_noise_is_unknown():
+    found = gtpin.diagnose(gtpin.Dataset.read(FIELD / "scatter"))
+    assert (found.verdict, [d.reason for d in found.doubts]) == ("unknown", ["excess"])
+
+
+def test_virtual_poses_of_a_five_bar_are_on_one_assembly(tmp_path, run):
+    code, _ = run("simulate", "-o", tmp_path / "sim", "--robot", FIELD / "five_bar" / "five_bar.urdf")
+    assert code in (0, None)
+    data = gtpin.Dataset.read(tmp_path / "sim")
+    # Elbows by hand, and the tip as the intersection of two circles: the same of the two at every pose.
+    left = np.array([-0.12, 0.0]) + 0.30 * np.column_stack([-np.sin(data.q[:, 0]), np.cos(data.q[:, 0])])
+    right = np.array([0.12, 0.0]) + 0.31 * np.column_stack([-np.sin(data.q[:, 1]), np.cos(data.q[:, 1])])
+    apart = right - left
+    d = np.linalg.norm(apart, axis=1)
+    along = (d**2 + 0.42**2 - 0.40**2) / (2.0 * d)
+    high = np.sqrt(np.maximum(0.42**2 - along**2, 0.0))
+    foot, across = left + apart * (along / d)[:, None], np.column_stack([-apart[:, 1], apart[:, 0]]) / d[:, None]
+    tips = [foot + side * across * high[:, None] for side in (1.0, -1.0)]
+    off = [np.linalg.norm(data.position[:, :2] - tip, axis=1).max() for tip in tips]
+    assert min(off) < 0.02 < max(off)  # the machine is some millimetres off nominal
+
+
+def test_an_undetermined_motion_names_its_joints(tmp_path, run):
+    folder = FIELD / "undetermined"
+    code, said = run("predict", folder / "four_bar.urdf", folder / "q.csv", "-o", tmp_path / "out.csv")
+    assert code == 2
+    assert "1 passive motion" in said
+    assert "extra" in said
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_xacro_file_is_to_be_expanded(tmp_path, run):
+    q = FIELD / "undetermined" / "q.csv"
+    code, said = run("predict", FIELD / "xacro" / "arm.xacro", q, "-o", tmp_path / "out.csv")
+    assert code == 2
+    assert "expand it first" in said
+
+
+def test_a_site_with_a_bodys_name_is_the_tcp_that_was_asked_for(tmp_path, run):
+    folder = FIELD / "site_and_body"
+    out = tmp_path / "out.csv"
+    code, said = run("predict", folder / "arm.xml", folder / "q.csv", "--tcp", "tool", "-o", out)
+    assert code in (0, None)
+    assert "tool" in said
+    found = np.genfromtxt(out, delimiter=",", skip_header=1)[1, 1:4]
+    a, b = 0.5, -0.3  # Rz(a) (0.4, 0, 0) + Rz(a) Ry(b) (0.1, 0, 0.05), over 0.3
+    reach = 0.4 + 0.1 * np.cos(b) + 0.05 * np.sin(b)
+    right = [reach * np.cos(a), reach * np.sin(a), 0.3 - 0.1 * np.sin(b) + 0.05 * np.cos(b)]
+    np.testing.assert_allclose(found, right, atol=1e-12)
+
+
+def test_the_page_names_every_folder():
+    page = (FIELD / "README.md").read_text()
+    assert {f"| `{folder.name}` |" in page for folder in FIELD.iterdir() if folder.is_dir()} == {True}
