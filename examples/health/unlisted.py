@@ -1,7 +1,7 @@
 """How often a check of an unchanged machine raises an alarm where the earlier model left errors unexplained: docs/health.md.
 
-The machines are those of ``examples/certificate/unseen_poses.py``: arms of three joints with smooth errors that no effect of the
-catalogue describes, and, every second one, with an error of one joint that is a smooth function of its own angle, which the
+The machines are those of ``examples/certificate/unseen_poses.py``: arms of three joints with smooth errors that no effect of
+the catalogue describes, and, every second one, with an error of one joint that is a smooth function of its own angle, which the
 catalogue has and a calibration leaves out. Each is calibrated, and checked with new poses a day later. Nothing has changed.
 ``python examples/pages/refresh.py --measure unlisted`` measures the table of the page again.
 """

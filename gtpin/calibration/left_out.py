@@ -56,9 +56,10 @@ def left_out(fit: Fit[Any], poses: Groups) -> tuple[Floats, npt.NDArray[np.bool_
     weight = np.sqrt(np.maximum(fit.weight, 1e-12))[:, None]
     errors, start = np.zeros_like(fit.residual), 0
     while start < len(order):  # as many poses at a time as fit in memory
-        stop = int(ends[min(np.searchsorted(ends, start + TOGETHER), len(ends) - 1)])
+        stop = int(ends[min(int(np.searchsorted(ends, start + TOGETHER)), len(ends) - 1)])
         rows = order[start:stop]
-        half = fit.problem.jacobian(fit.point, rows, fit.weight[rows]) @ fit.root
+        jacobian: Floats = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
+        half = jacobian @ fit.root
         errors[rows] = of_poses(half, fit.residual[rows] * weight[rows], poses[rows]) / weight[rows]
         start = stop
     return errors, some
@@ -95,8 +96,9 @@ def unexplained(
 ) -> Unexplained:
     """What a fit leaves unexplained between poses: the scatter of the poses' mean residuals beyond that of the noise.
 
-    Repeated visits of a pose show the noise, and not whether the model is right at this pose. So a number of a pose counts once,
-    with the mean of its visits, and the degrees of freedom are the count of these means less the parameters that were fitted.
+    Repeated visits of a pose show the noise, and not whether the model is right at this pose. So a number of a pose counts
+    once, with the mean of its visits, and the degrees of freedom are the count of these means less the parameters that were
+    fitted.
     One standard deviation of the mean square is added. Where chi-square shows no unexplained errors, they are 0.
 
     Parameters

@@ -148,7 +148,7 @@ class Calibration(Shown):
         variance = _variances(final, settled.noise.take(settled.used))
         unexplained = unexplained_poses(judged, residual, variance, poses, known=known, dof=settled.noise.dof)
         out, some = left_out(final, poses)
-        out = np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0]
+        out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0])
         return Calibration(
             model=replace(
                 final.point.model,

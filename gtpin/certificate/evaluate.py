@@ -149,7 +149,7 @@ class Evaluation:
         """Degrees of freedom of the mean square error between poses: see :class:`~gtpin.certificate.unexplained.Excess`."""
         poses = len(np.unique(self.rows.visits))
         taken = self._left_out[1] if self.fitted or self.gap is not None else 0.0
-        return max(3.0 * (poses - taken / self.corrected.errors.shape[1]), 1.0)
+        return float(max(3.0 * (poses - taken / self.corrected.errors.shape[1]), 1.0))
 
     @cached_property
     def _between(self) -> list[tuple[float, float]]:
@@ -179,7 +179,7 @@ class Evaluation:
         return float(np.trace(scatter[:3, :3])), float(np.trace(scatter[3:, 3:]))
 
     def _after(self, kind: int) -> float:
-        """Root mean square error of single visits of left-out poses, m (kind 0) or rad (1), where a diagnosis made the model."""
+        """Root mean square error of single visits of left-out poses, m (kind 0) or rad (1); a diagnosis made the model."""
         assert self.gap is not None
         part = self.gap if kind == 0 or self.gap.turns is None else self.gap.turns
         return part.after

@@ -46,7 +46,7 @@ class Bench:
     """Gains in log evidence, nats, of every hypothesis alone, for many drawn residuals at once."""
 
     def __init__(self, hypotheses: HypothesisSet, unexplained: float = 0.0) -> None:
-        """Take the hypotheses of a check, and the share of the earlier model's unexplained errors in the residuals' variance."""
+        """Take the hypotheses of a check, and the share of unexplained errors in the variance of the residuals."""
         self.hypotheses, groups = hypotheses, hypotheses.groups
         self.share = unexplained
         self.axes = []

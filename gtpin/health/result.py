@@ -46,8 +46,8 @@ class HealthCheck(Shown):
         What the earlier model left unexplained of the data that it was fitted to. It is a part of the uncertainty of what the
         model predicts, so that changes that are smaller can't be told from it.
     noise_known
-        Whether the noise was declared, or shown by repeated visits. Otherwise the noise floor of ``gap`` is what was left of the
-        earlier model's fit.
+        Whether the noise was declared, or shown by repeated visits. Otherwise the noise floor of ``gap`` is what was left of
+        the earlier model's fit.
     free_frame
         Whether the pose of the instrument is unknown and identified too.
     effects
