@@ -36,7 +36,7 @@ SHIFT = 5e-4
 WAVES = 60
 DIAGNOSED = {1: 10, 3: 50}
 """By number of visits: of so many machines one is diagnosed, because that takes longer."""
-BASES = ("fitted", "new", "left_out")
+BASES = ("left_out", "fitted", "new")
 LINKS = (("z", (0.0, 0.0, 0.4)), ("y", (0.1, 0.0, 0.2)), ("y", (0.45, 0.0, 0.0)), ("", (0.4, 0.0, 0.0)))
 """Axis of each joint, and its place in the frame before it, m; the last is the tool's."""
 
@@ -164,8 +164,7 @@ def table(records: pd.DataFrame) -> str:
     """Coverage by number of visits and by basis."""
     words = {"fitted": "the poses of the fit", "new": "new poses", "left_out": "a diagnosis of the poses"}
     lines = [
-        "| visits of a pose | the certificate is from | machines | along an axis, within U (k = 2) | within the radius "
-        "| numbers agree |",
+        "| visits of a pose | certified with | machines | along an axis, within U | within the radius | numbers agree |",
         "|---|---|---|---|---|---|",
     ]
     for visits in (1, 3):

@@ -58,7 +58,8 @@ def left_out(fit: Fit[Any], poses: Groups) -> tuple[Floats, npt.NDArray[np.bool_
     while start < len(order):  # as many poses at a time as fit in memory
         stop = int(ends[min(int(np.searchsorted(ends, start + TOGETHER)), len(ends) - 1)])
         rows = order[start:stop]
-        half = fit.problem.jacobian(fit.point, rows, fit.weight[rows]) @ fit.root
+        jacobian: Floats = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
+        half = jacobian @ fit.root
         errors[rows] = of_poses(half, fit.residual[rows] * weight[rows], poses[rows]) / weight[rows]
         start = stop
     return errors, some

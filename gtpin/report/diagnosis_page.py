@@ -134,10 +134,15 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
     if len(d.gap.by_instrument) > 1:
         return [_number(one, bool(d.causes)) for one in d.gap.by_instrument] + _shrinkage(d)
     size = gap_words(d.gap)
-    numbers = [(nominal_words(d.baseline), "nominal geometry, RMS"), (size.before, "gap of the calibrated geometry")]
+    numbers = [
+        (nominal_words(d.baseline), "nominal geometry, RMS"),
+        (size.before, "calibrated geometry, at left-out poses"),
+    ]
     if d.causes:
         numbers.append((size.after, "with the causes"))
-    numbers.append((size.floor, "noise alone"))
+    left = d.baseline.model.unexplained
+    known = left is None or left.noise_known
+    numbers.append((size.floor, "noise alone" if known else "left of the fit: the noise is not known"))
     return numbers + _shrinkage(d)
 
 

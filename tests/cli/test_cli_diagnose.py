@@ -21,7 +21,7 @@ from gtpin.report.files import write_diagnosis
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a plant holds constant is noticed
 SAMPLES = Path(__file__).parents[3] / "shared" / "samples"
-KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment"}
+KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment", "warnings"}
 
 
 def made(folder, *effects):

@@ -26,6 +26,8 @@ AGAIN = {
     "instruments": 6,
     "closed_circle": 1,
     "health": 2,
+    "unlisted": 2,
+    "certificate": 3,
     "pairs": 2,
     "forms": 2,
 }

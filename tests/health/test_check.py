@@ -23,7 +23,7 @@ from gtpin.health.measured import usable
 from gtpin.plant import make_case
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
-KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment"}
+KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment", "warnings"}
 
 
 @pytest.mark.parametrize("actuator", [0, 1, 2])

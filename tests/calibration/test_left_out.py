@@ -1,0 +1,90 @@
+"""Errors at left-out poses against fits that were made without these poses, and what is unexplained between poses."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.calibration.gauss_newton import Fit
+from gtpin.calibration.left_out import of_poses, unexplained
+from gtpin.model.model_folder import read_model, write_model
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"
+if not EXAMPLES.is_dir():
+    pytest.skip("needs the examples", allow_module_level=True)
+sys.path.insert(0, str(EXAMPLES))
+
+from unseen_poses import Machine  # noqa: E402
+
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+
+
+def test_left_out_residuals_are_those_of_fits_without_the_pose():
+    rng = np.random.default_rng(0)
+    poses = rng.permutation(np.repeat(np.arange(7), [1, 2, 3, 1, 1, 2, 4]))
+    J, y = rng.standard_normal((len(poses), 3, 5)), rng.standard_normal((len(poses), 3))
+
+    def solved(rows):
+        flat = J[rows].reshape(-1, 5)
+        return np.linalg.solve(flat.T @ flat + np.eye(5), flat.T @ y[rows].ravel())
+
+    every = np.ones(len(poses), dtype=bool)
+    root = np.linalg.cholesky(np.linalg.inv(J.reshape(-1, 5).T @ J.reshape(-1, 5) + np.eye(5)))
+    found = of_poses(J @ root, y - J @ solved(every), poses)
+    for pose in range(7):
+        own = poses == pose
+        np.testing.assert_allclose(found[own], y[own] - J[own] @ solved(~own), rtol=1e-9, atol=1e-9)
+
+
+def test_a_calibration_states_the_error_of_calibrations_without_each_pose():
+    data = Machine(11).measured(0, 2, False)
+    data = data.take(slice(0, 40))  # 20 poses
+    squares = []
+    for pose in dict.fromkeys(data.pose):
+        own = data.pose == pose
+        model = gtpin.calibrate(data.take(~own)).model
+        squares.append(((data.position[own] - model.predict(data.q[own]).T) ** 2).sum(axis=1).mean())
+    found = gtpin.calibrate(data).to_json()
+    assert found["position_rms_left_out"] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.1)
+    assert found["position_rms_left_out"] > 1.05 * found["position_rms_after"]
+
+
+@pytest.mark.parametrize("visits", [1, 5])
+def test_visits_that_agree_do_not_make_a_model_right(visits):
+    """Errors of 40 um between poses, visits that agree to 1 um; 10 of 300 numbers fitted."""
+    rng = np.random.default_rng(visits)
+    between = 4e-5 * rng.standard_normal(300)
+    errors = np.repeat(between, visits) + 1e-6 * rng.standard_normal(300 * visits)
+    places, turns = np.repeat(np.arange(300), visits), np.zeros(300 * visits, dtype=bool)
+    variance = np.full(300 * visits, 1e-12)
+    found = unexplained(errors, errors / 1e-6, variance, places, turns, 10.0, known=True)
+    assert found.position == pytest.approx(4e-5, rel=0.2)
+    assert found.orientation == 0.0
+    clean = errors - np.repeat(between, visits)
+    assert unexplained(clean, clean / 1e-6, variance, places, turns, 0.0, known=True).none
+    assert not unexplained(clean, clean / 1e-6, variance, places, turns, 0.0, known=False).none
+
+
+def test_the_file_of_a_model_has_what_it_left_unexplained_and_older_files_do_without(tmp_path):
+    model = gtpin.calibrate(Machine(12).measured(0, 3, True)).model
+    true = Machine(12).waves[2].std() * np.sqrt(len(Machine(12).waves[2]) / 2.0)
+    assert model.unexplained.position == pytest.approx(true, rel=0.35)
+    for one in (model, replace(model, unexplained=None)):
+        write_model(one, tmp_path / "model", force=True)
+        assert read_model(tmp_path / "model").unexplained == one.unexplained
+
+
+def test_what_small_noise_determines_has_a_small_variance_in_the_covariance():
+    """The variance of a fitted number can't exceed that of its noise, however wide the priors of the unknowns are."""
+    rng = np.random.default_rng(1)
+    J = rng.standard_normal((200, 30)) @ np.diag(10.0 ** rng.uniform(-1.0, 5.0, 30)) @ rng.standard_normal((30, 60))
+    fit = Fit(SimpleNamespace(prior=np.ones(60)), None, None, None, J.T @ J, 1)  # type: ignore[arg-type]
+    leverage = ((J @ fit.root) ** 2).sum(axis=1)
+    assert leverage.max() < 1.0 + 1e-3
+    assert leverage.sum() == pytest.approx(30.0, rel=1e-2)
