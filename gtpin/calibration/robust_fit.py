@@ -358,7 +358,8 @@ class RobustFit:
                 continue
             limit = weights.gross_limit(whitened[rows], used[rows], heaviest)
             far = rows[(weights.square_norms(whitened[rows]) > limit) & finite[rows]]
-            if len(far):
+            found[far] = True
+            if 0 < len(far) <= weights.FEW * len(rows):  # more of them are no accident of single poses
                 problem = self.whole.take(
                     far, noise.take(far).whitening(self.estimator.derivative(noise, far), whitened.shape[1])
                 )
@@ -367,5 +368,5 @@ class RobustFit:
                 H /= np.maximum(np.trace(H, axis1=1, axis2=2) / H.shape[1], 1.0)[:, None, None]
                 spread = np.eye(whitened.shape[1]) + np.maximum(1.0 - 2.0 * weight[far], 0.0)[:, None, None] * H
                 norms = np.einsum("nc,nc->n", whitened[far], np.linalg.solve(spread, whitened[far][..., None])[..., 0])
-                found[far] |= ~(norms <= limit)  # also where the square of a gross error overflows
+                found[far] = ~(norms <= limit)  # also where the square of a gross error overflows
         return np.isin(self.rows, self.rows[found])

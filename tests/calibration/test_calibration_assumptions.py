@@ -120,13 +120,24 @@ def test_commands_one_row_off_from_some_row_on_are_named(by, fits, start):
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.5, 1.0), (0.3, 0.55)])
-@pytest.mark.parametrize("size", [3e-4, 3e-3])
-def test_an_instrument_that_was_bumped_is_named_with_its_rows(start, end, size):
+def test_an_instrument_that_was_bumped_is_named_with_its_rows(start, end):
     dataset = clean()
     rows = slice(int(start * len(dataset)), int(end * len(dataset)))
     with pytest.raises(DatasetError, match="bumped or set up anew") as caught:
-        gtpin.calibrate(moved(dataset, rows, (0.0, size, 0.0), (0.0, 0.0, 0.0)))
+        gtpin.calibrate(moved(dataset, rows, (0.0, 3e-3, 0.0), (0.0, 0.0, 0.0)))
     assert caught.value.row == pytest.approx(dataset.row[rows.start], abs=2)
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.5, 1.0), (0.3, 0.55)])
+def test_a_bump_of_the_size_of_an_effect_is_warned_of_with_its_rows(start, end):
+    dataset = clean()
+    rows = slice(int(start * len(dataset)), int(end * len(dataset)))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        gtpin.calibrate(moved(dataset, rows, (0.0, 3e-4, 0.0), (0.0, 0.0, 0.0)))
+    (bumped,) = [str(w.message) for w in said if "bumped or set up anew" in str(w.message)]
+    first = int(bumped.split("rows ")[1].split()[0])
+    assert first == pytest.approx(dataset.row[rows.start], abs=2)
 
 
 def test_an_instrument_set_up_anew_in_a_session_of_its_own_is_left_to_the_diagnosis():
