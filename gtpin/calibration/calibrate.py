@@ -250,7 +250,7 @@ def _calibrated(
         if not settled.used.all():
             named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
             warn(f"set aside as gross errors: poses {named}")
-        check_fit(dataset, settled, seen)
+        check_fit(kept, settled, seen)
         if doubt:
             settled, instrument = used_noise(dataset, settled, settle)
             settled, instrument = unstrained(settled, instrument, settle)

@@ -167,7 +167,8 @@ class RobustFit:
         steps = outcome.iterations
         if self._scale(outcome.residual, used) > LOST:
             for sigma in COARSE:
-                nominal = self._rough(noise.at_least(sigma), nominal, "coarse fit").point.x
+                every = np.ones(len(self.rows), dtype=bool)
+                nominal = self._fit(every, noise.at_least(sigma), self._huber, nominal, "coarse fit").point.x
             outcome = self._rough(noise.at_least(ROUGH), nominal)
             steps += outcome.iterations
         if not noise.estimated.any():
@@ -269,10 +270,10 @@ class RobustFit:
         fitted[self._part_rows[part.used]] = True
         return fitted
 
-    def _rough(self, noise: ReadingNoise, x: Floats | None, what: str = "rough fit") -> Fit[Any]:
+    def _rough(self, noise: ReadingNoise, x: Floats | None) -> Fit[Any]:
         """A fit of all rows that is good enough to detect gross errors."""
         used = np.ones(len(self.rows), dtype=bool)
-        return self._fit(used, noise, self._huber, x, what, rough=True)
+        return self._fit(used, noise, self._huber, x, "rough fit", rough=True)
 
     def _fit(
         self,

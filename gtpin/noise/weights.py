@@ -15,6 +15,8 @@ Floats = npt.NDArray[np.float64]
 
 REJECTION = 1e-3
 """Probability that any good pose of a dataset is set aside, for Gaussian noise. Assumed."""
+LEFT_OUT = 10.0
+"""Norm of a residual, in units of the residuals' robust scale, beyond which a row has weight zero in a rough fit. Assumed."""
 ABSURD = 15.0
 """Norm of a residual, in units of the residuals' robust scale, beyond which a row is a gross error however heavy the tails
 are: a few gross errors of a single number look like tails that explain them. Assumed; as ``absurd`` of a diagnosis."""
@@ -44,11 +46,11 @@ def robust_scale(residual: Floats) -> float:
 def huber(residual: Floats) -> Floats:
     """(N,) weights that limit the influence of poses whose residual (N, c) exceeds its 95 % point (Huber 1964).
 
-    A pose beyond ``ABSURD`` has weight zero: its squared residual would leave no significant digits to the others.
+    A pose beyond ``LEFT_OUT`` has weight zero: its squared residual would leave no significant digits to the others.
     """
     norm = np.sqrt(square_norms(residual)) / robust_scale(residual)
     bound = np.sqrt(chi2.ppf(0.95, residual.shape[1]))
-    return np.where(norm > ABSURD, 0.0, np.minimum(1.0, bound / np.maximum(norm, 1e-300)))
+    return np.where(norm > LEFT_OUT, 0.0, np.minimum(1.0, bound / np.maximum(norm, 1e-300)))
 
 
 def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> npt.NDArray[np.bool_]:

@@ -147,7 +147,7 @@ def check_convention(dataset: Dataset, settled: Settled[Problem]) -> None:
         suspect(error, dataset, before, after, exact=True)
 
 
-def check_fit(dataset: Dataset, settled: Settled[Problem], nominal: Poses) -> None:
+def check_fit(kept: Dataset, settled: Settled[Problem], nominal: Poses) -> None:
     """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise."""
     problem, point = settled.fit.problem, settled.fit.point
     model, measured = point.model, problem.measured
@@ -165,8 +165,14 @@ def check_fit(dataset: Dataset, settled: Settled[Problem], nominal: Poses) -> No
         what = f"calibration leaves {worst * 1e3:.3g} mm and more at {share}: these can't be the robot's poses"
     if what:
         hint = 'check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")'
-        refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
-    if left < SMALLEST and dataset.instrument.position_sigma is None:
+        lines = kept.row[settled.used]
+        found = stretch(errors > max(10.0 * float(np.quantile(errors, 0.25)), WHOLE))
+        row = None
+        if found is not None:  # the others fit: these rows are the reason
+            row = int(lines[found.rows].min())
+            what = f"rows {row} to {int(lines[found.rows].max())} do not fit the others; {what}"
+        refuse(DatasetError(what, file=kept.file, row=row, hint=hint), kept)
+    if left < SMALLEST and kept.instrument.position_sigma is None:
         warn(
             f"the positions agree with the calibrated kinematics to {left * 1e6:.2g} um in the median, and no instrument "
             "measures so well: were they computed (targets of a controller, a simulation without noise), and not measured?"
