@@ -22,6 +22,7 @@ from gtpin.estimate import Estimate
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
+from gtpin.model.posterior import inverse_root
 from gtpin.noise.noise import Noise
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation, Shown
@@ -140,7 +141,8 @@ class Calibration(Shown):
         problem, geometry = final.problem, final.point.model.geometry
         components = problem.measured.components
         information = final.information * settled.tails.kept(components)
-        x_covariance = np.linalg.inv(information + np.diag(problem.prior))
+        root = inverse_root(information + np.diag(problem.prior))
+        x_covariance = root @ root.T
         p, tolerance = problem.n_geometry, geometry.tolerance
         covariance = x_covariance[:p, :p] * np.outer(tolerance, tolerance)
         residual = problem.measured.minus(final.point.model.seen(final.point.poses))
