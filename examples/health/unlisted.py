@@ -30,7 +30,7 @@ SEEDS = 1795634981
 """The machines' first seed: the clock's seconds when the table was measured last."""
 CHECKED = (10, 40)
 """Numbers of poses of a check."""
-TURNED = 6e-5
+TURNED = 1.5e-4
 """Size of an error of one joint, rad."""
 
 
@@ -40,7 +40,7 @@ class OneJoint(Machine):
     def position(self, q: Floats) -> Floats:
         """(N, 3) true positions of the tool, m."""
         rng = np.random.default_rng([self.seed, 9])
-        joint, frequencies, phases = rng.integers(3), rng.uniform(3.0, 9.0, 4), rng.uniform(0.0, 2.0 * np.pi, 4)
+        joint, frequencies, phases = rng.integers(3), rng.uniform(1.5, 4.0, 4), rng.uniform(0.0, 2.0 * np.pi, 4)
         moved = q.copy()
         moved[:, joint] += TURNED * np.cos(np.outer(q[:, joint], frequencies) + phases).sum(axis=1) / np.sqrt(2.0)
         return super().position(moved)

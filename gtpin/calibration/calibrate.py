@@ -237,8 +237,9 @@ def _calibrated(
 
     start = started(instrument)
     seen = start.seen(poses)
-    check_stretch(kept, measured, seen, far_from_nominal(measured, seen, reach_of(geometry)))
-    with explained(kept, start, measured, poses):
+    far = far_from_nominal(measured, seen, reach_of(geometry))
+    check_stretch(kept, measured, seen, far, bumps=False)
+    with explained(kept, start, measured, poses, far):
         if doubt:
             settled = settled_in_doubt(kept, start, measured, poses, settle)
         else:

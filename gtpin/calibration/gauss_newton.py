@@ -14,6 +14,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from gtpin.calibration.problem import Point
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
+from gtpin.model.posterior import inverse_root
 
 Floats = npt.NDArray[np.float64]
 
@@ -94,15 +95,8 @@ class Fit(Generic[P]):
 
     @cached_property
     def root(self) -> Floats:
-        """(size, size) F with F F' the covariance.
-
-        From eigenvectors. The errors of an inverse are as large as those of its largest elements; what the data determine well
-        has variances that are smaller than these errors where the noise is small.
-        """
-        whole = self.information + np.diag(self.problem.prior)
-        size = np.sqrt(whole.diagonal())
-        values, vectors = np.linalg.eigh(whole / np.outer(size, size))
-        return np.asarray(vectors / np.sqrt(np.maximum(values, np.finfo(float).eps)) / size[:, None])
+        """(size, size) F with F F' the covariance."""
+        return inverse_root(self.information + np.diag(self.problem.prior))
 
     @property
     def factor(self) -> Floats:

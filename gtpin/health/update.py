@@ -16,6 +16,7 @@ from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.rotations import exp
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Frame, Model
+from gtpin.model.posterior import inverse_root
 
 Floats = npt.NDArray[np.float64]
 
@@ -41,7 +42,8 @@ class Linear:
         """The posterior for changes with the whitened displacements ``changes`` (N c, m), in units of their priors' sigmas."""
         J = np.hstack([design.B, changes])
         prior = np.concatenate([design.prior, np.ones(changes.shape[1])])
-        covariance = np.linalg.inv(J.T @ J + np.diag(prior))
+        root = inverse_root(J.T @ J + np.diag(prior))
+        covariance = root @ root.T
         mean = covariance @ (J.T @ design.y)
         return Linear(mean, covariance, (design.y - J @ mean).reshape(-1, design.components))
 

@@ -33,6 +33,17 @@ def joined(parts: Sequence[Floats], joint: Floats | None) -> Floats:
     return apart if (off & inside).any() else joint
 
 
+def inverse_root(information: Floats) -> Floats:
+    """F (m, m) with F F' the inverse of a symmetric matrix with positive eigenvalues.
+
+    From eigenvectors. An inverse that is computed row by row is not symmetric: what the data determine well has variances that
+    are far smaller than the difference of its two halves, and a root of either half then has variances that are far too large.
+    """
+    size = np.sqrt(information.diagonal())
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    return np.asarray(vectors / np.sqrt(np.maximum(values, np.finfo(float).eps)) / size[:, None])
+
+
 def block_of(joint: Floats, sizes: Sequence[int], kept: Sequence[bool]) -> Floats:
     """The block of a joint covariance that belongs to some of its parts, whose sizes are given in its order."""
     rows = np.repeat(np.asarray(kept, dtype=bool), sizes)

@@ -13,6 +13,7 @@ import pytest
 import gtpin
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import of_poses, unexplained
+from gtpin.certificate.response import root_of
 from gtpin.model.model_folder import read_model, write_model
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"
@@ -85,6 +86,7 @@ def test_what_small_noise_determines_has_a_small_variance_in_the_covariance():
     rng = np.random.default_rng(1)
     J = rng.standard_normal((200, 30)) @ np.diag(10.0 ** rng.uniform(-1.0, 5.0, 30)) @ rng.standard_normal((30, 60))
     fit = Fit(SimpleNamespace(prior=np.ones(60)), None, None, None, J.T @ J, 1)  # type: ignore[arg-type]
-    leverage = ((J @ fit.root) ** 2).sum(axis=1)
-    assert leverage.max() < 1.0 + 1e-3
-    assert leverage.sum() == pytest.approx(30.0, rel=1e-2)
+    for root in (fit.root, root_of(fit.covariance)):
+        leverage = ((J @ root) ** 2).sum(axis=1)
+        assert leverage.max() < 1.0 + 1e-3
+        assert leverage.sum() == pytest.approx(30.0, rel=1e-2)

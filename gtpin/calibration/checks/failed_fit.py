@@ -5,30 +5,38 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
+import numpy as np
+import numpy.typing as npt
+
 from gtpin.calibration.checks.coarse_commands import coarse_commands
 from gtpin.calibration.checks.frame_scan import nominal_problem
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
+from gtpin.calibration.checks.shifted_rows import check_stretch
 from gtpin.calibration.problem import Measured
 from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 
+Mask = npt.NDArray[np.bool_]
+
 POOR = 1e-3
 """Position error, m, that no effect of the catalogue leaves after a calibration. Assumed."""
 
 
 @contextlib.contextmanager
-def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses) -> Iterator[None]:
+def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses, far: Mask) -> Iterator[None]:
     """Context of a fit: if it fails because of sessions with different frames, or of coarse commands, the error says so.
 
-    Errors that name rows are left as they are.
+    So does a stretch of rows that is shifted, among those ``far`` (N,) from the nominal machine. Errors that name rows are left
+    as they are.
     """
     try:
         yield
     except (ConvergenceError, DatasetError) as error:
         if error.row is not None:
             raise
+        check_stretch(dataset, measured, start.seen(poses), far)
         check_sessions_linear(dataset, *nominal_problem(start, measured, poses, dataset.instrument), poses)
         coarse = coarse_commands(start, measured, poses)
         if coarse is None:

@@ -45,7 +45,7 @@ class Stretch:
         return slice(self.first, self.last + 1)
 
 
-def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask) -> None:
+def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
     """Suspect data in which a stretch of rows is shifted relative to its commands, or was measured from another place.
 
     Parameters
@@ -54,6 +54,9 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
         (N) measured poses, and poses that a model predicts at the commands of the same rows, both in the instrument's frame.
     far
         (N,) rows with large errors.
+    bumps
+        Whether a motion of the instrument is searched for too: not before a fit, since a nominal robot that is far off looks
+        like one.
 
     Raises
     ------
@@ -80,6 +83,8 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
                 hint="move the commands of these rows, or export the table anew",
             )
             return suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
+    if not bumps:
+        return
     moved = _moved(measured, predicted, part)
     left = np.float64(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
     if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, found.rows):
