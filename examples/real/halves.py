@@ -1,8 +1,8 @@
 """Check one half of measured poses against a model of the other: python halves.py DATASET ... [--poses N] [--positions].
 
 Nothing changed between the halves of one session, so that every change that a check names is a false alarm. The poses are
-divided at random, with all visits of a pose in one half; the second half is checked as a whole and in parts of ten poses. Datasets that
-are missing or refused are left out. ``--positions`` leaves orientations out and identifies where the target is.
+divided at random, with all visits of a pose in one half; the second half is checked as a whole and in parts of ten poses.
+Datasets that are missing or refused are left out. ``--positions`` leaves orientations out and identifies where the target is.
 """
 
 from __future__ import annotations

@@ -255,7 +255,7 @@ def _calibrated(
         if doubt:
             settled, instrument = used_noise(dataset, settled, settle)
             settled, instrument = unstrained(settled, instrument, settle)
-    check_freedom(dataset, settled.fit.problem.count, settled.dof)
+    check_freedom(dataset, len(kept) * measured.components, settled.dof)
     aside = np.ones(len(dataset), dtype=bool)
     aside[np.flatnonzero(reached)[settled.used]] = False
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))

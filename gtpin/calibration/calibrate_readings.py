@@ -115,7 +115,7 @@ def calibrate_readings(
     with explained(fitted, near, reach_of(geometry)):
         settled = settled_with_sigmas(fit_of(fitted))
     check_used(kept, fitted, settled.used)
-    check_freedom(dataset, settled.fit.problem.count, settled.dof)
+    check_freedom(dataset, len(kept) * readings.components, settled.dof)
     problem, point = settled.fit.problem, settled.fit.point
     check_fitted(dataset, problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
     if settled.excess > MISFIT:
