@@ -39,6 +39,7 @@ from gtpin.health.result import HealthCheck
 from gtpin.health.update import pose_chi2, updated
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 from gtpin.threads import in_one_thread
 
 Floats = npt.NDArray[np.float64]
@@ -100,13 +101,14 @@ def _checked(dataset: Dataset, model: Model, scope: Scope, seed: int, progress: 
 
 @dataclass(frozen=True)
 class _Tried:
-    """Rows of a check, with the hypotheses that are tested and the conclusion."""
+    """Rows of a check, with the hypotheses that are tested, the conclusion, and the drives' scatter in the earlier fit."""
 
     data: Usable
     changes: Changes
     bench: Bench
     hypotheses: Tested
     conclusion: Conclusion
+    drives: float | None
 
     @staticmethod
     def of(earlier: Earlier, data: Usable, scope: Scope, rng: np.random.Generator) -> _Tried:
@@ -117,7 +119,9 @@ class _Tried:
         bench = Bench(possible.hypotheses, share_unexplained(design, how))
         level = threshold(bench, priors.named_alarms * scope.false_alarm, DRAWS, rng)
         hypotheses = possible.hypotheses.at_threshold(level, scope)
-        return _Tried(data, possible, bench, hypotheses, concluded(hypotheses, bench, scope, rng))
+        fit = earlier.model.fit
+        found = concluded(hypotheses, bench, scope, rng)
+        return _Tried(data, possible, bench, hypotheses, found, None if fit is None else fit.drives)
 
     @property
     def design(self) -> Design:
@@ -258,5 +262,9 @@ def _floor(tried: _Tried) -> Floats:
         return np.ones(len(tried.data.dataset))
     how = tried.data.how
     noise = how.noise if how.noise_known else how.expected(design.measured)
+    if tried.drives is not None and isinstance(
+        noise, Noise
+    ):  # what the drives are assumed to scatter at least is no noise
+        noise = replace(noise, repeatability=min(noise.repeatability, tried.drives))
     covariance = noise.covariance(design.command_jacobian, design.components)
     return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
