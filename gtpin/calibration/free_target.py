@@ -78,9 +78,9 @@ def with_target(geometry: Geometry, measured: Measured, *, free_frame: bool) -> 
     for i, p in enumerate(geometry.parameters):
         if p.kind == "platform":
             values[i] = guess[p.component]
-            # Without orientations the rotation says nothing. It moves the place, by the twist: wide, both are a curved valley.
-            at, turn = (POSITION, ROTATION) if seen.R is None else (place.at_sigma, place.mount_sigma)
-            own = max(POSITION, at) if p.component < 3 else max(ROTATION, turn)
+            # A target without orientations is a point: its axes are the TCP's. Any rotation would only couple with its place.
+            at, turn = (POSITION, p.tolerance) if seen.R is None else (place.at_sigma, max(ROTATION, place.mount_sigma))
+            own = max(POSITION, at) if p.component < 3 else turn
             p = replace(p, nominal=float(values[i]), tolerance=own)
         parameters.append(p)
     return Geometry(geometry.robot, tuple(parameters), values), place

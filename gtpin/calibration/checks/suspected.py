@@ -27,8 +27,8 @@ BEYOND: Size = (1e-2, 2e-2)
 LOWER = 4.0
 """The same factor for residuals `BEYOND` all effects. Assumed."""
 EXACT, ABOVE = 1.2, 1.3
-"""Residuals, in units of the declared noise, up to which a correction without a free number fits exactly, and above which the
-data did not fit before. Assumed: an effect does not have the pattern of another convention, so that more would be left."""
+"""Residuals, in units of the declared noise, up to which a correction fits exactly, and above which the data did not fit before.
+Assumed: an effect has another pattern than a convention of rotations or a step of the frame, so that more would be left."""
 PLAUSIBLE: Size = (1e-4, 3e-4)
 """Noise of a usual instrument, m and rad, where none is declared. Assumed."""
 SMALLEST: Size = (1e-6, 1e-6)
@@ -47,8 +47,8 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *,
     before, after
         What a fit leaves of the data as they are, and with the mistake corrected.
     exact
-        Whether the correction has no free number, and the fit is as close as the data allow. Then residuals that fall from
-        above the declared noise to the noise itself are enough.
+        Whether residuals that fall from above the declared noise to exactly this noise are enough: for a correction with few
+        free numbers that no effect looks like.
 
     Raises
     ------
@@ -88,9 +88,15 @@ def certain(dataset: Dataset, before: Size, after: Size) -> bool:
 
 
 def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:
-    """Whether orientations have exactly the declared noise once a mistake is corrected, and more as they are."""
-    sigma = dataset.instrument.orientation_sigma
-    return sigma is not None and before[1] > ABOVE * sigma and after[1] <= EXACT * sigma
+    """Whether residuals have exactly the declared noise once a mistake is corrected, and more as they are."""
+    known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
+    ratios = [
+        (now / sigma, then / sigma)
+        for now, then, sigma in zip(before, after, known, strict=True)
+        if sigma is not None and now > 0.0
+    ]
+    unknown = any(sigma is None and now > 0.0 for now, sigma in zip(before, known, strict=True))
+    return not unknown and max(now for now, _ in ratios) > ABOVE and max(then for _, then in ratios) <= EXACT
 
 
 def _sizes(sizes: Size) -> str:
