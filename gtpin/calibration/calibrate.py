@@ -15,6 +15,7 @@ from gtpin.calibration.checks.doubts import check_convention, check_fit, check_u
 from gtpin.calibration.checks.failed_fit import check_poor, explained
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
+from gtpin.calibration.checks.suspected import recalled
 from gtpin.calibration.checks.usable_rows import check_freedom, check_size, plausible_rows, reach_of
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.kept_effects import with_kept_effects
@@ -118,7 +119,7 @@ def calibrate(
     >>> calibration["length[2a]"].unit, len(calibration.names)
     ('m', 48)
     """
-    with noted() as texts:
+    with noted() as texts, recalled(texts):
         found = _calibrate(
             replace(dataset, trusted=True) if trust_data else dataset,
             robot_of(dataset) if robot is None else robot,

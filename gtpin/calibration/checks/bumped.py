@@ -83,7 +83,7 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise 
             hint="give these rows a session of their own in the column session, or leave them out",
         )
         before, after = (_size(scan, noise, steps) for steps in ([], steps))
-        return suspect(error, dataset, before, after, exact=True)
+        return suspect(error, dataset, before, after)
 
 
 def _size(scan: Scan, noise: Noise | ReadingNoise, steps: list[int]) -> Size:

@@ -6,14 +6,19 @@ warning, and the data are used as they are: a large effect, or a nominal robot t
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import numpy as np
 
 from gtpin.data import Dataset
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import ConvergenceError, DatasetError, warn
 
 Size = tuple[float, float]
 """Robust standard deviation of what a fit leaves: of positions, m, and of rotations, rad; 0 where there are none."""
 
+UNCERTAIN = "(not certain"
+"""Beginning of what follows a suspicion in a warning."""
 NO_FIT: Size = (np.inf, np.inf)
 """Size of the residuals of a fit that fails."""
 UNFIT = 10.0
@@ -27,7 +32,7 @@ BEYOND: Size = (1e-2, 2e-2)
 LOWER = 4.0
 """The same factor for residuals `BEYOND` all effects. Assumed."""
 EXACT, ABOVE = 1.2, 1.3
-"""Residuals, in units of the declared noise, up to which a correction fits exactly, and above which the data did not fit before.
+"""Residuals, in units of the declared noise, up to which a correction fits exactly, and above which data do not fit before it.
 Assumed: an effect has another pattern than a convention of rotations or a step of the frame, so that more would be left."""
 PLAUSIBLE: Size = (1e-4, 3e-4)
 """Noise of a usual instrument, m and rad, where none is declared. Assumed."""
@@ -65,7 +70,20 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *,
     left = ""
     if np.isfinite(before).all():
         left = f": a fit leaves {_sizes(before)} of the data as they are, {_sizes(after)} if it is so"
-    warn(f"{error} (not certain, so that the data are used as they are{left})")
+    warn(f"{error} {UNCERTAIN}, so that the data are used as they are{left})")
+
+
+@contextlib.contextmanager
+def recalled(texts: list[str]) -> Iterator[None]:
+    """Context of a calibration: if it fails, the error also has the suspicions among the warnings ``texts``."""
+    try:
+        yield
+    except (ConvergenceError, DatasetError) as error:
+        suspicions = [text.partition(UNCERTAIN)[0].strip() for text in dict.fromkeys(texts) if UNCERTAIN in text]
+        if not suspicions:
+            raise
+        hint = "; ".join([*([error.hint] if error.hint else []), f"suspected: {', '.join(suspicions)}"])
+        raise type(error)(error.what, file=error.file, row=error.row, column=error.column, hint=hint) from None
 
 
 def refuse(error: DatasetError, dataset: Dataset) -> None:
@@ -84,7 +102,7 @@ def certain(dataset: Dataset, before: Size, after: Size) -> bool:
     ]
     now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
     beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
-    return now > UNFIT and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
+    return now > UNFIT and np.isfinite(then) and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
 
 
 def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:
