@@ -33,7 +33,7 @@ LOWER = 4.0
 """The same factor for residuals `BEYOND` all effects. Assumed."""
 EXACT, ABOVE = 1.2, 1.3
 """Residuals, in units of the declared noise, up to which a correction fits exactly, and above which data do not fit before it.
-Assumed: an effect has another pattern than a convention of rotations or a step of the frame, so that more would be left."""
+Assumed: an effect has another pattern than a convention of rotations, so that more would be left."""
 PLAUSIBLE: Size = (1e-4, 3e-4)
 """Noise of a usual instrument, m and rad, where none is declared. Assumed."""
 SMALLEST: Size = (1e-6, 1e-6)
