@@ -272,7 +272,8 @@ class Search:
             poses = self.nominal.kinematics.forward(command.q)
             there = poses.reached
             if there.mean() > REACHED and there.sum() >= FEWEST:
-                yield Reading(command.columns, command.looks, command.hint, 1, self.all.take(there), poses[there])
+                read = replace(self.all, q=command.q).take(there)
+                yield Reading(command.columns, command.looks, command.hint, 1, read, poses[there])
 
     def _shifted(self, turned: bool) -> Iterator[Reading]:
         """Readings with all commands of one actuator shifted by a constant."""
