@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gtpin.diagnosis.inference.findings import Cause, Question
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.doubts import doubt_words
 from gtpin.report.gap_words import beyond, beyond_noise, gap_words
@@ -65,7 +66,11 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
             "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible "
         )
         return headline + "causes could not be tested.", [gap, scatter, *hidden]
-    advice = [f"{gap} Use it as it is: no compensation is needed.", *assumed(d)]
+    if d.noise_source != "residuals" and d.gap.before > PRIORS.silent * d.gap.floor:
+        use = "The fit itself leaves noise: these poses are too few to determine the geometry. Measure more poses."
+    else:
+        use = "Use it as it is: no compensation is needed."
+    advice = [f"{gap} {use}", *assumed(d)]
     untestable = sum(not c.testable for c in d.candidates)
     if untestable:
         advice.append(

@@ -97,7 +97,7 @@ WRONG = {
     "infinity": (lambda d: spoil(d, "z", 7, "-inf"), "row 9, column z"),
     "no rows": (csv(lambda t: t.split("\n", 1)[0] + "\n"), "poses.csv"),
     "empty file": (csv(lambda t: ""), "poses.csv"),
-    "too few rows": (csv(lambda t: "\n".join(t.split("\n")[:7]) + "\n"), "at least 9 poses"),
+    "too few rows": (csv(lambda t: "\n".join(t.split("\n")[:3]) + "\n"), "degrees of freedom"),
     "one id, two commands": (lambda d: numbers(d, one_id_two_commands), "pose"),
     "command far outside": (lambda d: spoil(d, "q2", 5, "4.5"), "row 7, column q2"),
     "commands in millimetres": (scaled(["q1", "q2", "q3"], 1000.0), "millimetres"),
@@ -438,5 +438,5 @@ def test_what_was_noticed_before_an_error_does_not_add_lines_to_it(run, dataset,
     poses = dataset / "poses.csv"
     lines = poses.read_text().splitlines()
     still = [f"{line},{'still' if number == 0 else '1.0'}" for number, line in enumerate(lines)]
-    poses.write_text("\n".join(still[:6]) + "\n")  # a covariate that does not vary, and too few rows
+    poses.write_text("\n".join(still[:3]) + "\n")  # a covariate that does not vary, and too few rows
     run("calibrate", dataset, "-o", tmp_path / "out").failed(2)

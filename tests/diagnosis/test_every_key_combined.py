@@ -153,6 +153,8 @@ def test_any_two_choices_together_are_diagnosed(number: int, measured: Simulatio
     if number % 7 == 0:  # row order means nothing
         shuffled = dataset.take(np.random.default_rng(number).permutation(len(dataset)))
         again, other = diagnosed(shuffled, SLOW)
+        said, said_again = (sorted(sorted(text.split()) for text in one.pop("warnings")) for one in (told, other))
+        assert [w.strip(",") for text in said for w in text] == [w.strip(",") for text in said_again for w in text]
         alike(told, other, "diagnosis")
         assert set(found.set_aside) == set(again.set_aside)
 

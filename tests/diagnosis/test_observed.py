@@ -44,7 +44,7 @@ def test_a_command_out_of_reach_is_no_pose_to_believe() -> None:
     q[once] = [2.0, -2.0, 2.0]
     wild = replace(dataset, q=q)
     baseline = calibrated(wild)
-    rows = readmit_outliers(Prepared(wild, wild, baseline), every_effect())
+    rows = readmit_outliers(Prepared(wild, wild, baseline, (None, None)), every_effect())
     assert not rows.admitted[once].any()
     assert not rows.readmitted
 

@@ -65,7 +65,7 @@ def commands(robot: gtpin.Robot, n: int) -> np.ndarray:
     return robot.home_q + 0.2 * (halton(robot.n_actuators, n) - 0.5) * (high - low)
 
 
-@pytest.mark.filterwarnings("ignore:.*left out", "ignore:.*does not hold")
+@pytest.mark.filterwarnings("ignore:.*left out", "ignore:.*does not hold", "ignore:.*does not move with")
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_what_is_written_and_read_is_the_same_robot(name: str, suffix: str, tmp_path: Path) -> None:

@@ -22,6 +22,14 @@ def test_without_a_cause_nothing_is_to_be_compensated(findings):
     assert "no compensation is needed" in said
 
 
+def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
+    found = findings["none"].diagnosis
+    few = replace(found, noise_source="declared", gap=replace(found.gap, before=10.0 * found.gap.floor))
+    said = " ".join(verdict(few).advice)
+    assert "Measure more poses" in said
+    assert "no compensation is needed" not in said
+
+
 def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     found = findings["explained"]
     said = verdict(found.diagnosis)

@@ -12,7 +12,7 @@ from gtpin.view.shapes import shapes
 
 
 @pytest.mark.parametrize(("name", "tcp"), [("ur5", None), ("panda", "panda_hand")])
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "ignore:.*does not move with panda_finger")
 def test_meshes_of_a_package_are_found_beside_the_urdf(name: str, tcp: str | None) -> None:
     assert shapes(load_robot(name, tcp), {}).ngeoms >= 7
 

@@ -61,7 +61,7 @@ def used_noise(dataset: Dataset, settled: Settled[Problem], settle: Settle) -> t
         return settled, instrument
     undeclared = instrument.model_copy(update=dict.fromkeys(suspects))
     again = settle(undeclared)
-    wrong = [key for key in suspects if _overstated(again, instrument, key)]
+    wrong = [key for key in suspects if _overstated(settled, again, instrument, key)]
     if not wrong:
         return settled, instrument
     ratios = {key: getattr(instrument, key) / shown(again, key) for key in wrong}
@@ -143,14 +143,19 @@ def _residual_ratio(settled: Settled[Problem], instrument: Instrument, key: Sigm
     return float(np.sqrt((left**2).mean())) / float(declared)
 
 
-def _overstated(again: Settled[Problem], instrument: Instrument, key: Sigma) -> bool:
-    """Whether a declared sigma is larger than the estimate by more than `TWICE` and by more than chance.
+def _overstated(settled: Settled[Problem], again: Settled[Problem], instrument: Instrument, key: Sigma) -> bool:
+    """Whether a declared sigma is larger than the estimate by more than `TWICE`, and its residuals smaller than by chance.
 
-    Half of the degrees of freedom are counted for each of the two sigmas.
+    Parameters
+    ----------
+    settled, again
+        The calibrations with the noise as declared, and with this sigma estimated.
     """
-    ratio = getattr(instrument, key) / shown(again, key)
-    dof = max(again.dof / 2.0, 1.0)
-    return bool(ratio > TWICE and chi2.cdf(dof / ratio**2, dof) < CHANCE)
+    if getattr(instrument, key) <= TWICE * shown(again, key):
+        return False
+    dof = settled.dof * 3.0 / settled.fit.problem.measured.components
+    count = 3.0 * settled.used.sum()
+    return dof >= 1.0 and bool(chi2.cdf(count * _residual_ratio(settled, instrument, key) ** 2, dof) < CHANCE)
 
 
 def _toml(dataset: Dataset) -> str | None:

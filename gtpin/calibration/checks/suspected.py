@@ -34,6 +34,8 @@ LOWER = 4.0
 EXACT, ABOVE = 1.2, 1.3
 """Residuals, in units of the declared noise, up to which a correction fits exactly, and above which data do not fit before it.
 Assumed: an effect has another pattern than a convention of rotations, so that more would be left."""
+NO_BETTER = 0.8
+"""Share of the residuals that a correction leaves, from which it is no suspicion. Assumed."""
 PLAUSIBLE: Size = (1e-4, 3e-4)
 """Noise of a usual instrument, m and rad, where none is declared. Assumed."""
 SMALLEST: Size = (1e-6, 1e-6)
@@ -63,12 +65,15 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *,
     Warns
     -----
     GtpinWarning
-        Otherwise.
+        Otherwise, if the correction makes the residuals smaller.
     """
     if not dataset.trusted and (certain(dataset, before, after) or (exact and _exactly(dataset, before, after))):
         raise error
     left = ""
     if np.isfinite(before).all():
+        now, then = _ratios(dataset, before, after)
+        if then > NO_BETTER * now:
+            return
         left = f": a fit leaves {_sizes(before)} of the data as they are, {_sizes(after)} if it is so"
     warn(f"{error} {UNCERTAIN}, so that the data are used as they are{left})")
 
@@ -95,14 +100,20 @@ def refuse(error: DatasetError, dataset: Dataset) -> None:
 
 def certain(dataset: Dataset, before: Size, after: Size) -> bool:
     """Whether data can't be fitted as they are, and can be fitted once a mistake is corrected."""
+    now, then = _ratios(dataset, before, after)
+    beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
+    return now > UNFIT and np.isfinite(then) and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
+
+
+def _ratios(dataset: Dataset, before: Size, after: Size) -> tuple[float, float]:
+    """The larger of the two residuals in units of the noise, as the data are and with the mistake corrected."""
     declared = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
     noise = [
         min(usual, max(left, least)) if sigma is None else sigma
         for sigma, usual, left, least in zip(declared, PLAUSIBLE, after, SMALLEST, strict=True)
     ]
     now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
-    beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
-    return now > UNFIT and np.isfinite(then) and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
+    return now, then
 
 
 def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:

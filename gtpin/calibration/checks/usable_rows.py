@@ -50,13 +50,15 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         _check_readings(dataset, nominal, poses, ~outside)
 
     def doubt(error: DatasetError, corrected: Dataset) -> None:
-        if error.column == " ".join(ORIENTATION):
+        turned = error.column == " ".join(ORIENTATION)
+        if turned:
             alone = replace(dataset, orientation=None)
             if _looks(alone, nominal, poses, ~outside):  # where positions do not fit either, the order is not known
                 _check_readings(dataset, nominal, poses, ~outside)
                 _check_readings(alone, nominal, poses, ~outside)
                 return
-        suspect(error, dataset, *(left_in(rows, nominal, measured_poses(rows)) for rows in (dataset, corrected)))
+        left = (left_in(rows, nominal, measured_poses(rows)) for rows in (dataset, corrected))
+        suspect(error, dataset, *left, exact=turned)
 
     try:
         check_commands(

@@ -20,6 +20,7 @@ from gtpin.diagnosis.preparation.contradictions import without_contradictions
 from gtpin.diagnosis.preparation.filled_in import without_filled_in
 from gtpin.diagnosis.preparation.frozen import without_frozen
 from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
@@ -66,16 +67,32 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
     """
     if dataset.readings is not None:
         return _prepared_readings(dataset, nominal, progress, priors)
-    recorded = prepared(dataset, Model(with_free_target(Geometry.nominal(nominal), dataset)))
+    geometry = with_free_target(Geometry.nominal(nominal), dataset)
+    recorded = prepared(dataset, Model(geometry))
     usable = without_frozen(
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )
+    _check_size(usable, len(geometry.parameters) + (6 if usable.instrument.frame == "free" else 0))
     baseline = calibrate(usable, nominal, progress=progress)
     # Random draws of rows must not depend on the order of the file.
     instrument = baseline.instrument
     turning = (instrument.orientation_sigma,) if usable.orientation is not None else ()
     dataset = replace(usable, instrument=instrument).in_order()
     return Prepared(recorded, dataset, baseline, (instrument.position_sigma, *turning))
+
+
+def _check_size(dataset: Dataset, parameters: int) -> None:
+    """Raise `DatasetError` unless there are more measured numbers than parameters: a geometry could fit any error.
+
+    A calibration needs fewer: it has the tolerances. A verdict would only say what they are.
+    """
+    components = 3 if dataset.orientation is None else 6
+    if len(dataset) * components <= parameters:
+        raise DatasetError(
+            f"{len(dataset)} usable rows give {len(dataset) * components} numbers for {parameters} parameters of the geometry",
+            file=dataset.file,
+            hint=f"for a diagnosis, measure at least {parameters // components + 1} poses",
+        )
 
 
 def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | None, priors: Priors) -> Prepared:
