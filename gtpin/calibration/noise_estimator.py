@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.between_poses import LACK_OF_FIT
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.marginal import Marginal
 from gtpin.calibration.problem import Measured, Problem
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.calibration.scatter import independent
-from gtpin.calibration.settled import LACK_OF_FIT
 from gtpin.distributions import f
 from gtpin.errors import DatasetError
 from gtpin.kinematics.chunks import chunks
