@@ -136,7 +136,8 @@ class NoiseEstimator:
         differ = noise.group[rows][np.abs(contrast) > SMALLEST]
         shown = np.bincount(differ, minlength=len(noise.sigma)) >= LEAST_CONTRASTS
         taken = noise.estimated & shown
-        if repeated.repeatability == 0.0:
+        few = 2 * len(contrast) < np.count_nonzero(used)
+        if repeated.repeatability == 0.0 and few:
             # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless it is larger.
             taken &= _larger(found, repeated)
         if not taken.any():
